@@ -31,7 +31,7 @@ from article_beam import (
 )
 
 import antiosc as ao
-from antiosc import files
+from antiosc.base import files
 from antiosc.closed_form import UniformBeam, pinned_free, pinned_pinned
 
 PAGE = Path(__file__).resolve().parent / "ARTICLE.md"

@@ -25,7 +25,7 @@ from fidelity import power
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.advice import advise
+from antiosc.studies.advice import advise
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.quantities import differences
 

@@ -24,7 +24,8 @@ import options
 from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
-from antiosc import plotting, threads
+from antiosc.results import plotting
+from antiosc.base import threads
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 

@@ -35,7 +35,7 @@ from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solvers import Distributed
 from antiosc.fem.linalg.substructures import Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
-from antiosc.threads import one_thread
+from antiosc.base.threads import one_thread
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

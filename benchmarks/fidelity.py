@@ -3,7 +3,7 @@
 All are clamped at their ends and struck in the middle, by a large sphere or by a small one.
 Printed for each model: dofs, seconds, compliance (a solid's without what its patch has of a
 half-space), the first anti-oscillators, peak force, contact time, and the error of the force
-history against the solid's. Then what `antiosc.advice` says from the dimensions alone.
+history against the solid's. Then what `antiosc.studies.advice` says from the dimensions alone.
 
     .venv/bin/python benchmarks/fidelity.py --help
 """
@@ -22,8 +22,8 @@ import options
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc import plotting
-from antiosc.advice import advise
+from antiosc.results import plotting
+from antiosc.studies.advice import advise
 from antiosc.fem import compat
 
 ROOT = Path(__file__).resolve().parent.parent

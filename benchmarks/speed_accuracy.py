@@ -35,7 +35,7 @@ from speed_methods import STEPS, measured, peers, reduced, unreduced
 from speed_tables import plot, tables
 
 import antiosc as ao
-from antiosc import files
+from antiosc.base import files
 from antiosc.fem.linalg.compliance import compliances
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.models.driving_point import stiffness_error

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import antiosc as ao
-from antiosc import checks
+from antiosc.base import checks
 
 
 def positive(text: str) -> float:

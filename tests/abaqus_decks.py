@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from antiosc.fem.readers.deck import Deck
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.io.deck import Deck
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 
 NODES = """\

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse
 
 import antiosc
-from antiosc.errors import NotConvergedError
+from antiosc.base.errors import NotConvergedError
 
 # The package's door would load dolfinx and gmsh, which are none of this script's business.
 door = types.ModuleType("antiosc.fem")

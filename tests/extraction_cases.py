@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem import compat
 
 SIZE = np.array([0.12, 0.05, 0.04])

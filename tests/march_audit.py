@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.engine import Run, run
 from antiosc.simulation.refinement import start

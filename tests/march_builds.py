@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation.system import System
 from paths import ROOT
 

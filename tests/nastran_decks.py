@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from antiosc.fem.readers.deck import Deck
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.io.deck import Deck
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import cli
-from antiosc.scene_file.read import read
-from antiosc.scene_file.run import COMMANDS, Results, results
-from antiosc.scene_file.scene import compiled
+from antiosc.app import cli
+from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.run import COMMANDS, Results, results
+from antiosc.app.scene_file.scene import compiled
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"

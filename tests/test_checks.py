@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import checks, errors
+from antiosc.base import checks
+from antiosc.base import errors
 
 NO_NUMBER = [
     None,

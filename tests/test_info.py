@@ -15,15 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc import cli, info
-from antiosc.errors import InputError
+from antiosc.app import cli
+from antiosc.app import info
+from antiosc.base.errors import InputError
 
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
 
 
 def run_info(before: str = "", **environment: str) -> str:
     """Output of `antiosc info` in a fresh Python that runs the statement `before` first."""
-    code = f"import sys\n{before}\nfrom antiosc.cli import main\nsys.exit(main(['info']))"
+    code = f"import sys\n{before}\nfrom antiosc.app.cli import main\nsys.exit(main(['info']))"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **environment},
@@ -120,7 +121,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
 )
 def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     """Also where all of it is still in Python's buffer when the reader goes."""
-    code = f"import sys\nfrom antiosc.cli import main\nsys.exit(main({arguments}))"
+    code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"
     with subprocess.Popen(
         [sys.executable, "-c", code],
         stdout=subprocess.PIPE,
@@ -136,7 +137,8 @@ def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
 def test_sigterm_leaves_nothing_temporary(tmp_path):
     code = """
     import os, signal, sys, tempfile
-    from antiosc import cli, info
+    from antiosc.app import cli
+    from antiosc.app import info
     def report():
         with tempfile.TemporaryDirectory() as folder:
             print(folder, flush=True)

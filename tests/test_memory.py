@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc import memory
+from antiosc.base import memory
 
 V1 = "/sys/fs/cgroup/memory/memory."
 MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]

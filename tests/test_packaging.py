@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -92,7 +92,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
         inside = {name for name in file.namelist() if ".dist-info/" not in name}
         (points,) = (name for name in file.namelist() if name.endswith("entry_points.txt"))
         registered = file.read(points).decode()
-    assert "antiosc = antiosc.cli:main" in registered
+    assert "antiosc = antiosc.app.cli:main" in registered
     assert "inp = antiosc_decks.readers:ABAQUS" in registered
     ours = sorted((ROOT / "csrc").rglob("*.[ch]"))
     assert inside == sources | {f"antiosc/{path.relative_to(ROOT)}" for path in ours}

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 import antiosc as ao
-from antiosc import progress
+from antiosc.base import progress
 
 
 class Terminal(io.StringIO):

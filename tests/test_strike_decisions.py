@@ -16,7 +16,8 @@ pytest.importorskip("dolfinx")
 
 from mpi4py import MPI  # noqa: E402
 
-from antiosc import strike_answers, striking  # noqa: E402
+from antiosc.studies import strike_answers
+from antiosc.studies import striking
 
 TOL = 0.01
 

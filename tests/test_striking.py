@@ -12,12 +12,12 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.simulation.error_bars import ErrorBar, ErrorBudget
-from antiosc.strike_answers import LEAST_SHARE, Answer, compared
+from antiosc.studies.strike_answers import LEAST_SHARE, Answer, compared
 from parts import STEEL, frame, line, plate
 
 pytestmark = [
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.errors.AccuracyWarning"),
+    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
 ]
 
 SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from antiosc import threads
+from antiosc.base import threads
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
 if not threads.pools():

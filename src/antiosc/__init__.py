@@ -23,7 +23,7 @@ def _listed() -> dict[str, str]:
 
 _MODULES = _listed()
 #: Modules that need the finite-element packages, or whose functions do.
-_MESHED = ("antiosc.fem", "antiosc.maps", "antiosc.striking")
+_MESHED = ("antiosc.fem", "antiosc.results", "antiosc.studies")
 __all__ = sorted(_MODULES)
 
 
@@ -31,13 +31,13 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
     if _MODULES[name].startswith(_MESHED):
-        from antiosc.errors import finite_element_packages
+        from antiosc.base.errors import finite_element_packages
 
         with finite_element_packages():
             value = getattr(import_module(_MODULES[name]), name)
     else:
         value = getattr(import_module(_MODULES[name]), name)
-    from antiosc.calls import checked
+    from antiosc.base.calls import checked
 
     globals()[name] = value = checked(value)
     return value

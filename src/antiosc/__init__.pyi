@@ -1,7 +1,7 @@
 # The public names and the modules that hold them: the one list of them, for type checkers and for
 # the package itself, which loads a module when one of its names is first used.
 
-from antiosc.advice import (
+from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
 )
@@ -28,25 +28,25 @@ from antiosc.contact.power import (
 from antiosc.contact.table import (
     Tabulated as Tabulated,
 )
-from antiosc.drops.drop import (
+from antiosc.studies.drops.drop import (
     drop as drop,
 )
-from antiosc.drops.ensemble import (
+from antiosc.studies.drops.ensemble import (
     Drops as Drops,
     Tilts as Tilts,
 )
-from antiosc.drops.fall import (
+from antiosc.studies.drops.fall import (
     Fall as Fall,
 )
-from antiosc.drops.filters import (
+from antiosc.studies.drops.filters import (
     cfc_filter as cfc_filter,
 )
-from antiosc.drops.floor import (
+from antiosc.studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
     contact_at as contact_at,
 )
-from antiosc.errors import (
+from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,
     AntioscError as AntioscError,
@@ -57,7 +57,7 @@ from antiosc.errors import (
     NotConvergedError as NotConvergedError,
     OutOfMemoryError as OutOfMemoryError,
 )
-from antiosc.exports.export import (
+from antiosc.app.exports.export import (
     export as export,
 )
 from antiosc.fem.assembly.assemble import (
@@ -117,7 +117,7 @@ from antiosc.fem.extraction.superposition import (
     full as full,
     superposition as superposition,
 )
-from antiosc.fem.fields import (
+from antiosc.results.fields import (
     save_fields as save_fields,
     write_series as write_series,
 )
@@ -127,15 +127,15 @@ from antiosc.fem.mesh.mesh import (
 from antiosc.fem.mesh.reading import (
     read_mesh as read_mesh,
 )
-from antiosc.fem.peaks import (
+from antiosc.results.peaks import (
     PeakField as PeakField,
     peak_field as peak_field,
 )
-from antiosc.fem.probe import (
+from antiosc.results.probe import (
     probe as probe,
     strain_gauge as strain_gauge,
 )
-from antiosc.fem.reactions import (
+from antiosc.results.reactions import (
     Reactions as Reactions,
     reactions as reactions,
 )
@@ -155,10 +155,10 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
-from antiosc.map_results import (
+from antiosc.studies.map_results import (
     ImpactMap as ImpactMap,
 )
-from antiosc.maps import (
+from antiosc.studies.maps import (
     impact_map as impact_map,
 )
 from antiosc.models.anti_oscillators import (
@@ -188,7 +188,7 @@ from antiosc.models.resolved import (
 from antiosc.models.site_modes import (
     SiteModes as SiteModes,
 )
-from antiosc.saved_fields import (
+from antiosc.results.saved_fields import (
     SavedFields as SavedFields,
 )
 from antiosc.simulation.batch import (
@@ -251,19 +251,19 @@ from antiosc.simulation.truncation import (
     choose_n as choose_n,
     truncation_error as truncation_error,
 )
-from antiosc.spectra import (
+from antiosc.results.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,
     spectrum as spectrum,
     srs as srs,
 )
-from antiosc.stresses import (
+from antiosc.base.stresses import (
     delamination_load as delamination_load,
     principal as principal,
     tsai_hill as tsai_hill,
     von_mises as von_mises,
 )
-from antiosc.striking import (
+from antiosc.studies.striking import (
     strike as strike,
 )
 

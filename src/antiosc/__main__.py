@@ -6,7 +6,7 @@ import sys
 if sys.path[0] in ("", os.getcwd()):
     del sys.path[0]  # Python puts the working folder there: its files are no packages
 
-from antiosc.cli import main
+from antiosc.app.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

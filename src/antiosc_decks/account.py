@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from antiosc.fem.readers.deck import Place
+from antiosc.io.deck import Place
 
 Kind = Literal["read", "harmless", "ignored", "refused", "unknown"]
 #: Lines that are listed of each card.

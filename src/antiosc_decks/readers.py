@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.deck import Deck, listed
-from antiosc.fem.readers.neutral import FileMesh
-from antiosc.fem.readers.request import FileReader, Request
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io.conversion import as_mesh
+from antiosc.io.deck import Deck, listed
+from antiosc.io.neutral import FileMesh
+from antiosc.io.request import FileReader, Request
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh, model as nastran_model
 from antiosc_decks.sources import BULK as _BULK

@@ -7,8 +7,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Place
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place
 
 #: What the first lines of Nastran's bulk data are known by.
 BULK = re.compile(r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)

@@ -15,7 +15,7 @@ from antiosc.closed_form import (
     pinned_free,
     pinned_pinned,
 )
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from refusals import refused
 from scenes import BEAM, finely
 from spectral_beam import SpectralBeam

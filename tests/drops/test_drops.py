@@ -11,12 +11,12 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.contact.damped import restitution_of
-from antiosc.drops.body import FreeBody
-from antiosc.drops.course import Setting, fallen, hung
-from antiosc.drops.episode import BODY
-from antiosc.drops.flight import Flight, State
-from antiosc.drops.floor import law_of
-from antiosc.drops.orientation import tilted
+from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.episode import BODY
+from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.floor import law_of
+from antiosc.studies.drops.orientation import tilted
 
 G = 9.81
 HALF = np.array([0.075, 0.035, 0.004])

@@ -177,7 +177,7 @@ sys.path.insert(0, sys.argv[1])
 folder = sys.argv[2]
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from mpi4py import MPI
 
 warnings.simplefilter("ignore", AntioscWarning)

@@ -14,7 +14,7 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from mesh_files import one_sentence, refused, write
 
 pytestmark = pytest.mark.fem
@@ -148,7 +148,7 @@ def hinge(tmp_path: Path) -> ao.Mesh:
 @pytest.mark.parametrize("method", ["modes", "krylov"])
 @pytest.mark.parametrize("supports", [[ao.Support(lambda x: np.isclose(x[0], 0))], []],
                          ids=["supported", "free"])  # fmt: skip
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning")
 def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
     """A mechanism: the factor may pass, but no number made with it may."""
     structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)

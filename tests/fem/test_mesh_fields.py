@@ -78,7 +78,7 @@ def volume(points: np.ndarray, cells: np.ndarray, shape: str, corners: int) -> f
 
 
 @pytest.mark.sample
-@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
 @pytest.mark.parametrize("name", list(PARTS))
 def test_nodes_and_cells_in_the_order_of_vtk(name):
     part = PARTS[name]()

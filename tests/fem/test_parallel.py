@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem import compat
 
 warnings.simplefilter("ignore", AntioscWarning)

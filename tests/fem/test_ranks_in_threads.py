@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError, OutOfMemoryError
+from antiosc.base.errors import InputError, OutOfMemoryError
 from antiosc.fem import compat, mpi
 from antiosc.fem.recovery import at_nodes
 

@@ -8,8 +8,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc import plausible
-from antiosc.errors import AntioscWarning
+from antiosc.base import plausible
+from antiosc.base.errors import AntioscWarning
 from paths import MESHES
 
 pytestmark = pytest.mark.fem

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.matrix_files.reading import read_pair
-from antiosc.matrix_files.source import is_text
+from antiosc.io.matrices.reading import read_pair
+from antiosc.io.matrices.source import is_text
 from matrix_writers import (
     abaqus_coordinates,
     abaqus_labels,

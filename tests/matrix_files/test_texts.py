@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.matrix_files.reading import read_pair
-from antiosc.matrix_files.source import Source
+from antiosc.io.matrices.reading import read_pair
+from antiosc.io.matrices.source import Source
 from refusals import refused
 
 #: One matrix in all files of `GOOD`, by rows of the nodes 4 and 7.

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import checks, plotting
+from antiosc.base import checks
+from antiosc.results import plotting
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, zener
 from antiosc.contact import Tabulated
 from antiosc.models.reduced_matrices import ReducedMatrices
 from antiosc.models.resolved import resolved_frequency
 from antiosc.models.site_modes import SiteModes
-from antiosc.saved_fields import FACES, SavedFields
+from antiosc.results.saved_fields import FACES, SavedFields
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
 MODEL = ao.AntiOscillators(**ONE)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from antiosc.scene_file import output
+from antiosc.app.scene_file import output
 
 RNG = np.random.default_rng(5)
 

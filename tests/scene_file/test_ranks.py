@@ -30,7 +30,7 @@ fields = true
 """
 SCRIPT = """
 import sys
-from antiosc.cli import main
+from antiosc.app.cli import main
 print("ended with", main(sys.argv[1:]))
 """
 
@@ -64,7 +64,7 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
 def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
     pytest.importorskip("dolfinx")
     path = written(tmp_path, LEVER.replace('"clamp"', '"clampp"'))
-    script = "import sys, io, contextlib\nfrom antiosc.cli import main\n"
+    script = "import sys, io, contextlib\nfrom antiosc.app.cli import main\n"
     script += "told = io.StringIO()\nwith contextlib.redirect_stderr(told):\n"
     script += "    code = main(sys.argv[1:])\nprint(code, told.getvalue())\n"
     first, second = run_ranks(2, script, "run", str(path))

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from antiosc import info
+from antiosc.app import info
 from browser import BROWSER, browse
 from scene_files import BEAM, FRAME, PROBE, SWEEP, antiosc, numbers, written
 

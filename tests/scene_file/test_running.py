@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.scene_file import output
-from antiosc.scene_file.json_schema import schema
-from antiosc.scene_file.parameters import parameters
-from antiosc.scene_file.sections import SECTIONS
+from antiosc.app.scene_file import output
+from antiosc.app.scene_file.json_schema import schema
+from antiosc.app.scene_file.parameters import parameters
+from antiosc.app.scene_file.sections import SECTIONS
 from paths import MESHES
 from scene_files import (
     BEAM,
@@ -337,7 +337,7 @@ def test_scenes_of_matrices_need_numpy_and_scipy_alone(tmp_path):
 import sys
 for name in ("dolfinx", "petsc4py", "slepc4py", "mpi4py", "gmsh", "ufl", "basix", "matplotlib"):
     sys.modules[name] = None
-from antiosc.cli import main
+from antiosc.app.cli import main
 assert main(["run", {str(matrices)!r}, "--out", {str(tmp_path)!r}]) == 0
 assert main(["check", {str(mesh)!r}]) == 1
 """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.scene_file.problems import SceneFileError
-from antiosc.scene_file.read import read
-from antiosc.scene_file.scene import Compiled, compiled
+from antiosc.app.scene_file.problems import SceneFileError
+from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.scene import Compiled, compiled
 from scene_files import BODIES, DECK, HIT, MATERIAL, MATRICES, MESH, MODEL, SITE
 
 pytest.importorskip("dolfinx")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.scene_energy import _work_by_step, gained

@@ -76,7 +76,7 @@ def errors(seed: int, tol: float) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning")
 def test_estimates_cover_the_true_errors_of_random_scenes():
     """At least 95 % of the true errors lie under the estimate, and nearly all under the tolerance.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from antiosc import march
+from antiosc.base import march
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.engine import Run

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.convergence import converge, difference

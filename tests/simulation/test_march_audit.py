@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.integrators.scene_ivp import SceneIVP
 from antiosc.simulation.refinement import start

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import memory
+from antiosc.base import memory
 from antiosc.simulation import engine, history, scene_states
 from scenes import case_two
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import convergence
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run

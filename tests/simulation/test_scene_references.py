@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run

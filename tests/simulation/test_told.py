@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation import comparison, truncation
 from antiosc.simulation.engine import Run
 from antiosc.simulation.model_errors import SAFETY, _changed, model_errors

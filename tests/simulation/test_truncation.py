@@ -65,7 +65,7 @@ def coverage(scenes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
 def test_estimate_covers_the_truth_in_200_scenes():
     share, factor = coverage(220)
     print("share under the estimate", share, "median over-estimation", factor)

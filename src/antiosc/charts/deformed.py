@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, draw_lines, frame, space
 

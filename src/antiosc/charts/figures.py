@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from antiosc import checks, files
-from antiosc._types import Array
-from antiosc.errors import InputError, MissingDependencyError
-from antiosc.isolation import loading
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.base.isolation import loading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

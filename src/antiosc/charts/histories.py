@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.charts.figures import (
     axes_or_new,
     by_name,
@@ -22,7 +22,7 @@ from antiosc.charts.figures import (
     widths,
     with_room,
 )
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 >>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)
 """
 
-from antiosc import checks
+from antiosc.base import checks
 from antiosc.closed_form import zener
 from antiosc.closed_form.laminates import SupportedLaminate
 from antiosc.closed_form.plate_patch import plate_patch

@@ -21,9 +21,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 
 #: Share of a stiffness below which a coupling is rounding.
 COUPLING_ROUNDING = 1e-9

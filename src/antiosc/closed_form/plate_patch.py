@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 from scipy.integrate import quad
 
-from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base.errors import InputError
 
 #: Wave numbers times the thickness below which the integrand is a straight line (its terms cancel
 #: there), and beyond which a layer is a half-space.

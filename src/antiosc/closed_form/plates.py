@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, Index, Numbers
-from antiosc.errors import AccuracyError, InputError
+from antiosc.base import checks
+from antiosc.base._types import Array, Index, Numbers
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Terms of Lévy's series; what follows them is added as an integral.

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-from antiosc import checks
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.closed_form.uniform import UniformBeam
 from antiosc.closed_form.unit_beam import ENDS, UnitBeam
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from antiosc import checks
+from antiosc.base import checks
 
 
 @dataclass(frozen=True)

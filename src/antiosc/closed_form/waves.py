@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 
 
 def wave_roots(

@@ -16,8 +16,8 @@ from math import sqrt
 
 import numpy as np
 
-from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base.errors import InputError
 
 #: Inelasticity beyond which the rebound velocity is zero.
 HIGHEST_LAMBDA = 100.0

@@ -27,8 +27,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array
+from antiosc.base.errors import NotConvergedError
 
 State = tuple[float, ...]
 

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.contact.base import ContactLaw, State
-from antiosc.declared import Checked
+from antiosc.base.declared import Checked
 
 _Three = c_double * 3
 

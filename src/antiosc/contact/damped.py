@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 from math import log1p
 from typing import Any, ClassVar
 
-from antiosc import checks, march
+from antiosc.base import checks
+from antiosc.base import march
 from antiosc.contact.compiled import Compiled
 from antiosc.contact.power import checked_exponent
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 
 
 def _checked_restitution(name: str, value: Any) -> float:

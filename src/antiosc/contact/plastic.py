@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 from math import pi, sqrt
 from typing import Any, ClassVar
 
-from antiosc import checks, march
+from antiosc.base import checks
+from antiosc.base import march
 from antiosc.contact.compiled import Compiled
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 
 
 class Hysteretic(Compiled):

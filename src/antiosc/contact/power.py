@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from typing import Any, ClassVar
 
-from antiosc import checks, march
+from antiosc.base import checks
+from antiosc.base import march
 from antiosc.contact.base import State
 from antiosc.contact.compiled import Compiled
 from antiosc.contact.geometry import (
@@ -15,8 +16,8 @@ from antiosc.contact.geometry import (
     hertz_stiffness,
     relative_curvatures,
 )
-from antiosc.declared import checked_by
-from antiosc.errors import InputError, NotConvergedError
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError, NotConvergedError
 
 
 def checked_exponent(name: str, value: Any) -> float:

@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks, march
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.contact.plastic import Hysteretic
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 
 
 class Tabulated(Hysteretic):

@@ -17,7 +17,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem.compiled_forms import compiler
 
 if TYPE_CHECKING:

@@ -8,17 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
-from antiosc.checks import shown
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import shown
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
-from antiosc.fem.readers import KINDS
-from antiosc.fem.readers.neutral import FACETS
+from antiosc.io import KINDS
+from antiosc.io.neutral import FACETS
 from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.at_nodes import evaluator
 from antiosc.fem.recovery.place import Place, PointsInCells
@@ -26,7 +26,7 @@ from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
-from antiosc.names import known
+from antiosc.base.names import known
 
 
 def at_point(

@@ -15,12 +15,12 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from antiosc import errors
-from antiosc._types import Array
-from antiosc.checks import shown
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.base import errors
+from antiosc.base._types import Array
+from antiosc.base.checks import shown
+from antiosc.base.errors import AntioscWarning, InputError
 from antiosc.fem.fingerprint import fingerprint, is_void, named, number
-from antiosc.memory import within_memory
+from antiosc.base.memory import within_memory
 
 
 class Serial:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure.structure import Structure
-from antiosc.names import known
+from antiosc.base.names import known
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices

@@ -6,8 +6,8 @@ from typing import cast
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.on_nodes import check_reach
 from antiosc.fem.site.site import Reach

@@ -6,8 +6,8 @@ from collections.abc import Container, Sequence
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError, without_warnings
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.elimination import eliminate

@@ -23,9 +23,10 @@ from xml.sax.saxutils import escape, quoteattr, unescape
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import checks, files
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 
 #: Bytes of an array that are compressed at once.
 BYTES_AT_ONCE = 1 << 15

@@ -7,9 +7,9 @@ import secrets
 import shutil
 from pathlib import Path
 
-from antiosc import files
-from antiosc._types import Array
-from antiosc.errors import InputError, MissingDependencyError
+from antiosc.base import files
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.fem import compat
 from antiosc.fem.mesh_fields import displacements_of_rank
 from antiosc.fem.mpi import on_root

@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, Numbers
-from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array, Numbers
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
 from antiosc.models.modal import Damping, ModalBody
@@ -234,7 +234,7 @@ class AntiOscillators(Brief, Parameters):
         return body.field(np.concatenate((x, at_rest), axis=-1))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.plotting.plot_model`.
+        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.results.plotting.plot_model`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
@@ -310,7 +310,7 @@ class AntiOscillators(Brief, Parameters):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a self-describing JSON header.
 
-        The file is complete or absent (`antiosc.files`). Shapes are not stored. InputError where
+        The file is complete or absent (`antiosc.base.files`). Shapes are not stored. InputError where
         it cannot be written.
         """
         saved_models.save(self, path)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array, Index
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array, Index
+from antiosc.base.errors import NotConvergedError
 
 #: Most steps of the search for the free frequencies.
 MOST_SWEEPS = 200

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.models import driving_point
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion

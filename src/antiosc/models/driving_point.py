@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, ComplexArray, Numbers
+from antiosc.base import checks
+from antiosc.base._types import Array, ComplexArray, Numbers
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01

@@ -29,9 +29,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, Numbers
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array, Numbers
+from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.batched_modes import parameters

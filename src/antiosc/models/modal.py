@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, ComplexArray
-from antiosc.brief import Brief
-from antiosc.errors import InputError, warn
+from antiosc.base import checks
+from antiosc.base._types import Array, ComplexArray
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError, warn
 from antiosc.models.motion import Inertia, Motion, unit_vector
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.

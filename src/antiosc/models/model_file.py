@@ -18,8 +18,9 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from antiosc import checks, files
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base.errors import InputError
 
 FORMAT = "antiosc-model"
 #: the newest version that is read

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypedDict
 
-from antiosc import checks
-from antiosc.brief import Brief
+from antiosc.base import checks
+from antiosc.base.brief import Brief
 
 
 class Band(TypedDict, total=False):

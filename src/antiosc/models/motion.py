@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.models.arrow_modes import arrow_modes
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import unit_vector

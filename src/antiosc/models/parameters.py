@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array, Index
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array, Index
+from antiosc.base.errors import InputError
 from antiosc.models.body import Body
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo

@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc import checks, files
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
-from antiosc.matrix_files import matrix_market
-from antiosc.matrix_files.dof_map import component_of
-from antiosc.matrix_files.formats import formats
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.io.matrices import matrix_market
+from antiosc.io.matrices.dof_map import component_of
+from antiosc.io.matrices.formats import formats
 
 #: Names of K and M in OP4 and DMIG files.
 NAMES = ("KAA", "MAA")

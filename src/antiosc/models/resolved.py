@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base.errors import InputError
 from antiosc.models.model_info import info_of
 
 

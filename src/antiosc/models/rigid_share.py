@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.models.arrow_modes import arrow_modes
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc import checks
-from antiosc._types import Array, Index, Numbers
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array, Index, Numbers
+from antiosc.base.errors import InputError
 from antiosc.models.parameters import Parameters, in_space
 from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.models.modal import FreeModes
 from antiosc.models.motion import Inertia
 

@@ -22,9 +22,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.models.parameters import Parameters
 
 M = TypeVar("M", bound=Parameters)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, Hertz
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
 from antiosc.simulation.scene_loads import acting, axes_of

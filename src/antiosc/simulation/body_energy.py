@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 

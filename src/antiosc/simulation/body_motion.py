@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.history import History, no_field

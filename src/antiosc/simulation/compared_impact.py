@@ -7,8 +7,8 @@ from math import log2
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.simulation.contact_energy import simpson
 from antiosc.simulation.integrators import (
     FIXED_STEP,

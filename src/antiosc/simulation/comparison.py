@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import checks, march
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base import march
+from antiosc.base.errors import InputError
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.convergence import Converged, difference
 from antiosc.simulation.engine import Run

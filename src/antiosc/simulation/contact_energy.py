@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.contact.compiled import Compiled, is_compiled
 

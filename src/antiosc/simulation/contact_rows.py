@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.simulation.bodies import PARALLEL, Placed
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene_parts import Contact, SceneParts

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.brief import Brief
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
 from antiosc.contact.geometry import effective_modulus
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 
 #: Depths over the contact radius at which the shear stress is looked at.
 DEPTHS = np.linspace(0.01, 2.0, 4000)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from antiosc import march
+from antiosc.base import march
 from antiosc.simulation.engine import Run, solve
 from antiosc.simulation.system import System
 

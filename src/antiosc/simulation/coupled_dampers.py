@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from antiosc._types import Array
-from antiosc.errors import AccuracyError
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import info_of
 from antiosc.simulation.integrators import Problem, Trajectory

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.models.body import LinearBody
 from antiosc.simulation.modal_response import responses
 

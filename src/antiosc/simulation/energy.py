@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.brief import Brief
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
 
 
 @dataclass(frozen=True, eq=False, repr=False)

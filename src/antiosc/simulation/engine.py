@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import march, memory
-from antiosc.errors import InputError
+from antiosc.base import march
+from antiosc.base import memory
+from antiosc.base.errors import InputError
 from antiosc.simulation.system import Given, System
 
 Array = NDArray[np.float64]

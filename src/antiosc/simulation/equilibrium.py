@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, State
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.simulation.system import System
 
 _ITERATIONS = 400

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
 from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array, Index
+from antiosc.base import march
+from antiosc.base._types import Array, Index
 from antiosc.simulation.convergence import converge, stopped
 from antiosc.simulation.engine import Run
 from antiosc.simulation.expected import stiffness_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
-from antiosc.errors import AntioscError, InputError
+from antiosc.base.errors import AntioscError, InputError
 
 EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import checks, march
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.simulation.convergence import stopped
 from antiosc.simulation.engine import Run, run
 from antiosc.simulation.stability import clear_step, margin

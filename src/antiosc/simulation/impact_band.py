@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc import checks
+from antiosc.base import checks
 from antiosc.contact import ContactLaw
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.expected import scaled

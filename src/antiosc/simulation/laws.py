@@ -5,10 +5,10 @@ from __future__ import annotations
 from ctypes import pointer
 from typing import Any
 
-from antiosc import march
+from antiosc.base import march
 from antiosc.contact import ContactLaw
 from antiosc.contact.compiled import Compiled, is_compiled
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 
 
 class OwnLaw:

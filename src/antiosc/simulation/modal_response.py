@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
 
 
 class Responses(NamedTuple):

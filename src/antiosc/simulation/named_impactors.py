@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any
 
-from antiosc import checks
+from antiosc.base import checks
 from antiosc.contact import Gonthier
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.simulation.impactors import RigidMass, Sphere
 
 #: Steel (handbook values), Pa and kg/m³.

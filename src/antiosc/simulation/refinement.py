@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc import checks, plausible
-from antiosc._types import Array
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base import checks
+from antiosc.base import plausible
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.coupled_dampers import has_dampers

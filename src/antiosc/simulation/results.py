@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import __version__, checks, files
-from antiosc._types import Array
-from antiosc.brief import Brief
-from antiosc.errors import InputError, MissingDependencyError
+from antiosc import __version__
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of

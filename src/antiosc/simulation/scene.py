@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from antiosc.memory import within_memory
+from antiosc.base.memory import within_memory
 from antiosc.simulation.refinement import integrate
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts

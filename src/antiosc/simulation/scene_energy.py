@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.contact.compiled import is_compiled
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.contact_energy import path_work, replay, stored_alone

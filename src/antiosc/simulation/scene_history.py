@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks, march
-from antiosc._types import Array
-from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.impactors import Obstacle

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.models.motion import ModalState, Motion

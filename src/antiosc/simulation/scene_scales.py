@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.scene_parts import SceneParts

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import march, memory
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base import memory
+from antiosc.base._types import Array
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System
 

@@ -24,7 +24,7 @@ from itertools import chain
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.simulation.modal_response import responses
 
 STIFFNESS_SAFETY = 1.2  # on the contact stiffness, which is an estimate

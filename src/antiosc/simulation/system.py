@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import march
+from antiosc.base import march
 from antiosc.contact import ContactLaw
 from antiosc.simulation.laws import OwnLaw, packed
 

@@ -19,8 +19,8 @@ from math import ceil, inf, log
 
 import numpy as np
 
-from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.base import checks
+from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.simulation.history import History

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antiosc import checks
-from antiosc._types import Array
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, Hertz
-from antiosc.errors import AccuracyError, InputError
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion

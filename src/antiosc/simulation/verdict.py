@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.errors import AccuracyWarning, AntioscWarning, warn
+from antiosc.base.errors import AccuracyWarning, AntioscWarning, warn
 from antiosc.simulation.integrators import Problem
 
 #: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,

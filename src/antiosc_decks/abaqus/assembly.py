@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Place, real_number
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, Block, Deck, IntArray, Place, real_number
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.mesh import Scope, extend, members, meshed, ranged, read_cards
 from antiosc_decks.abaqus.table import account_for

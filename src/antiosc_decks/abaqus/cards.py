@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Place, real_number
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place, real_number
 from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Block, IntArray, Numbering, Place, whole_number
-from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc.io.deck import Block, IntArray, Numbering, Place, whole_number
+from antiosc.io.shapes import CORNERS, EDGES
 from antiosc_decks.abaqus.cards import Card
 
 Role = Literal["solid", "shell", "beam", "plane stress", "plane strain", "rod", "other"]

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from antiosc.fem.readers.deck import IntArray, Place, real_number, whole_number
+from antiosc.io.deck import IntArray, Place, real_number, whole_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.mesh import nodes_of

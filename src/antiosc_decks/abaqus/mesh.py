@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import (
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import (
     LARGEST_NUMBER,
     Block,
     Deck,

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Array, IntArray, Place, real_number, whole_number
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.joints import read_joints, refuse_own_follower

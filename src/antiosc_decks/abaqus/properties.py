@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, Place, real_number
+from antiosc.io.deck import Array, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model import properties as profiles

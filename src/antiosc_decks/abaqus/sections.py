@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, IntArray, Place, real_number
+from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.elements import element_type

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, Block, IntArray, Place
-from antiosc.fem.readers.shapes import EDGES
+from antiosc.io.deck import Array, Block, IntArray, Place
+from antiosc.io.shapes import EDGES
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model.constraints import Constraints

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.matrix_files.entries import Entries, Labels, of_labels
-from antiosc.matrix_files.formats import MatrixFormat
-from antiosc.matrix_files.source import Source, fortran, is_text
+from antiosc.io.matrices.entries import Entries, Labels, of_labels
+from antiosc.io.matrices.formats import MatrixFormat
+from antiosc.io.matrices.source import Source, fortran, is_text
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.
 SYMMETRIC_FORM, SQUARE_FORM = 6, 1

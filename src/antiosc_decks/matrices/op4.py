@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
-from antiosc.matrix_files.entries import Entries, Labels
-from antiosc.matrix_files.formats import MatrixFormat
-from antiosc.matrix_files.source import Source, fortran, is_text
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.io.matrices.entries import Entries, Labels
+from antiosc.io.matrices.formats import MatrixFormat
+from antiosc.io.matrices.source import Source, fortran, is_text
 
 #: Rows from which one word does not hold length and row of a string.
 BIGMAT_ROWS = 65536

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Place
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base._types import BoolArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, Block, Deck, IntArray, Place
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
 from antiosc_decks.model.properties import Material
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.fem.readers.deck import Array, Deck, IntArray, Place
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base._types import BoolArray
+from antiosc.io.deck import Array, Deck, IntArray, Place
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
 Term = tuple[int, int, float]

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import IntArray, Place
-from antiosc.fem.readers.shapes import EDGES
+from antiosc.base._types import BoolArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import IntArray, Place
+from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
 from antiosc_decks.model.constraints import Term

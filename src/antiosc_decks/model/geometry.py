@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.fem.readers.deck import Array, Deck, IntArray
+from antiosc.base._types import BoolArray
+from antiosc.io.deck import Array, Deck, IntArray
 
 #: Cosine from which a direction is that of an axis.
 AXIS_COSINE = 1 - 1e-9

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, IntArray, Place
+from antiosc.io.deck import Array, IntArray, Place
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import measures_of
 

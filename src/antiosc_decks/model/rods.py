@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Place
+from antiosc.base._types import BoolArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place
 from antiosc_decks.model.builder import MOTIONS, Family, ModelBuilder, Rod
 
 #: Component of a rod's direction over the largest below which it is rounding.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, Block, IntArray
+from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.nastran.cards import Entry, motions_of
 from antiosc_decks.nastran.mesh import NastranDeck, property_of

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Place, real_number, whole_number
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place, real_number, whole_number
 from antiosc_decks.sources import Sources
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, Place
+from antiosc.io.deck import Array, Place
 from antiosc_decks.nastran.cards import Entry
 
 

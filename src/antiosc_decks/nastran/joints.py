@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array
+from antiosc.io.deck import Array
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.nastran.beams import orientation

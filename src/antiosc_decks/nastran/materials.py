@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array
+from antiosc.io.deck import Array
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.properties import Material, isotropic
 from antiosc_decks.nastran.cards import Entry

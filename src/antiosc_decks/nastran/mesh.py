@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Numbering, Place
-from antiosc.fem.readers.shapes import CORNERS
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, bulk_data, through
 from antiosc_decks.nastran.coordinates import Systems

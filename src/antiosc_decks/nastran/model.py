@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import BoolArray
-from antiosc.fem.readers.deck import IntArray, Place, real_number
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base._types import BoolArray
+from antiosc.io.deck import IntArray, Place, real_number
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term

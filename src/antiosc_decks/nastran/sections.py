@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import IntArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import IntArray
 from antiosc_decks.model.builder import Family, Rod
 from antiosc_decks.model.geometry import tangents_of
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation

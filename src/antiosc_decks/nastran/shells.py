@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.fem.readers.deck import Array, IntArray
-from antiosc.fem.readers.shapes import CORNERS
+from antiosc.io.deck import Array, IntArray
+from antiosc.io.shapes import CORNERS
 from antiosc_decks.model.builder import Family
 from antiosc_decks.model.geometry import common_direction, corners_of, normals_of
 from antiosc_decks.model.properties import Material

@@ -11,7 +11,7 @@ import scipy.linalg
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import AccuracyError, InputError
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.site.functionals import functional
 from assemblies import BEAM, dense, free_dofs, line
 

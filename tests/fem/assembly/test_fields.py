@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from assemblies import NU, RHO, E, box
 
 pytestmark = [

@@ -10,7 +10,7 @@ import scipy.sparse
 
 pytest.importorskip("dolfinx")
 
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import ends, overlaps
 from antiosc.fem.structure.placement import Placement, placement, skew
 

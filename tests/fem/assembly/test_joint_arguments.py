@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from assemblies import BEAM
 
 pytestmark = pytest.mark.fem

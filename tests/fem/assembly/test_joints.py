@@ -18,7 +18,7 @@ from marks import FREE_ON_PURPOSE
 pytestmark = [
     pytest.mark.fem,
     FREE_ON_PURPOSE,
-    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.errors.AntioscWarning"),
+    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.base.errors.AntioscWarning"),
 ]
 
 CLAMP = ao.Support("start")

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
 

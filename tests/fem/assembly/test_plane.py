@@ -10,13 +10,13 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from assemblies import NU, RHO, E, box, line
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.errors.AntioscWarning"),
+    pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.base.errors.AntioscWarning"),
 ]
 
 DEPTH = 0.03
@@ -156,7 +156,7 @@ def test_every_joint_in_the_plane_is_the_one_in_space():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
 def test_free_plane_assemblies_are_those_in_space():
     """Two motions that the equation allows; five where the hinge and the ball turn besides."""
     for braced, count in ((True, 2), (False, 5)):

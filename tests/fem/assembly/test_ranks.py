@@ -23,7 +23,7 @@ import numpy as np
 from mpi4py import MPI
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 import every_joint
 from assemblies import at, grouped
 
@@ -249,7 +249,7 @@ import numpy as np
 from mpi4py import MPI
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from assemblies import SOLID, at, grouped
 
 warnings.simplefilter("ignore", AntioscWarning)

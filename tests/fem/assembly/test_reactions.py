@@ -13,7 +13,7 @@ import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
-from antiosc.fem.fields import shapes_of
+from antiosc.results.fields import shapes_of
 from antiosc.simulation.body_motion import amplitudes
 from assemblies import BEAM, SOLID, box, line
 

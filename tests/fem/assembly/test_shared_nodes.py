@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.assemble import joined_at_nodes
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -21,7 +21,7 @@ from assemblies import eigenfrequencies, static
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.errors.AntioscWarning"),
+    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.base.errors.AntioscWarning"),
 ]
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, box
 

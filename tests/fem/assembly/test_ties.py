@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.overlaps import clipped
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -88,7 +88,7 @@ def test_constant_stress_passes_where_four_parts_meet(order):
         assert np.abs(u[member.rows].reshape(-1, 2) - exact).max() < 1e-11 * 2 * STRAIN
 
 
-@pytest.mark.filterwarnings("ignore:[0-9]+ constraints:antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore:[0-9]+ constraints:antiosc.base.errors.AntioscWarning")
 def test_a_tie_of_faces_that_follow_other_joints():
     """A face that is rigid leads; two rigid faces become one rigid body."""
     block = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2)), SOLID, order=1)

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.errors import AntioscError, AntioscWarning, InputError
+from antiosc.base.errors import AntioscError, AntioscWarning, InputError
 from assemblies import BEAM, NU, SOLID, E, box, line
 
 pytestmark = pytest.mark.fem
@@ -157,7 +157,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("make", "words"), WRONG)
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning")
 def test_it_is_refused_in_one_sentence(make, words):
     with pytest.raises(AntioscError, match=words) as told:
         make()

@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc import closed_form
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem.structure import rigid_body_modes
 from marks import FREE_ON_PURPOSE
 

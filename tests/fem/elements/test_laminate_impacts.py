@@ -15,7 +15,7 @@ import dolfinx
 
 import antiosc as ao
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.plate_section import stacked
 from antiosc.fem.linalg.algebra import multiply

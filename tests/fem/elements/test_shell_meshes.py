@@ -14,7 +14,7 @@ import dolfinx
 
 import antiosc as ao
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.eigenmodes import ModeSolver

@@ -17,7 +17,7 @@ from sheets import sheet
 
 pytestmark = [
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.errors.AccuracyWarning"),
+    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
 ]
 
 

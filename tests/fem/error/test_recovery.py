@@ -20,7 +20,7 @@ from parts import CELLS, STEEL, box, named, plate
 
 pytestmark = [
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.errors.AccuracyWarning"),
+    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
 ]
 
 

@@ -47,7 +47,7 @@ from sheets import (
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning"),
+    pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning"),
 ]
 
 CLAMPED = [ao.Support(edges(0, 1))]

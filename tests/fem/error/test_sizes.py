@@ -23,7 +23,7 @@ from antiosc.fem.error.remeshing import (
     thickness_of,
     wished_sizes,
 )
-from antiosc.fem.readers.request import GRADING
+from antiosc.io.request import GRADING
 from parts import box, gmsh_cube, plate
 from sheets import rectangle
 

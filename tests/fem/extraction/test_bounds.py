@@ -169,7 +169,7 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 
 @pytest.mark.fem
 def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
-    from antiosc import memory
+    from antiosc.base import memory
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
     monkeypatch.setattr(memory, "free_memory", lambda: 1e4)

@@ -18,7 +18,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc import info
+from antiosc.app import info
 from antiosc.fem.linalg import cholmod, cholmod_library, solver_choice, solvers
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.structure import given_matrices

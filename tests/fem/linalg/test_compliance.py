@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import NotConvergedError
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.linalg import cholmod_library, compliance
 from antiosc.fem.linalg.algebra import sum_of

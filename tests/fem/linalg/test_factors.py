@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import NotConvergedError
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import solvers
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.substructures import Substructures, _cover, _cut, interface

@@ -13,8 +13,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc import memory
-from antiosc.errors import AntioscWarning
+from antiosc.base import memory
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg import cholmod, solver, solver_choice, solvers
 
 pytestmark = pytest.mark.fem

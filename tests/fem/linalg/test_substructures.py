@@ -11,7 +11,7 @@ import scipy.sparse
 
 pytest.importorskip("dolfinx")
 
-from antiosc.errors import NotConvergedError
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import substructures
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
@@ -118,7 +118,7 @@ import numpy as np
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscError
+from antiosc.base.errors import AntioscError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.substructures import Substructures

@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 from antiosc.fem import compat
 from antiosc.fem.mesh import conformity
-from antiosc.fem.readers.neutral import KINDS
+from antiosc.io.neutral import KINDS
 
 pytestmark = pytest.mark.fem
 

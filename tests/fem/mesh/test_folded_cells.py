@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc.fem import compat
 from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, collapsed, folded, straightened
 

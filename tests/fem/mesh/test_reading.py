@@ -13,7 +13,7 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem import compat
 from parts import moments
 

@@ -14,9 +14,9 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.readers import conversion
-from antiosc.fem.readers.deck import Block, Deck
-from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc.io import conversion
+from antiosc.io.deck import Block, Deck
+from antiosc.io.shapes import CORNERS, EDGES
 from antiosc_decks.abaqus import assembly as abaqus_assembly
 from paths import DECKS
 

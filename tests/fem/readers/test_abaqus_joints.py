@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.deck import Deck, Place
+from antiosc.io.deck import Deck, Place
 from antiosc_decks.abaqus import assembly as abaqus_assembly, ties
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.model.constraints import Constraints

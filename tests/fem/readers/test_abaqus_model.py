@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 
 RNG = np.random.default_rng(29)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus.elements import element_type, nodes_of_other
 from refusals import refused
 

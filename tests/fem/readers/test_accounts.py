@@ -9,7 +9,7 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly, table as abaqus_table
 from antiosc_decks.nastran import mesh as nastran, table as nastran_table
 from paths import DECKS

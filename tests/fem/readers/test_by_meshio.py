@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers import by_meshio
-from antiosc.fem.readers.mixed import GMSH_EDGES, _block
-from antiosc.fem.readers.neutral import FileMesh
-from antiosc.fem.readers.request import Request
-from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc.base.errors import MeshError
+from antiosc.io import by_meshio
+from antiosc.io.mixed import GMSH_EDGES, _block
+from antiosc.io.neutral import FileMesh
+from antiosc.io.request import Request
+from antiosc.io.shapes import CORNERS, EDGES
 
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)], dtype=float)
 

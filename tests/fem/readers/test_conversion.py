@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.deck import Block, Deck
-from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc.base.errors import MeshError
+from antiosc.io.conversion import as_mesh
+from antiosc.io.deck import Block, Deck
+from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

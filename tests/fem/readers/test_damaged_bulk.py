@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from antiosc.errors import AntioscError
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import AntioscError
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 SI = UnitSystem(1.0, 1.0)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from abaqus_decks import alike
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 

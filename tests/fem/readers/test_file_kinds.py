@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers import read
-from antiosc.fem.readers.table import is_deck, reader_of
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io import read
+from antiosc.io.table import is_deck, reader_of
+from antiosc.io.unit_system import UnitSystem
 from refusals import refused
 
 

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from antiosc.fem.readers import _alone, merging
-from antiosc.fem.readers.neutral import FileMesh, of_dimension, packed, unpacked
-from antiosc.fem.readers.selection import selected
+from antiosc.io import _alone, merging
+from antiosc.io.neutral import FileMesh, of_dimension, packed, unpacked
+from antiosc.io.selection import selected
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]

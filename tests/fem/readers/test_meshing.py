@@ -20,8 +20,8 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.fem.readers import by_gmsh, isolation, meshing
-from antiosc.fem.readers.request import Request
+from antiosc.io import by_gmsh, isolation, meshing
+from antiosc.io.request import Request
 from mesh_files import refusal
 from paths import DECKS, MESHES
 
@@ -139,7 +139,7 @@ from pathlib import Path
 from types import SimpleNamespace
 child = runpy.run_path(sys.argv[1])
 child["_hollow_packages"](Path(sys.argv[1]).parents[2])
-from antiosc.fem.readers.table import reader_of
+from antiosc.io.table import reader_of
 print(*(reader_of(name).library for name in ("part.step", "part.inp")))
 print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
 """

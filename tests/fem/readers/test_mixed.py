@@ -14,9 +14,9 @@ pytest.importorskip("meshio")
 import meshio
 
 import antiosc as ao
-from antiosc.fem.readers.conversion import EDGES
-from antiosc.fem.readers.mixed import CELLS, GMSH_EDGES, GMSH_FACES
-from antiosc.fem.readers.shapes import rectangles
+from antiosc.io.conversion import EDGES
+from antiosc.io.mixed import CELLS, GMSH_EDGES, GMSH_FACES
+from antiosc.io.shapes import rectangles
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.properties import isotropic, of_stiffness

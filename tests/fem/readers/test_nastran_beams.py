@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.deck import Place
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.io.deck import Place
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.profiles import BeamProfiles

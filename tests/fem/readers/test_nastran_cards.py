@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc_decks.nastran import mesh as nastran
 from antiosc_decks.nastran.cards import bulk_data
 from antiosc_decks.sources import Sources

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from abaqus_decks import alike
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from nastran_decks import CORNERS, CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
 
 # --- Solids ---------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc_decks.nastran import mesh as nastran
 from nastran_decks import GRIDS, HEXA, MAT1, read
 from refusals import refused

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 RNG = np.random.default_rng(31)

@@ -7,8 +7,8 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Block, Deck
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Block, Deck
 from antiosc_decks.model.geometry import measures_of
 
 #: kg/m³ of a t/mm³.

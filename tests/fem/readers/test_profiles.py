@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Place
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place
 from antiosc_decks.abaqus import properties as abaqus_profiles
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model import properties as profiles

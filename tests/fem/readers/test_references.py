@@ -7,7 +7,7 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 
 CUBE = inp.CUBE + inp.SOLID + inp.STEEL
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc.base.errors import MeshError
+from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from refusals import refused

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from antiosc.fem.readers import isolation
-from antiosc.fem.readers.request import Request
+from antiosc.io import isolation
+from antiosc.io.request import Request
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from antiosc.fem.readers import neutral, shapes
-from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
-from antiosc.fem.readers.node_table import NodeTable
+from antiosc.io import neutral, shapes
+from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
+from antiosc.io.node_table import NodeTable
 from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.model import NAMED
 from antiosc_decks.abaqus.ties import SOLID_FACES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.ties import surfaces_of

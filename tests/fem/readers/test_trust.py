@@ -14,7 +14,7 @@ pytest.importorskip("gmsh")
 import gmsh
 
 import antiosc as ao
-from antiosc.fem.readers import geo_script, server
+from antiosc.io import geo_script, server
 from mesh_files import refusal
 from paths import MESHES
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from abaqus_decks import BARS, BENT, CUBE, SHEET, SOLID, STEEL, read
-from antiosc.errors import MeshError
+from antiosc.base.errors import MeshError
 
 #: A rotation by 90° about the line along z through (5, 0, 0), after a shift by 100.
 TURNED = "*INSTANCE,NAME=I,PART=P\n100,0,0\n5,0,0,5,0,1,90\n*END INSTANCE\n"

@@ -13,8 +13,8 @@ pytest.importorskip("gmsh")
 import gmsh
 
 import antiosc as ao
-from antiosc.fem.readers import by_unv
-from antiosc.fem.readers.shapes import EDGES
+from antiosc.io import by_unv
+from antiosc.io.shapes import EDGES
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)

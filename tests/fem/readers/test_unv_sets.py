@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
-from antiosc.fem.readers import by_unv
-from antiosc.fem.readers.request import Request
-from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc.base.errors import MeshError
+from antiosc.io import by_unv
+from antiosc.io.request import Request
+from antiosc.io.shapes import CORNERS, EDGES
 from refusals import refused
 
 RNG = np.random.default_rng(41)

@@ -165,7 +165,7 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
 
 
 @pytest.mark.sample
-@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_rigid_motions_of_any_sheet_have_no_strain(cell, order):

@@ -10,8 +10,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem import peak_search, peaks
-from antiosc.stresses import extreme_principal
+from antiosc.results import peak_search
+from antiosc.results import peaks
+from antiosc.base.stresses import extreme_principal
 from mpi import run_ranks
 
 pytestmark = pytest.mark.fem

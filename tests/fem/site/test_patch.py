@@ -17,7 +17,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.patches import patches

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem import compat
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.site.functionals import functional

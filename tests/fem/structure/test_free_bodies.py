@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,

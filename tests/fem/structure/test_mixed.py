@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import PointMass, Spring
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem.structure.structure import NO_MESH, Structure
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ import scipy.sparse
 import scipy.sparse.csgraph
 from petsc4py import PETSc
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import several
-from antiosc.errors import InputError, warn
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import several
+from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly import motions
 from antiosc.fem.assembly.arguments import (
     checked_parts,

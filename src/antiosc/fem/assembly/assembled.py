@@ -12,9 +12,9 @@ import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, BoolArray, Box
-from antiosc.checks import array
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, Box
+from antiosc.base.checks import array
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
@@ -26,7 +26,7 @@ from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.member import Member
 from antiosc.models.motion import Inertia
-from antiosc.names import known
+from antiosc.base.names import known
 
 Found = TypeVar("Found")
 

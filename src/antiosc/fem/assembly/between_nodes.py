@@ -16,8 +16,8 @@ import basix
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS

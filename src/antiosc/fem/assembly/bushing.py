@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array
-from antiosc.checks import coordinates, instance, positive, shown
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.checks import coordinates, instance, positive, shown
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, end_text, motion
 from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from antiosc._types import IntArray
+from antiosc.base._types import IntArray
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.node_constraints import NodeConstraints

@@ -16,8 +16,8 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import AccuracyError, InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.assembly.joint import Eliminated, Redundant, Rows
 from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.assembly.wide import rounded

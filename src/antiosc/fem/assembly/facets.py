@@ -8,7 +8,7 @@ import basix
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.mesh.entities import Entities, largest

@@ -8,8 +8,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from antiosc.checks import instance, path as checked_path, positive, several, shown, whole
-from antiosc.errors import InputError
+from antiosc.base.checks import instance, path as checked_path, positive, several, shown, whole
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
 from antiosc.fem.elements.beam import Beam
@@ -25,7 +25,7 @@ from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn
-from antiosc.fem.readers import RawMesh, UnitSystem, read_parts
+from antiosc.io import RawMesh, UnitSystem, read_parts
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import text
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import text
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, end_text
 from antiosc.fem.assembly.layout import Layout, Sparse
 

@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.superelement import MOVE, Condensed, Superelement
 from antiosc.fem.structure.member import DISPLACEMENTS, Member

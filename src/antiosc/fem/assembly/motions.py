@@ -15,8 +15,8 @@ import scipy.linalg
 import scipy.sparse
 from mpi4py import MPI
 
-from antiosc._types import Array, BoolArray, IntArray, Matrix
-from antiosc.errors import AccuracyError, InputError, warn
+from antiosc.base._types import Array, BoolArray, IntArray, Matrix
+from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly.joint import Eliminated
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import MOVE, TURN

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import BoolArray, IntArray
+from antiosc.base._types import BoolArray, IntArray
 from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
 from antiosc.fem.assembly.joint import Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import basix
 import numpy as np
 
-from antiosc._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, BoolArray
-from antiosc.checks import array, coordinates, number, shown, store
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.checks import array, coordinates, number, shown, store
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse

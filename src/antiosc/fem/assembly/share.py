@@ -18,8 +18,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError, without_warnings
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem import compat
 from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.linalg.petsc_algebra import csr

@@ -16,8 +16,8 @@ import basix
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.joint import Joint, Rows
 from antiosc.fem.assembly.layout import Layout

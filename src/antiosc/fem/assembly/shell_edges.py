@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
 from antiosc.fem.assembly.joint import NAME, Joint, Rows
 from antiosc.fem.assembly.layout import Layout

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.placement import Placement

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import IntArray
-from antiosc.checks import several
-from antiosc.errors import InputError
+from antiosc.base._types import IntArray
+from antiosc.base.checks import several
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import Motion, group_end, motion
 from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse

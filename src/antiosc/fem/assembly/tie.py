@@ -21,10 +21,10 @@ import numpy as np
 import scipy.sparse
 import scipy.spatial
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import positive
-from antiosc.declared import checked_by
-from antiosc.errors import InputError, warn
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import positive
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import NAME, Between, Rows

@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from antiosc._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.layout import Sparse
 
 #: A functional of more dofs is wide; of fewer a dense block is as good. With 5000 dofs K has a

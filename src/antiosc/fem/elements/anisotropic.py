@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc._types import Array, Box
-from antiosc.checks import array, kept, positive, store, within_range
-from antiosc.errors import InputError
+from antiosc.base._types import Array, Box
+from antiosc.base.checks import array, kept, positive, store, within_range
+from antiosc.base.errors import InputError
 from antiosc.fem.elements.solid import general_form
 from antiosc.fem.elements.weak_form import Kind, Parts, WeakForm
 from antiosc.fem.mesh.mesh import Mesh

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import ufl
 
-from antiosc._types import Array, Box
-from antiosc.checks import array, flag, instance, number
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, Box
+from antiosc.base.checks import array, flag, instance, number
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
 from antiosc.fem.elements.section import Section

@@ -10,10 +10,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc._types import Array
-from antiosc.checks import array, number, positive
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.checks import array, number, positive
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.plate_section import PlateSection
 from antiosc.fem.elements.shell import Sheet

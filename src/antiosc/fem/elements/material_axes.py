@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import array, positive
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import array, positive
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh

@@ -22,10 +22,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.checks import number, poisson, positive, shown, within_range
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.checks import number, poisson, positive, shown, within_range
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 
 #: Share of a stiffness below which terms that should cancel are rounding error.
 STIFFNESS_ROUNDING = 1e-12

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from antiosc.checks import positive, within_range
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base.checks import positive, within_range
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 
 
 @dataclass(frozen=True)

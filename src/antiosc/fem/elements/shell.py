@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import ufl
 
-from antiosc._types import Box
-from antiosc.checks import number, positive, store
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Box
+from antiosc.base.checks import number, positive, store
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import ufl
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import axes_and_sides
 from antiosc.fem.elements.plate_section import PlateSection

@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import ufl
 
-from antiosc._types import Array, Box
-from antiosc.checks import choice, positive
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, Box
+from antiosc.base.checks import choice, positive
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
     Isotropic,

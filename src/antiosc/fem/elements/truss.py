@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import ufl
 
-from antiosc._types import Box
-from antiosc.checks import positive
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Box
+from antiosc.base.checks import positive
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
     Isotropic,

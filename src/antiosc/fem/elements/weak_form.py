@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 import ufl
 
-from antiosc._types import Array, Box, IntArray
-from antiosc.checks import poisson, positive
-from antiosc.declared import Checked, checked_by
+from antiosc.base._types import Array, Box, IntArray
+from antiosc.base.checks import poisson, positive
+from antiosc.base.declared import Checked, checked_by
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 

@@ -10,12 +10,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
-from antiosc.fem.readers import KINDS, RawMesh
-from antiosc.fem.readers.selection import keys
+from antiosc.io import KINDS, RawMesh
+from antiosc.io.selection import keys
 
 #: A cell is divided if its new size over its own is below this, in at most so many rounds.
 DIVIDED, ROUNDS = 0.75, 3

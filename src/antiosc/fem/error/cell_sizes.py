@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem import compat
 from antiosc.fem.error.sheet_strains import BENDING, MEMBRANE, SHEAR, SheetRecovery
 from antiosc.fem.error.smooth_pieces import (

@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.error.bisection import halved
 from antiosc.fem.linalg.petsc_algebra import csr

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from mpi4py import MPI
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem import compat
 from antiosc.fem.error.bisection import (
     DIVIDED,
@@ -31,8 +31,8 @@ from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import bounds, on_root, warn
-from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, SizeField, read
-from antiosc.fem.readers.request import GRADING as USUAL
+from antiosc.io import GEOMETRY, RawMesh, Refinement, SizeField, read
+from antiosc.io.request import GRADING as USUAL
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.error.smooth_pieces import SmoothPieces
 from antiosc.fem.recovery.place import PointsInCells

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.error.free_edges import layers_of
 from antiosc.fem.error.sheet_strains import SHEAR, SheetRecovery

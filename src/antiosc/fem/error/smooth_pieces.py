@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import CORNERS_IN_TURN
 from antiosc.fem.recovery.sheet import SheetAxes

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import AccuracyWarning, InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem import compat
 from antiosc.fem.error.projection import CellStrains, Projection
 from antiosc.fem.mpi import warn

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from antiosc._types import Array
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.extraction.mode_search import RESIDUAL, Search
 from antiosc.fem.linalg.algebra import multiply
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure

@@ -22,8 +22,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from antiosc._types import Array
-from antiosc.errors import AccuracyError, InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from antiosc._types import Array, IntArray, Matrix
+from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.fem.extraction.mode_search import Pin, Search
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import (

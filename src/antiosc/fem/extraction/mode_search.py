@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array, ComplexArray, IntArray, Numbers
+from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.site_shapes import SiteShapes

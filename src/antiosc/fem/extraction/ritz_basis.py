@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc._types import Array, ComplexArray
+from antiosc.base._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.mode_search import Pin
 from antiosc.fem.extraction.site_shapes import SiteShapes

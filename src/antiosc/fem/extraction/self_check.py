@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc.errors import AccuracyError, AccuracyWarning
+from antiosc.base.errors import AccuracyError, AccuracyWarning
 from antiosc.fem import mpi
 from antiosc.fem.linalg.algebra import dot, multiply
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc._types import Array
+    from antiosc.base._types import Array
     from antiosc.fem.extraction.oscillators import Found
     from antiosc.fem.extraction.wish import Method
     from antiosc.fem.structure.structure import Structure

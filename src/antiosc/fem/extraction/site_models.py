@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure

@@ -8,8 +8,8 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from antiosc._types import Array
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.extraction.mode_search import RESIDUAL, Search
 
 #: Most restarts.

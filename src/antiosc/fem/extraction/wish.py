@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from antiosc import memory
-from antiosc.checks import choice, instance, positive, text, tolerance, whole
-from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.base import memory
+from antiosc.base.checks import choice, instance, positive, text, tolerance, whole
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import mpi
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure

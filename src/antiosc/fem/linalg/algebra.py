@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray, Matrix
+from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.fem.mpi import SERIAL
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from antiosc.errors import AntioscError, MissingDependencyError, NotConvergedError
-from antiosc.memory import SMALLER, ran_out
+from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
+from antiosc.base.memory import SMALLER, ran_out
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)

@@ -10,8 +10,8 @@ import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.mpi import alike
 
 #: Vectors from which a product of matrices is faster than one by one.

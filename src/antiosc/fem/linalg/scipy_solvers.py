@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc import memory
-from antiosc._types import Array, Matrix
-from antiosc.errors import NotConvergedError
+from antiosc.base import memory
+from antiosc.base._types import Array, Matrix
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import scipy_solvers
 from antiosc.fem.linalg.algebra import by_scipy
 from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver

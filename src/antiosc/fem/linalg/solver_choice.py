@@ -13,8 +13,8 @@ from collections.abc import Callable
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc import memory
-from antiosc._types import Array
+from antiosc.base import memory
+from antiosc.base._types import Array
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains
 from antiosc.fem.linalg.cholmod import Analysis

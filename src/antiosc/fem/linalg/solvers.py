@@ -10,12 +10,12 @@ from abc import abstractmethod
 import numpy as np
 from petsc4py import PETSc
 
-from antiosc._types import Array
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.petsc_algebra import csr, dense, lower, watch
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
-from antiosc.memory import ran_out
+from antiosc.base.memory import ran_out
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55

@@ -18,8 +18,8 @@ from collections.abc import Callable
 import numpy as np
 from petsc4py import PETSc
 
-from antiosc._types import Array
-from antiosc.errors import AccuracyError, NotConvergedError
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, multiply
 from antiosc.fem.linalg.solver import Solver
 

@@ -24,8 +24,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import NotConvergedError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
 from antiosc.fem.mpi import agree, on_root

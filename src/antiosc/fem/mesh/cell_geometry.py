@@ -8,7 +8,7 @@ import basix
 import numpy as np
 from scipy.spatial import cKDTree
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
 SIMPLICES = ("interval", "triangle", "tetrahedron")

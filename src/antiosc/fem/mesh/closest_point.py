@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.mesh import Mesh

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from antiosc._types import Array
-from antiosc.fem.readers.neutral import FACETS, CellKind, IntArray
-from antiosc.fem.readers.selection import keys
+from antiosc.base._types import Array
+from antiosc.io.neutral import FACETS, CellKind, IntArray
+from antiosc.io.selection import keys
 
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3

@@ -8,8 +8,8 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 

@@ -10,19 +10,19 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from antiosc._types import Array, IntArray
-from antiosc.brief import Brief
-from antiosc.checks import (
+from antiosc.base._types import Array, IntArray
+from antiosc.base.brief import Brief
+from antiosc.base.checks import (
     instance,
     shown,
 )
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import CellGeometry
 from antiosc.fem.mpi import bounds
-from antiosc.fem.readers import RawMesh
-from antiosc.fem.readers.selection import keys
-from antiosc.names import known
+from antiosc.io import RawMesh
+from antiosc.io.selection import keys
+from antiosc.base.names import known
 
 
 @dataclass(frozen=True, eq=False, repr=False)

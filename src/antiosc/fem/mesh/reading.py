@@ -11,9 +11,9 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from antiosc import plausible
-from antiosc._types import IntArray
-from antiosc.checks import (
+from antiosc.base import plausible
+from antiosc.base._types import IntArray
+from antiosc.base.checks import (
     array,
     choice,
     flag,
@@ -24,12 +24,12 @@ from antiosc.checks import (
     text,
     whole,
 )
-from antiosc.errors import InputError, MeshError
+from antiosc.base.errors import InputError, MeshError
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import agree, collective, on_root, warn
-from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
+from antiosc.io import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
 
 
 @collective()

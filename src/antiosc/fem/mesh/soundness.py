@@ -8,12 +8,12 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from antiosc._types import Array
-from antiosc.errors import MeshError, warn
+from antiosc.base._types import Array
+from antiosc.base.errors import MeshError, warn
 from antiosc.fem import compat
 from antiosc.fem.mesh import conformity
-from antiosc.fem.readers import RawMesh
-from antiosc.fem.readers.neutral import IntArray
+from antiosc.io import RawMesh
+from antiosc.io.neutral import IntArray
 
 #: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.
 TWO_SIDES = ("quadrilateral", "hexahedron")

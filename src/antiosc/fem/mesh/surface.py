@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from mpi4py import MPI
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.entities import Entities

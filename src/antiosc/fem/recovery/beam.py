@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.recovery.place import Place, PointsInCells, gauss_points, in_frame, lagrange_1d
 

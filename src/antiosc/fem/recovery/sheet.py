@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.given_sheet import GivenSheet
 from antiosc.fem.elements.material_axes import axes_and_sides

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.recovery.place import Place, PointsInCells
-from antiosc.stresses import PAIRS, full
+from antiosc.base.stresses import PAIRS, full
 
 
 def strain(at: PointsInCells, place: Place) -> Array:

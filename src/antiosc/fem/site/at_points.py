@@ -9,10 +9,10 @@ from math import inf
 
 import numpy as np
 
-from antiosc import plausible
-from antiosc._types import Array
-from antiosc.checks import in_words as text
-from antiosc.errors import InputError
+from antiosc.base import plausible
+from antiosc.base._types import Array
+from antiosc.base.checks import in_words as text
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import Motion

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from antiosc.checks import array
-from antiosc.errors import InputError
+from antiosc.base.checks import array
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm

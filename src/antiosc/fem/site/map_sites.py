@@ -11,9 +11,9 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import array, coordinates, positive
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import array, coordinates, positive
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import group_end

@@ -13,8 +13,8 @@ from typing import cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.site.site import (
     LEAST_FREE_SHARE,
     Functional,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.surface import Contact, Faces

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc._types import Array
-from antiosc.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
-from antiosc.errors import InputError
-from antiosc.matrix_files.dof_map import component_of
+from antiosc.base._types import Array
+from antiosc.base.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
+from antiosc.base.errors import InputError
+from antiosc.io.matrices.dof_map import component_of
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE = 1e-9

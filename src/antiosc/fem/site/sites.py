@@ -8,8 +8,8 @@ from math import ceil, floor, log10
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.errors import AccuracyWarning, InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
 from antiosc.fem.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches

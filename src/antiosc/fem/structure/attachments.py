@@ -16,10 +16,10 @@ import numpy as np
 import scipy.spatial
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
-from antiosc.checks import array, coordinates, nonnegative, positive, shown
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import array, coordinates, nonnegative, positive, shown
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
@@ -27,7 +27,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
-from antiosc.matrix_files.dof_map import COMPONENTS
+from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
 SAME_DOF = 1e-7

@@ -17,9 +17,9 @@ import scipy.sparse
 from numpy.typing import ArrayLike
 
 from antiosc import fem
-from antiosc._types import Array, BoolArray, IntArray, Matrix
-from antiosc.checks import LARGEST, SMALLEST, array
-from antiosc.errors import InputError, finite_element_packages
+from antiosc.base._types import Array, BoolArray, IntArray, Matrix
+from antiosc.base.checks import LARGEST, SMALLEST, array
+from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.fingerprint import of_petsc
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
@@ -27,7 +27,7 @@ from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mpi import agree, alike
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
-from antiosc.matrix_files.dof_map import DofMap, rows_of
+from antiosc.io.matrices.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

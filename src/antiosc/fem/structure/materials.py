@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import IntArray
-from antiosc.errors import InputError
+from antiosc.base._types import IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.weak_form import Family, Parts

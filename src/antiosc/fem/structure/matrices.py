@@ -8,16 +8,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from antiosc._types import Array, Box, IntArray, Matrix
-from antiosc.checks import array
-from antiosc.errors import InputError
+from antiosc.base._types import Array, Box, IntArray, Matrix
+from antiosc.base.checks import array
+from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.linalg.scipy_solvers import solver_for
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.null_space import RIGID_FORCE
-from antiosc.matrix_files.dof_map import DofMap
+from antiosc.io.matrices.dof_map import DofMap
 from antiosc.models.motion import Inertia
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².

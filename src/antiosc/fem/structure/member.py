@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from antiosc._types import Array, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
 from antiosc.fem.mesh.entities import DEGREE, Quadrature, largest, quadrature

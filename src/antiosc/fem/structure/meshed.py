@@ -11,10 +11,10 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc import plausible
-from antiosc._types import Array, Box, IntArray
-from antiosc.checks import array, several, shown, whole
-from antiosc.errors import InputError, without_warnings
+from antiosc.base import plausible
+from antiosc.base._types import Array, Box, IntArray
+from antiosc.base.checks import array, several, shown, whole
+from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -38,7 +38,7 @@ from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
-from antiosc.progress import doing
+from antiosc.base.progress import doing
 
 T = TypeVar("T")
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array, Matrix
-from antiosc.errors import AccuracyError, AntioscError, InputError, NotConvergedError
+from antiosc.base._types import Array, Matrix
+from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import (
     by_strains,

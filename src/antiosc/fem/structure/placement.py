@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.checks import array, coordinates, number, shown
-from antiosc.declared import Checked, checked_by
-from antiosc.errors import InputError
+from antiosc.base._types import Array
+from antiosc.base.checks import array, coordinates, number, shown
+from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 
 
 def _in_space(name: str, value: Any) -> tuple[float, ...]:

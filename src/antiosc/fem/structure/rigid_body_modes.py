@@ -14,8 +14,8 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
-from antiosc.errors import AccuracyError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply

@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, Any, cast
 from numpy.typing import ArrayLike
 
 import antiosc
-from antiosc._types import Array, Box, Matrix
-from antiosc.brief import Brief
-from antiosc.checks import choice
-from antiosc.errors import InputError, finite_element_packages
+from antiosc.base._types import Array, Box, Matrix
+from antiosc.base.brief import Brief
+from antiosc.base.checks import choice
+from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.mpi import ALONE, collective
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
 from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.matrix_files.dof_map import DofMap, dof_map
-from antiosc.matrix_files.reading import read_pair
+from antiosc.io.matrices.dof_map import DofMap, dof_map
+from antiosc.io.matrices.reading import read_pair
 from antiosc.models.motion import Inertia
-from antiosc.progress import doing
+from antiosc.base.progress import doing
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -276,7 +276,7 @@ class Structure(Brief):
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m, as `antiosc.advice` wants them.
+        """Length, width and thickness of the part, m, as `antiosc.studies.advice` wants them.
 
         Of the box along the axes around it; a shell's thickness is its least, a beam's width and
         thickness are those of the rectangle with its section's A and I.

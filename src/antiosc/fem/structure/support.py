@@ -9,9 +9,9 @@ from typing import Any
 import dolfinx
 import numpy as np
 
-from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import array, coordinates, nonnegative, shown, store
-from antiosc.errors import InputError
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import array, coordinates, nonnegative, shown, store
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array, BoolArray
+from antiosc.base._types import Array, BoolArray
 
 
 def growth(

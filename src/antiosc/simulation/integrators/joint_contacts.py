@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, State
-from antiosc.errors import NotConvergedError
+from antiosc.base.errors import NotConvergedError
 from antiosc.simulation.system import System
 
 MOST_SWEEPS = 500

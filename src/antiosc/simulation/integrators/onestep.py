@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import State
 from antiosc.simulation.integrators.growth import growth
 from antiosc.simulation.integrators.problem import (

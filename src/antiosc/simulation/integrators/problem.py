@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.modal_response import responses
 

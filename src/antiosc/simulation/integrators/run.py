@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc.base._types import Array
 from antiosc.contact import State
 from antiosc.simulation.integrators.problem import Integrator, Problem, Segment
 from antiosc.simulation.integrators.touch import next_touch

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.contact import ContactLaw
-from antiosc.errors import InputError
+from antiosc.base.errors import InputError
 from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 from antiosc.simulation.system import System

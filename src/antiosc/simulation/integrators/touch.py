@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.contact import Linear
 from antiosc.simulation.engine import run
 from antiosc.simulation.integrators.problem import Problem

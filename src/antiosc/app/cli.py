@@ -1,0 +1,134 @@
+"""The command `antiosc`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from antiosc.app import info
+from antiosc.base.errors import AntioscError
+from antiosc.base.progress import say
+
+#: What each command on a scene file does.
+COMMANDS = {
+    "new": "write a commented scene file to start from",
+    "check": "look for mistakes in a scene file, without meshing",
+    "run": "simulate the impact of a scene file",
+    "sweep": "simulate the impact for each value of the section [sweep]",
+    "map": "simulate the impact at every point of the section [map]",
+    "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
+    "schema": "print the JSON schema of scene files, for editors",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand and return the exit code; antiosc's own errors become one line."""
+    try:
+        try:
+            with _terminable():
+                return _run(arguments)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # what is left for the end of Python would raise there
+    except BrokenPipeError:  # the reader of the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        print("antiosc: interrupted", file=sys.stderr)
+        return 130
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """End on SIGTERM as on Ctrl-C, so that nothing temporary is left; the exit code is 143."""
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_IGN)  # `timeout` sends it twice
+        sys.exit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, usual)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if not hasattr(options, "run"):
+        parser.print_help()
+        return 0
+    try:
+        return int(options.run(options))
+    except AntioscError as error:
+        _tell(error)
+        return 1
+
+
+def _tell(error: AntioscError) -> None:
+    """An error on the first rank; the sentences of a scene file begin with its name."""
+    from antiosc.app.scene_file.problems import SceneFileError
+
+    head = "" if isinstance(error, SceneFileError) else "antiosc: "
+    say(f"{head}{error}", sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="antiosc",
+        description="Impacts on structures by anti-oscillators, from scene files in TOML.",
+        epilog="To begin: antiosc new scene.toml. docs/scene_files.md describes scene files.",
+    )
+    parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
+    commands = parser.add_subparsers(title="commands", metavar="command")
+    for name, about in COMMANDS.items():
+        command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
+        command.set_defaults(run=_on_scene_file, command=name)
+        if name != "schema":
+            command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
+        if name == "new":
+            command.add_argument(
+                "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
+            )
+        if name == "export":
+            ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
+            command.add_argument("out", metavar="OUT", help=ends)
+            command.add_argument(
+                "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
+            )
+        if name in ("run", "sweep", "map"):
+            _results(command)
+    found = "versions, BLAS and solvers found here, and how to get what is missing"
+    commands.add_parser("info", help=found).set_defaults(run=_info)
+    return parser
+
+
+def _results(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
+    command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
+    command.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="print what would be computed and what it costs, instead of running",
+    )
+
+
+def _on_scene_file(options: argparse.Namespace) -> int:
+    from antiosc.app.scene_file.commands import guarded
+
+    return guarded(options)
+
+
+def _info(_options: argparse.Namespace) -> int:
+    print(info.report())
+    return 0

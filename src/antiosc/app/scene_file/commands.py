@@ -1,0 +1,110 @@
+"""The commands on scene files: what each prints, writes and returns."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from argparse import Namespace
+from pathlib import Path
+
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.progress import say
+from antiosc.app.scene_file import group_names, output, report, result_tables, run, template
+from antiosc.app.scene_file.exported import export as exported
+from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.scene import compiled
+
+#: Command -> the object of the scene that it is for, and what a scene without it lacks.
+STUDIES = {
+    "run": (
+        "history",
+        "no simulation to run: give [simulate], or [run] for a scene of several contacts",
+    ),
+    "sweep": (
+        "batch",
+        "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
+    ),
+    "map": ("map", "no [map]; with that line alone all of the surface is struck"),
+}
+
+
+def guarded(options: Namespace) -> int:
+    """Run a command; an unforeseen error of one rank ends the others too."""
+    try:
+        return _study(options) if options.command in STUDIES else _OTHERS[options.command](options)
+    except AntioscError:
+        raise
+    except BaseException:
+        comm = run.communicator()
+        if comm is not None and comm.size > 1:
+            traceback.print_exc()
+            sys.stderr.flush()
+            comm.Abort(1)
+        raise
+
+
+def _new(options: Namespace) -> int:
+    path, told = template.write(options.file, options.part)
+    say(f"wrote {path}; next: edit it, then antiosc check {path}")
+    for sentence in told:
+        say(sentence)
+    return 0
+
+
+def _check(options: Namespace) -> int:
+    found = compiled(read(options.file))
+    told = [*(f"warning: {sentence}" for sentence in found.warnings), *group_names.check(found)]
+    say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
+    for sentence in told:
+        say(f"{options.file}: {sentence}")
+    return 0
+
+
+def _export(options: Namespace) -> int:
+    from antiosc.app.exports.export import checked
+
+    kind = checked(options.out)
+    scene = compiled(read(options.file))
+    for sentence in exported(scene, options.out, options.fmi, kind == ".mo"):
+        say(f"warning: {sentence}", sys.stderr)
+    say(f"wrote {options.out}")
+    return 0
+
+
+def _schema(_options: Namespace) -> int:
+    from antiosc.app.scene_file.json_schema import schema
+
+    say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
+    return 0
+
+
+def _study(options: Namespace) -> int:
+    """Forecast, or compute, print and write what `antiosc run`, `sweep` or `map` does."""
+    scene = compiled(read(options.file))
+    wanted, lacking = STUDIES[options.command]
+    if getattr(scene, wanted) is None:
+        raise InputError(f"{options.file} has {lacking}.")
+    if options.dry_run:
+        from antiosc.app.scene_file.forecast import text
+
+        say(text(scene))
+        return 0
+    page = None if options.report is None else report.checked(options.report)
+    # --out, or a folder named after a scene that has [output]
+    target = f"{Path(options.file).stem}_out" if scene.output is not None else None
+    target = target if options.out is None else options.out
+    folder = None if target is None else output.folder(target)
+    found = run.results(scene, run.COMMANDS[options.command])
+    say(result_tables.text(found))
+    written = [] if folder is None else output.write(found, folder)
+    if page is not None:
+        written += report.write(found, page)
+    for sentence in found.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    if written:
+        say("wrote " + ", ".join(str(path) for path in written))
+    return 1 if getattr(found.history, "status", 0) == 2 else 0
+
+
+_OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}

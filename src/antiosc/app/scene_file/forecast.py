@@ -1,0 +1,99 @@
+"""`--dry-run`: what a scene would compute and what it costs, before anything is factored."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from antiosc.studies.advice import advise
+from antiosc.base.errors import AntioscError
+from antiosc.base.memory import free_memory
+from antiosc.app.scene_file.group_names import outlines
+from antiosc.app.scene_file.result_tables import lines
+from antiosc.app.scene_file.run import COMMANDS, Results, results
+from antiosc.app.scene_file.scene import Compiled
+from antiosc.simulation.compared_impact import COARSEST
+from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
+from antiosc.simulation.simulate import DEFAULT_TOL
+
+
+def text(scene: Compiled) -> str:
+    """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
+    found = results(scene, COMMANDS["dry run"])
+    rows: list[tuple[str, str]] = []
+    if found.structure is not None:
+        rows += _of_structure(found)
+    rows += [(f"box of {one.name}", one.text()) for one in outlines(scene)]
+    rows += _of_model(scene, found)
+    if found.impactor is not None and found.contact is not None:
+        rows += _of_impact(scene, found)
+    rows += [("warning", sentence) for sentence in found.warnings]
+    return lines(rows)
+
+
+def _of_structure(found: Results) -> list[tuple[str, str]]:
+    structure = found.structure
+    rows = [("structure", structure.describe()), ("dofs", f"{structure.dofs}")]
+    if hasattr(found.impactor, "hertz"):
+        try:
+            advice: Any = advise(structure, found.impactor)
+        except AntioscError as error:
+            advice = f"no advice: {error}"
+        rows.append(("advised family", str(advice)))
+    return [*rows, ("factor", _factor(structure))]
+
+
+def _factor(structure: Any) -> str:
+    """Entries and memory of the Cholesky factor, by the analysis that makes it."""
+    from antiosc.fem import missing
+
+    if missing is not None or not hasattr(structure.K, "getSizes"):
+        return "by SciPy; not forecast"
+    from antiosc.fem.linalg.solver_choice import BYTES, Plan
+
+    entries = Plan(structure.K).entries
+    if not entries:
+        return "not forecast"
+    return (
+        f"{entries:.3g} entries, {BYTES * entries / 1e9:.2g} GB of {free_memory() / 1e9:.3g} GB "
+        f"free; {4e-9 * entries:.2g} Gflop for each solve"
+    )
+
+
+def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
+    if scene.model is None or found.structure is None:
+        return []
+    asked = scene.document.data.get("extract", {})
+    sites = len(scene.document.data.get("sites", {}))
+    if "band" in asked:
+        until = asked["band"] / (2 * pi)
+        return [("anti-oscillators", f"as many as needed up to {until:.4g} Hz")]
+    from antiosc.fem.extraction.wish import DEFAULT_COUNT
+
+    n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
+    return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
+
+
+def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
+    asked = scene.document.data.get("simulate", {})
+    rows = []
+    if "strike" in scene.document.data:
+        tol = scene.document.data["strike"].get("tol")
+        rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
+    try:
+        band = impact_band(found.impactor, found.contact)
+    except AntioscError as error:
+        rows.append(("contact time", f"not forecast: {error}"))
+        return rows
+    time = BAND_OVER_PULSE * pi / band
+    rows.append(("contact time", f"at least {time:.3g} s, that on a rigid wall"))
+    rows.append(("band of the impact", f"up to {band / (2 * pi):.3g} Hz"))
+    if "strike" not in scene.document.data:
+        step = asked.get("step", time / COARSEST)
+        tol = asked.get("tol", DEFAULT_TOL)
+        how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
+        rows.append(("step", f"{step:.3g} s, {how}"))
+    impacts = len(next(iter(scene.varied.values()), [0]))
+    if impacts > 1:
+        rows.append(("sweep", f"{impacts} impacts"))
+    return rows

@@ -1,0 +1,241 @@
+"""The outline of the files that a scene names: their boxes and groups, and what lies outside them.
+
+Finished meshes and decks are read for it (by the reader that a run takes), geometries are opened;
+nothing is meshed or assembled.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import floor, log10
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import antiosc
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    MissingDependencyError,
+    finite_element_packages,
+    without_warnings,
+)
+from antiosc.fem.site.site import SNAP_SHARE
+from antiosc.app.scene_file.build import Call, calls_in
+from antiosc.app.scene_file.locations import Place
+from antiosc.app.scene_file.problems import label, unknown
+from antiosc.app.scene_file.scene import Compiled
+
+#: Largest file that is read for its groups, bytes.
+LARGEST = 50_000_000
+#: Endings of files that have to be meshed first.
+GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
+#: Names of groups that are listed, and digits of a box.
+MOST_NAMES, DIGITS = 12, 4
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is known of a file without meshing it.
+
+    Attributes
+    ----------
+    name : of the file.
+    groups : their names.
+    low, high : (3,) corners of the box around it [m].
+    element : size of its largest cell [m]; of a geometry that of the scene, or 0.
+    """
+
+    name: str
+    groups: list[str]
+    low: Array
+    high: Array
+    element: float
+
+    def text(self) -> str:
+        """The box and the groups in words."""
+        groups = ", ".join(self.groups[:MOST_NAMES]) or "none"
+        more = len(self.groups) - MOST_NAMES
+        return (
+            f"from {checks.in_words(self.low)} to {checks.in_words(self.high)}; groups: {groups}"
+            + (f" and {more} more" if more > 0 else "")
+        )
+
+    def distance(self, point: Array) -> float:
+        """Distance of a point (3,) from the box [m]; 0 within what a snap may bridge."""
+        off = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
+        size = float(np.linalg.norm(self.high - self.low))
+        return off if off > max(SNAP_SHARE * size, self.element) else 0.0
+
+    def placed(self, at: Any) -> Outline:
+        """The box around its box after a `Placement`."""
+        corners = np.array(list(itertools.product(*zip(self.low, self.high, strict=True))))
+        x = at.placed(corners)
+        return replace(self, low=x.min(axis=0), high=x.max(axis=0))
+
+
+def check(found: Compiled) -> list[str]:
+    """Note groups that do not exist and points outside the part, and raise; return sentences.
+
+    They tell the box and the groups of each file, or why it was not read.
+    """
+    problems, told = found.document.problems, []
+    known: dict[str, Outline] = {}
+    for part, call in _meshes(found):
+        try:
+            known[part] = one = outline(call)
+        except InputError as error:
+            problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
+            continue
+        except AntioscError as error:
+            told.append(f"{_path(call).name} was not looked at: {error}")
+            continue
+        told.append(f"{one.name} reaches {one.text()}.")
+        for place, group in _named(found.document.data, part):
+            if isinstance(group, str) and group not in one.groups:
+                what = f"{label(place)}: in {one.name} the group"
+                problems.add(place, unknown(what, group, one.groups))
+    if len(known) == sum(1 for _ in _meshes(found)):
+        _check_points(found, known)
+    problems.raise_if_any()
+    return told
+
+
+def outlines(found: Compiled) -> list[Outline]:
+    """Of the files that can be looked at."""
+    known = []
+    for _, call in _meshes(found):
+        with contextlib.suppress(AntioscError):
+            known.append(outline(call))
+    return known
+
+
+def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
+    """Note sites and probes that lie outside all boxes."""
+    with finite_element_packages():
+        from antiosc.fem.structure.placement import placement
+    data = found.document.data
+    places = _at(found)
+    boxes = {part: one.placed(placement(part, places.get(part))) for part, one in known.items()}
+    for section in ("sites", "probes"):
+        for key, table in data.get(section, {}).items():
+            point, snap = table.get("point"), table.get("snap")
+            if not boxes or not isinstance(point, list) or len(point) not in (2, 3):
+                continue
+            x = np.pad(np.array(point, dtype=float), (0, 3 - len(point)))
+            own = [boxes[table["part"]]] if table.get("part") in boxes else list(boxes.values())
+            nearest = min(own, key=lambda one: one.distance(x))
+            off = nearest.distance(x)
+            if off and (isinstance(snap, bool) or snap is None or off > snap):
+                place = (section, key, "point")
+                found.document.problems.add(
+                    place,
+                    f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside the "
+                    f"box of {nearest.name}, from {checks.in_words(nearest.low)} to "
+                    f"{checks.in_words(nearest.high)}: coordinates are in metres.",
+                )
+
+
+def _at(found: Compiled) -> Mapping[str, Any]:
+    """Part -> where an assembly places it."""
+    places = found.structure.arguments.get("at", {}) if found.structure is not None else {}
+    return {part: call.made for part, call in places.items()}
+
+
+def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
+    """("" or name of a part, the call of read_mesh or read_model)."""
+    run = found.history
+    source = found.structure
+    if source is None and run is not None and run.name == "strike":
+        source = run.arguments["source"]
+        if isinstance(source, str):
+            source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
+    for call in calls_in(source):
+        if call.name in ("read_mesh", "read_model"):
+            yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
+
+
+def _path(call: Call) -> Path:
+    """The file that a call of read_mesh or read_model reads."""
+    return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
+
+
+def outline(call: Call) -> Outline:
+    """The outline of what a call of read_mesh or read_model reads.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
+    AntioscError
+        A file that is not read for this: too large, or a package for it is missing.
+    """
+    path = _path(call)
+    if path.stat().st_size > LARGEST:
+        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
+    with without_warnings():  # a run tells what of the file it does not take
+        try:
+            groups, pieces = _read(call, path)
+        except (MissingDependencyError, InputError):
+            raise
+        except AntioscError as error:
+            raise InputError(str(error)) from None
+    x = np.vstack([points for points, _ in pieces])
+    box = np.pad([x.min(axis=0), x.max(axis=0)], ((0, 0), (0, 3 - x.shape[1])))
+    longest = float(np.ptp(box, axis=0).max())
+    digits = DIGITS - floor(log10(longest)) if longest else DIGITS
+    low, high = np.round(box, digits) + 0.0  # gmsh's boxes are wider by 1e-7
+    return Outline(path.name, groups, low, high, max(size for _, size in pieces))
+
+
+def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]:
+    """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
+    with finite_element_packages():
+        from antiosc.fem.assembly.from_deck import outline_of_deck
+        from antiosc.io import UnitSystem, outline as opened
+    if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
+        unit = call.arguments.get("unit")
+        found = opened(path, None if unit is None else UnitSystem.of(unit))
+        return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
+    if call.name == "read_model":
+        names, raws = outline_of_deck(**call.arguments)
+        return names, [(raw.points, _largest(raw.points[raw.cells])) for raw in raws]
+
+    mesh = call.make(**call.arguments)
+    return list(mesh.groups), [(mesh.dolfinx.geometry.x, _largest(mesh.geometry.nodes))]
+
+
+def _largest(cells: Array) -> float:
+    """Largest diagonal [m] of the boxes around cells (n, nodes, d)."""
+    return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
+
+
+def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
+    """Places of a scene that may name a group of a mesh, or of a part, and what stands there."""
+    own: Mapping[str, Any] = data["parts"][part] if part else data
+    start: Place = ("parts", part) if part else ()
+    material = own.get("material", {})
+    if material and all(isinstance(each, dict) for each in material.values()):
+        yield from (((*start, "material", group), group) for group in material)
+    for name in ("supports", "attached"):
+        for i, table in enumerate(own.get(name, ())):
+            yield (*start, name, i, "where"), table.get("where")
+    ends: list[tuple[Place, Any]] = [
+        ((name, key, "point"), table.get("point"))
+        for name in ("sites", "probes")
+        for key, table in data.get(name, {}).items()
+    ]
+    if not part:
+        yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
+        return
+    for i, table in enumerate(data.get("joints", ())):
+        ends += [(("joints", i, key), table.get(key)) for key in ("a", "b", "group")]
+    for place, text in ends:
+        if isinstance(text, str) and text.startswith(f"{part}:"):
+            yield place, text.removeprefix(f"{part}:")

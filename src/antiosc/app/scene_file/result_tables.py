@@ -1,0 +1,154 @@
+"""The results of a scene as names with values and as tables, for the terminal, files and pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base.errors import AntioscError
+from antiosc.models.body import places_of
+from antiosc.app.scene_file.run import Results
+from antiosc.simulation.scene_history import SceneHistory
+
+#: Names and values.
+Rows = list[tuple[str, str]]
+#: Rows of a table of a sweep that are printed; the files hold all.
+ROWS = 30
+#: Units of what a probe tells; of several in one, all of them.
+PROBE_UNITS = {
+    **{"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "rotation": "rad"},
+    **{"stress": "Pa", "von_mises": "Pa", "section_forces": "SI"},
+}
+#: Units of the quantities of a map.
+MAP_UNITS = {
+    **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
+    **{"impulse": "N s", "peak_deflection": "m"},
+}
+
+
+def text(found: Results) -> str:
+    """Title, structure, model, and what the simulation, the sweep or the map found."""
+    pieces = [found.compiled.title]
+    if found.structure is not None:
+        pieces.append(found.structure.describe())
+    if found.model is not None:
+        pieces.append(lines(model_rows(found.model)))
+    if found.history is not None:
+        pieces += [found.history.summary(), str(error_budget(found.history) or "")]
+        pieces.append(lines(probe_rows(found)))
+    if found.batch is not None:
+        pieces.append(columns(sweep_columns(found)))
+    if found.map is not None:
+        pieces.append(lines(map_rows(found.map)))
+    return "\n\n".join(piece for piece in pieces if piece)
+
+
+def lines(rows: Rows) -> str:
+    """Names and values in two columns."""
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
+
+
+def columns(table: Mapping[str, Any]) -> str:
+    """A table with a line of names; of long ones the first rows."""
+    rows = list(zip(*table.values(), strict=True))
+    cells = [list(table), *([shown(value) for value in row] for row in rows[:ROWS])]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    pairs = [zip(row, widths, strict=True) for row in cells]
+    told = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
+    if len(rows) > ROWS:
+        told.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
+    return "\n".join(told)
+
+
+def shown(value: Any) -> str:
+    """A number to five digits; a dash for one that is not finite."""
+    if isinstance(value, float | np.floating):
+        return f"{value:.5g}" if np.isfinite(value) else "–"
+    return str(value)
+
+
+def contacts_of(history: Any) -> dict[tuple[str, str], Any]:
+    """The contacts of a scene of several, by their ends; none of a single impact."""
+    if not isinstance(history, SceneHistory):
+        return {}
+    ends = [(contact.a, contact.b) for contact in history.assembly.scene.contacts]
+    return {pair: history[pair] for pair in ends}
+
+
+def model_rows(model: Any) -> Rows:
+    """The parameters of the reduced model."""
+    rows = [
+        (f"site {name}".rstrip(), checks.in_words(point))
+        for name, point in places_of(model).items()
+    ]
+    several = bool(np.ndim(model.k0))
+    if several:
+        rows.append(("sites", ", ".join(model.sites)))
+    else:
+        rows.append(("static stiffness k0", f"{model.k0:.5g} N/m"))
+        rows.append(("static mass m_st", f"{model.m_st:.5g} kg"))
+    rows.append(("anti-oscillators", f"{model.n}"))
+    if not several and model.m_st > 0:
+        rows.append(("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
+    first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in model.omega[:5])
+    more = ", …" if len(model.omega) > 5 else ""
+    return [*rows, ("antiresonances", f"{first or 'none'}{more} Hz")]
+
+
+def error_budget(history: Any) -> Mapping[str, Any]:
+    """The error budget of a history; empty where it has none."""
+    try:
+        budget = getattr(history, "error_budget", None)
+    except AntioscError:  # the model was not extracted for it
+        return {}
+    return budget if isinstance(budget, Mapping) else {}
+
+
+def probe_unit(found: Results, name: str) -> str:
+    """The unit of a probe; empty for a number without one."""
+    quantity = found.compiled.probes[name].arguments.get("quantity", "displacement")
+    return PROBE_UNITS.get(quantity, "")
+
+
+def probe_rows(found: Results) -> Rows:
+    """The largest value of each probe."""
+    return [
+        (f"probe {name}", f"at most {np.abs(v).max():.5g} {probe_unit(found, name)}".rstrip())
+        for name, v in (found.probes or {}).items()
+    ]
+
+
+def sweep_columns(found: Results) -> dict[str, Any]:
+    """What was varied, and the results of each impact."""
+    names = ("peak force (N)", "impulse (N s)", "contact time (s)", "restitution", "contacts")
+    keys = (name.partition(" (")[0].replace(" ", "_") for name in (*names, "status"))
+    results = (getattr(found.batch, key) for key in keys)
+    varied = {name: list(values) for name, values in found.compiled.varied.items()}
+    return varied | dict(zip((*names, "status"), results, strict=True))
+
+
+def named(quantity: str) -> str:
+    """A quantity of a map with its unit: "peak_force (N)"."""
+    return f"{quantity} ({MAP_UNITS[quantity]})" if quantity in MAP_UNITS else quantity
+
+
+def map_rows(found: Any) -> Rows:
+    """The range of each quantity of a map, and the hardest impact of each of several surfaces."""
+    rows = [("sites", f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else ""))]
+    for name, values in found.quantities().items():
+        known = values[np.isfinite(values)]
+        if known.size:
+            rows.append((named(name), f"{known.min():.5g} to {known.max():.5g}"))
+    surfaces = found.surfaces()
+    for name, own in surfaces.items() if len(surfaces) > 1 else ():
+        text = f"{len(own)} sites"
+        if found.peak_force is not None:
+            i = own[np.argmax(found.peak_force[own])]
+            place = ", ".join(f"{c:.4g}" for c in found.points[i])
+            text += f", at most {found.peak_force[i]:.5g} N at ({place}) m"
+        rows.append((name, text))
+    return rows

@@ -1,0 +1,388 @@
+"""Input checks shared by all modules: each returns the value in the form that is stored, or raises.
+
+Every public constructor and function passes its arguments through one of these checks and stores
+the returned value, not the argument itself. A number must be real and finite: complex numbers,
+strings, bools, NaN and infinity are refused.
+"""
+
+from __future__ import annotations
+
+import os
+import reprlib
+from collections.abc import Callable, Collection, Sequence
+from functools import wraps
+from math import inf, isfinite
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base._types import Array, Numbers
+from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.memory import within_memory
+
+P = ParamSpec("P")
+T = TypeVar("T")
+#: of the values that a check lets pass
+C = TypeVar("C")
+
+#: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
+#: numbers stay within double precision (1e±308).
+SMALLEST, LARGEST = 1e-60, 1e60
+#: Largest whole number: every one up to it is a float too.
+LARGEST_WHOLE = 2**53
+
+_TRUTH = (bool, np.bool_)
+
+_repr = reprlib.Repr()
+_repr.maxstring = _repr.maxother = _repr.maxlong = 60
+_repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict = 4
+
+
+# -- numbers
+
+
+def number(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
+    result = value if type(value) is float else _as_float(name, value, unit)
+    if not isfinite(result):
+        raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
+    if result and not SMALLEST <= abs(result) <= LARGEST:
+        raise InputError(
+            f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude{_in(unit)}; "
+            f"got {result:g}."
+        )
+    return result
+
+
+def _as_float(name: str, value: Any, unit: str) -> float:
+    """A real number of any type as a float; infinite beyond the range of one."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+        value = value[()]
+    if isinstance(value, _TRUTH) or not isinstance(value, Real):
+        raise InputError(f"{name} must be a number{_in(unit)}; got {shown(value)}.")
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return inf
+
+
+def positive(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float > 0, or InputError."""
+    result = number(name, value, unit)
+    if result <= 0:
+        raise InputError(f"{name} must be > 0{_in(unit)}; got {result:g}.")
+    return result
+
+
+def nonnegative(name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float >= 0, or InputError."""
+    result = number(name, value, unit)
+    if result < 0:
+        raise InputError(f"{name} must be >= 0{_in(unit)}; got {result:g}.")
+    return result
+
+
+def whole(name: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE) -> int:
+    """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+        value = value[()]
+    real = isinstance(value, Real) and not isinstance(value, _TRUTH)
+    if not real or not (isinstance(value, Integral) or float(value).is_integer()):
+        raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
+    result = int(value)
+    if result < least:
+        raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
+    if result > most:
+        raise InputError(f"{name} must be at most {most}; got {shown(value)}.")
+    return result
+
+
+def endless(value: Any) -> bool:
+    """Whether `value` is +inf or -inf, which a radius may be (a plane)."""
+    return isinstance(value, float | np.floating) and bool(np.isinf(value))
+
+
+def rigid(value: Any) -> bool:
+    """Whether `value` is +inf, which a modulus or a stiffness may be (rigid); -inf is not."""
+    return endless(value) and bool(value > 0)
+
+
+def poisson(value: Any, name: str = "nu") -> float:
+    """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
+    result = number(name, value)
+    if not -1 < result < 0.5:
+        raise InputError(
+            f"{name} must lie in -1 < {name} < 0.5 (0.5 is incompressible and has no finite"
+            f" stiffness here); got {result:g}."
+        )
+    return result
+
+
+def tolerance(value: Any, name: str = "tol") -> float:
+    """A relative error 0 < tol < 1, or InputError."""
+    result = positive(name, value)
+    if result >= 1:
+        raise InputError(f"{name} is a relative error, 0 < {name} < 1; got {result:g}.")
+    return result
+
+
+# -- arrays of numbers
+
+
+def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
+    """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
+
+    An array of floats is returned without a copy; use `kept` to store it.
+    """
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        result = value
+    else:
+        result = _numbers(name, value, "iuf")
+        with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
+            result = np.asarray(result, dtype=float)
+    if shape is not None:
+        _check_shape(name, result, shape)
+    if result.size and not float(np.abs(result).max()) <= LARGEST:  # NaN, too
+        bad = np.count_nonzero(~np.isfinite(result))
+        if bad:
+            raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
+        raise InputError(
+            f"{name} must not exceed {LARGEST:g} in magnitude; its largest entry is "
+            f"{np.abs(result).max():g}."
+        )
+    return result
+
+
+def filled(name: str, value: Any) -> Array:
+    """A sequence of one number or more as an array (n,), or InputError."""
+    result = array(name, value, (None,))
+    if not result.size:
+        raise InputError(f"{name} must hold one number or more; got none.")
+    return result
+
+
+def positives(name: str, value: Any, unit: str = "") -> Array:
+    """Numbers > 0, each of a magnitude from 1e-60 to 1e60, as an array (n,), or InputError."""
+    result = column(name, value)
+    if result.size and not result.min() >= SMALLEST:
+        worst = int(np.argmin(result))
+        raise InputError(
+            f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
+            f" {SMALLEST:g}{_in(unit)}."
+        )
+    return result
+
+
+def column(name: str, value: Any, size: int | None = None) -> Array:
+    """One number or a sequence of them as an array (n,), or InputError."""
+    result = array(name, value, None)
+    result = result.reshape(1) if result.ndim == 0 else result
+    _check_shape(name, result, (size,))
+    return result
+
+
+def spectrum(name: str, value: Any) -> Numbers:
+    """Finite numbers, real or complex, as an array of any shape, or InputError."""
+    result = _numbers(name, value, "iufc")
+    result = result.astype(complex if result.dtype.kind == "c" else float)
+    if result.size and not np.abs(result).max() <= LARGEST:  # catches NaN too
+        raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
+    return np.asarray(result)
+
+
+def coordinates(name: str, value: Any, unit: str = "m") -> tuple[float, ...]:
+    """`value` as 2 or 3 floats, or InputError."""
+    result = array(name, value, None)
+    if result.shape not in ((2,), (3,)):
+        raise InputError(f"{name} must be 2 or 3 numbers{_in(unit)}; got {shown(value)}.")
+    return tuple(result.tolist())
+
+
+def broadcast(*values: NDArray[Any]) -> bool:
+    """Whether NumPy can combine the arrays entry by entry."""
+    try:
+        np.broadcast_shapes(*(one.shape for one in values))
+    except ValueError:
+        return False
+    return True
+
+
+def kept(values: NDArray[Any]) -> NDArray[Any]:
+    """A read-only copy: later changes of the caller's array do not reach what is stored."""
+    own = np.array(values)
+    own.setflags(write=False)
+    return own
+
+
+# -- other arguments
+
+
+def flag(name: str, value: Any) -> bool:
+    """`value` as a bool, or InputError."""
+    if not isinstance(value, _TRUTH):
+        raise InputError(f"{name} must be True or False; got {shown(value)}.")
+    return bool(value)
+
+
+def choice(name: str, value: Any, options: Collection[C]) -> C:
+    """`value` if it is one of `options`, or InputError."""
+    known = value is None or (isinstance(value, str | int) and not isinstance(value, bool))
+    if not known or value not in options:
+        *some, last = map(repr, options)
+        names = f"{', '.join(some)} or {last}"
+        raise InputError(f"{name} must be {names}; got {shown(value)}.")
+    return value
+
+
+def text(name: str, value: Any) -> str:
+    """`value` as a string that is not empty, or InputError."""
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{name} must be a name in quotes; got {shown(value)}.")
+    return str(value)
+
+
+def path(name: str, value: Any) -> Path:
+    """`value` as a path, or InputError."""
+    if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
+        raise InputError(f"{name} must be a file name; got {shown(value)}.")
+    name_of_file = os.fspath(value)
+    if not name_of_file or "\0" in name_of_file:
+        raise InputError(f"{name} must be the name of a file; got {shown(name_of_file)}.")
+    return Path(name_of_file)
+
+
+def new_file(name: str, value: Any) -> Path:
+    """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
+    found = path(name, value)
+    if found.name in ("", ".."):
+        raise InputError(
+            f"{name} must be the name of a file; {shown(os.fspath(value))} is a folder: give a "
+            "name in it."
+        )
+    return found
+
+
+def function(name: str, value: Any, what: str = "a function") -> Callable[..., Any]:
+    """`value` if it can be called, or InputError; `what` says of which arguments."""
+    if not callable(value):
+        raise InputError(f"{name} must be {what}; got {shown(value)}.")
+    return value
+
+
+@overload
+def instance(name: str, value: object, kind: type[C], what: str) -> C: ...
+@overload
+def instance(name: str, value: object, kind: tuple[type, ...], what: str) -> Any: ...
+def instance(name: str, value: object, kind: type | tuple[type, ...], what: str) -> object:
+    """`value` if it is of `kind`, or InputError; `what` names the kind and how to get one."""
+    if not isinstance(value, kind):
+        kind_given = "" if value is None else f"{type(value).__name__} "
+        raise InputError(f"{name} must be {what}; got {kind_given}{shown(value)}.")
+    return value
+
+
+def several(name: str, value: Any, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
+    """One object of `kind`, or a sequence of them, as a list, or InputError."""
+    items = [value] if isinstance(value, kind) else value
+    if not isinstance(items, Sequence) or isinstance(items, str):
+        items = [value]
+    for one in items:
+        if not isinstance(one, kind):
+            raise InputError(
+                f"{name} must be a list of {what}; got {type(one).__name__} {shown(one)} in it."
+            )
+    return list(items)
+
+
+def store(target: Any, **values: Any) -> None:
+    """Set attributes of a frozen dataclass: from its `__post_init__` only."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)
+
+
+# -- results
+
+
+def within_range(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate `function`: overflow, division by zero and NaN in it raise an AccuracyError.
+
+    Each argument may be valid while their combination exceeds double precision, for instance a mass
+    of 1e-50 kg on a spring of 1e50 N/m. A MemoryError becomes an OutOfMemoryError.
+    """
+
+    @wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return function(*args, **kwargs)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            if isinstance(error, AccuracyError):
+                raise
+            name = function.__qualname__.removesuffix(".__post_init__")
+            raise AccuracyError(
+                f"{name}: the magnitudes of the arguments differ too much for double precision "
+                f"({error}); check their units, which are SI."
+            ) from error
+
+    return within_memory(guarded)
+
+
+def shown(value: Any) -> str:
+    """`value` in a message: one short line."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    try:
+        line = " ".join(_repr.repr(value).split())
+    except Exception:  # a foreign object's repr, or an int of more than 4300 digits
+        return f"an object of type {type(value).__name__}"
+    return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
+
+
+def in_words(point: Any) -> str:
+    """A point (n,) [m] in a message."""
+    rounding = 1e-9 * max(map(abs, point), default=0.0)
+    return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
+
+
+# -- helpers
+
+
+def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:
+    """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
+    meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
+    if _foreign(value):
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+    try:
+        result = np.asarray(value)
+    except Exception:  # ragged lists, and foreign objects whose __array__ raises what it likes
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.") from None
+    if result.dtype.kind not in kinds:
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+    return result
+
+
+def _foreign(value: Any) -> bool:
+    """Whether NumPy would convert an entry that is not a number into a number."""
+    if isinstance(value, list | tuple):
+        return any(_foreign(entry) for entry in value)
+    return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))
+
+
+def _masked(value: Any) -> bool:
+    return isinstance(value, np.ma.MaskedArray)
+
+
+def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> None:
+    fits = value.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, value.shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise InputError(f"{name} must have shape {wanted}; got {value.shape}.")
+
+
+def _in(unit: str) -> str:
+    return f" (in {unit})" if unit else ""

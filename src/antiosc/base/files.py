@@ -1,0 +1,151 @@
+"""Files are written completely or not at all: a reader never sees a partial file.
+
+The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
+in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. Folders
+take the place of others likewise.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+
+#: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
+FORMULA = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
+#: Longest suffix that the temporary file keeps: programs choose a format by it.
+_SUFFIX = 20
+
+
+@contextlib.contextmanager
+def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[Path]:
+    """Context manager: a temporary file with the suffix of `path`, renamed to `path` at the end.
+
+    An existing file keeps its permissions and its owner. If `path` is a symbolic link, its target
+    is written. If the block raises, nothing changes.
+
+    Parameters
+    ----------
+    path : str or Path
+        In a folder that exists.
+    what : str
+        What is written, for messages.
+
+    Raises
+    ------
+    InputError
+        `path` cannot be a file, or the system refuses to write there (also in the block).
+    """
+    try:
+        target = Path(os.path.realpath(checks.path("path", path)))
+        old = _regular(target, path, what)
+        part = _beside(target, old)
+        try:
+            yield part
+            _to_disk(part)
+            os.replace(part, target)
+            _to_disk(target.parent)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+    except (OSError, UnicodeEncodeError) as error:
+        raise cannot_write(what, path, error) from error
+
+
+def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") -> None:
+    """Write a text in UTF-8, completely or not at all; InputError as `complete`."""
+    with complete(path, what) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def table_text(text: str) -> str:
+    """A text for a cell of a CSV file that no spreadsheet takes for a formula.
+
+    Names are given by users; one that begins with =, +, - or @ gets an apostrophe in front.
+    """
+    return f"'{text}" if text.lstrip()[:1] in FORMULA else text
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Write a file, and wait until it is on the disk; for folders that nobody reads from yet."""
+    path.write_bytes(content)
+    _to_disk(path)
+
+
+def replace_folder(new: Path, target: Path) -> None:
+    """Put the folder `new` in the place of `target`, which may exist; OSError if it cannot be."""
+    if not target.is_dir():
+        os.replace(new, target)
+        return
+    if not _exchanged(new, target):
+        aside = target.with_name(f"{new.name}.old")
+        os.replace(target, aside)
+        os.replace(new, target)
+        new = aside
+    shutil.rmtree(new)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange the names of two folders in one step; False where the system cannot."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
+    if rename is None:
+        return False
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
+
+
+def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
+    """The error that says which file the system refuses to write, and why."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")
+
+
+def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
+    """The status of the file at `target`; None if there is none."""
+    try:
+        old = target.lstat()  # links are resolved: a remaining one is circular
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(old.st_mode):
+        kind = "a folder" if stat.S_ISDIR(old.st_mode) else "not a regular file"
+        raise InputError(
+            f"cannot write {what} to {os.fspath(path)!r}: it is {kind}; choose another name."
+        )
+    if not os.access(target, os.W_OK):
+        raise InputError(f"cannot write {what} to {os.fspath(path)!r}: it is write-protected.")
+    return old
+
+
+def _beside(target: Path, old: os.stat_result | None) -> Path:
+    """An empty file in the folder of `target`, with the permissions of the file to be written."""
+    suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
+    part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
+    handle = os.open(part, flags, 0o666 if old is None else 0o600)
+    try:
+        if old is not None and hasattr(os, "fchown"):  # not on Windows
+            with contextlib.suppress(PermissionError):  # root alone may give files away
+                os.fchown(handle, old.st_uid, old.st_gid)
+            os.fchmod(handle, stat.S_IMODE(old.st_mode))
+    finally:
+        os.close(handle)
+    return part
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until the file, or the list of names in a folder, is on the disk."""
+    if os.name == "nt":  # Windows has no such call for folders, nor for files open to be read
+        return
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

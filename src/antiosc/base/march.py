@@ -1,0 +1,292 @@
+"""The march: the C library of `csrc`, its structures and functions as Python sees them.
+
+`csrc/antiosc_march.h` is its manual. The library stands beside this file; `make` or an installation
+builds it. ctypes lets other threads run during a call.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import platform as platforms
+import sys
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_int64, c_size_t, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base._types import Array
+from antiosc.base.errors import MissingDependencyError
+
+#: AOM_VERSION that the structures below belong to
+VERSION = 2
+#: numbers that a contact may remember
+MEMORY = 8
+
+# statuses
+DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK, PAUSED, LAW_FAILED = range(8)
+# kinds of laws
+LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, TABLE, USER = range(10)
+# branches of a law
+APART, FORWARD, CUT, BACK = range(4)
+
+FORCE = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double))
+TOUCH = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double))
+ADVANCE = FORCE
+
+
+class UserLaw(Structure):
+    """`aom_user_law`"""
+
+    _fields_ = [
+        ("context", c_void_p),
+        ("n_state", c_int),
+        ("rated", c_int),
+        ("force", FORCE),
+        ("touch", TOUCH),
+        ("advance", ADVANCE),
+    ]
+
+
+class Law(Structure):
+    """`aom_law`"""
+
+    _fields_ = [
+        ("kind", c_int),
+        ("n_params", c_int),
+        ("params", c_void_p),
+        ("user", POINTER(UserLaw)),
+    ]
+
+
+class Contact(Structure):
+    """`aom_contact`"""
+
+    _fields_ = [
+        ("law", Law),
+        *((name, c_double) for name in ("friction", "tangential_stiffness")),
+        *((name, c_int) for name in ("first_tangential", "n_tangential")),
+        *((name, c_double) for name in ("mass", "expected_depth", "expected_speed")),
+        *((name, c_double) for name in ("slowest", "preload")),
+    ]
+
+
+class System(Structure):
+    """`aom_system`"""
+
+    _fields_ = [
+        *((name, c_int) for name in ("n_modes", "n_rows", "n_contacts", "n_breaks")),
+        *((name, c_void_p) for name in ("omega", "decay", "beta", "residual")),
+        *((name, c_void_p) for name in ("breaks", "loads", "offsets", "contacts", "q", "v")),
+        ("stored", c_double),
+    ]
+
+
+class Options(Structure):
+    """`aom_options`"""
+
+    _fields_ = [
+        *((name, c_double) for name in ("duration", "rel_tol", "force_scale", "step")),
+        ("resolution", c_double),
+        *((name, c_int64) for name in ("max_contacts", "max_steps", "max_runs")),
+    ]
+
+
+class Record(Structure):
+    """`aom_record`"""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("max_nodes", "max_states", "max_events")),
+        *((name, c_int64) for name in ("n_nodes", "n_states", "n_events", "every")),
+        *((name, c_void_p) for name in ("time", "force", "depth", "states", "events")),
+    ]
+
+
+class Summary(Structure):
+    """`aom_summary`"""
+
+    _fields_ = [
+        *((name, c_double) for name in ("time", "force_scale", "highest", "gained", "work")),
+        *((name, c_int64) for name in ("steps", "attempts", "touches", "refused")),
+    ]
+
+
+class Difference(Structure):
+    """`aom_difference`"""
+
+    _fields_ = [(name, c_double) for name in ("force", "peak", "until")]
+
+
+class Solution(Structure):
+    """`aom_solution`"""
+
+    _fields_ = [
+        *((name, c_int) for name in ("best", "answer")),
+        *((name, c_double) for name in ("force", "peak", "certain", "share")),
+        ("summary", Summary),
+        *((name, c_int) for name in ("present", "before", "runs", "worse", "failed")),
+        ("used", c_int64),
+        *((name, c_double) for name in ("finer", "scale")),
+        ("earlier", Summary),
+    ]
+
+
+class Model(Structure):
+    """`axm_model` of `csrc/export/antiosc_model.h`"""
+
+    _fields_ = [
+        ("system", System),
+        ("options", Options),
+        ("n_sites", c_int),
+        *((name, c_void_p) for name in ("site_modes", "site_forces", "site_shifts")),
+        ("n_parameters", c_int),
+        *((name, c_void_p) for name in ("parameters", "start")),
+        ("n_outputs", c_int),
+        ("outputs", c_void_p),
+    ]
+
+
+_PACKAGE = Path(__file__).parents[1]
+_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
+SOURCE = _PACKAGE.parent.parent / "csrc"
+_REMEDY = "build it with `make` in the source folder, or install antiosc anew"
+
+_SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
+    "aom_version": (c_int,),
+    "aom_source_hash": (c_char_p,),
+    "aom_status_name": (c_char_p, c_int),
+    "aom_law_check": (c_int, c_void_p),
+    "aom_law_force": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
+    "aom_law_forces": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
+    "aom_law_energies": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
+    "aom_law_loading_work": (c_double, c_void_p, c_double),
+    "aom_law_touch": (None, c_void_p, c_double, c_int, c_void_p),
+    "aom_law_advance": (None, c_void_p, c_double, c_void_p),
+    "aom_law_origin": (c_double, c_void_p, c_void_p),
+    "aom_memory_size": (c_size_t, c_void_p),
+    "aom_create": (c_int, c_void_p, c_void_p, c_size_t, c_void_p),
+    "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
+    "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
+    "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
+    "aom_summarize": (Summary, c_void_p),
+    "aom_modal_state": (None, c_void_p, c_void_p),
+    "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
+    "aom_energies": (None, c_int64, c_int, c_void_p, c_void_p, c_void_p),
+    "aom_compare": (
+        Difference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
+        c_void_p,
+    ),
+    "axm_size": (c_size_t, c_void_p),
+    "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
+}  # fmt: skip
+
+
+def source_hash(folder: Path) -> str:
+    """A hash of the sources in a folder, as the build compiles it into the library."""
+    text = hashlib.sha256()
+    for path in sorted(folder.rglob("*.[ch]")):
+        text.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return text.hexdigest()[:16]
+
+
+def load(path: Path = FILE, source: Path = SOURCE) -> Any:
+    """The library; MissingDependencyError where it is missing, damaged or not of these sources."""
+    if not path.is_file():
+        raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
+    try:
+        found = ctypes.CDLL(str(path))
+        for name, (result, *arguments) in _SIGNATURES.items():
+            function = getattr(found, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise MissingDependencyError(
+            f"the library {path.name} cannot be loaded ({error}): {_REMEDY}."
+        ) from error
+    version, built = found.aom_version(), found.aom_source_hash().decode()
+    if version != VERSION:
+        raise MissingDependencyError(
+            f"the library {path.name} has version {version} of its interface, not {VERSION}:"
+            f" {_REMEDY}."
+        )
+    if (source / "antiosc_march.h").is_file() and built != source_hash(source):
+        raise MissingDependencyError(
+            f"the library {path.name} was built from other sources than those in csrc: run `make`."
+        )
+    return found
+
+
+def platform() -> str:
+    """The platform of the library, as FMI 3 names it."""
+    machine = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    name = platforms.machine()
+    return f"{machine.get(name, name)}-{system}"
+
+
+library = load()
+
+
+def _doubles(*arrays: Array) -> list[Array]:
+    """The arrays as C reads them."""
+    return [np.ascontiguousarray(each, dtype=float) for each in arrays]
+
+
+def address(values: NDArray[Any]) -> int:
+    """Where the numbers of an array stand; NumPy's own way takes thrice as long."""
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]
+    except (TypeError, ValueError):  # read-only, empty
+        return values.ctypes.data
+
+
+def responses(omega: Array, decay: Array, t: Array) -> Array:
+    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast."""
+    given = _doubles(*np.broadcast_arrays(omega, decay, t))
+    out = np.empty((6, *given[0].shape))
+    library.aom_responses(given[0].size, *map(address, given), 1, address(out))
+    return out
+
+
+def energies(states: Array, omega: Array) -> Array:
+    """Kinetic and strain energies [J] (n,) of states (n, 2, J)."""
+    states, omega = _doubles(states, omega)
+    out = np.empty(len(states))
+    library.aom_energies(len(states), omega.size, *map(address, (states, omega, out)))
+    return out
+
+
+def mechanical(x: Array, omega: Array) -> float:
+    """Kinetic and strain energy [J] of x = (q, v), (2, J)."""
+    return float(energies(x[None], omega)[0])
+
+
+def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
+    """Time integral [N s] of the force (n, m) of a row, and its peak [N], (C, 2).
+
+    Of the spans (C, 2) from one step to another.
+    """
+    time, force = _doubles(time, force)
+    steps, out = np.ascontiguousarray(spans, dtype=np.int64), np.empty((len(spans), 2))
+    at = (address(each) for each in (steps, out))
+    library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *at)
+    return out
+
+
+def compare(
+    time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
+) -> tuple[float, float, float]:
+    """Relative difference of the forces of two runs in the L2 norm, and of their peak.
+
+    With them the time [s] up to which the first is below the tolerance. At the nodes of both, up to
+    the end of the shorter run.
+    """
+    given = _doubles(time_a, force_a, time_b, force_b)
+    work = np.empty((2, force_a.shape[1]))
+    a, fa, b, fb = map(address, given)
+    found = library.aom_compare(
+        len(work.T), time_a.size, a, fa, time_b.size, b, fb, tol, address(work)
+    )
+    return found.force, found.peak, found.until

@@ -1,0 +1,201 @@
+"""Plausibility of numbers in SI units: the first check of a part, a site and a blow.
+
+Meshes and decks are often in mm and MPa. What is possible but unlikely is told in a warning before
+anything is computed, and again at the head of an error that follows from it; what is impossible is
+refused. Each sentence has the number, the rule, and the unit that is probably meant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import sqrt
+from typing import Any, Protocol
+
+import numpy as np
+
+from antiosc.base.errors import InputError, MeshError, warn
+
+#: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
+SLOWEST_WAVE, FASTEST_WAVE = 50.0, 20_000.0
+#: No solid as dense as this, kg/m³, has slower waves than this, m/s; none has faster ones than
+#: light.
+DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
+#: Parts measure this, m.
+SHORTEST_PART, LONGEST_PART = 1e-3, 100.0
+#: Rounding of lengths.
+ROUNDING = 1e-9
+#: Patches have at least this share of the size of the part as radius.
+SMALLEST_PATCH = 1e-4
+#: Blows on structures are slower than this, m/s.
+FASTEST_BLOW = 100.0
+#: Stress of a blow over Young's modulus, v/√(E/ρ), up to which a solid is linear.
+LINEAR = 0.1
+#: Young's moduli of what touches: rubber has some 1e6 Pa.
+SOFTEST = 1e6
+#: Real moduli, Pa, and densities, kg/m³.
+MODULI, DENSITIES = (1e6, 1.3e12), (5.0, 25_000.0)
+#: (factor of E, factor of ρ) to SI units, and the units in words.
+UNITS = (
+    (1e6, 1.0, "E in MPa"),
+    (1e9, 1.0, "E in GPa"),
+    (1.0, 1e3, "rho in g/cm³"),
+    (1.0, 1e12, "rho in t/mm³"),
+    (1e6, 1e12, "E in MPa and rho in t/mm³"),
+    (1e9, 1e3, "E in GPa and rho in g/cm³"),
+)
+
+
+class Material(Protocol):
+    """What is asked of a material here."""
+
+    def bar_speed(self) -> float:
+        """Speed √(E/ρ) of waves in a bar, m/s."""
+        ...
+
+
+def of_material(one: Material) -> str:
+    """What is implausible of a material; "" for nothing. InputError for what is impossible."""
+    speed, name = one.bar_speed(), type(one).__name__
+    if SLOWEST_WAVE <= speed <= FASTEST_WAVE:
+        return ""
+    E, rho = getattr(one, "E", None), getattr(one, "rho", None)
+    sentence = (
+        f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
+        f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
+        f"210e9 and 7850){_meant(E, rho)}."
+    )
+    if speed > LIGHT or (rho is not None and rho > DENSE and speed < SLOWEST_OF_DENSE):
+        raise InputError(sentence)
+    return sentence
+
+
+def _meant(E: float | None, rho: float | None) -> str:
+    """The units in which a modulus [Pa] and a density [kg/m³] would be real ones."""
+    if E is None or rho is None:
+        return ""
+    for of_E, of_rho, words in UNITS:
+        real = MODULI[0] <= of_E * E <= MODULI[1] and DENSITIES[0] <= of_rho * rho <= DENSITIES[1]
+        if real and 10 * SLOWEST_WAVE <= sqrt(of_E * E / (of_rho * rho)) <= FASTEST_WAVE:
+            return f"; {words} is probably meant: E={of_E * E:g}, rho={of_rho * rho:g}"
+    return ""
+
+
+def of_part(extent: float) -> str:
+    """What is implausible of the diagonal [m] of the box around a part; "" for nothing."""
+    if extent > LONGEST_PART:
+        return (
+            f"the part is {extent:.4g} m long, more than {LONGEST_PART:g} m: units are SI; a mesh "
+            'in millimetres is read with unit="mm".'
+        )
+    if extent < SHORTEST_PART:
+        return (
+            f"the part is {extent:.4g} m long, less than {SHORTEST_PART:g} m: units are SI; a mesh "
+            "in metres is read without unit=."
+        )
+    return ""
+
+
+def refuse_size(size: float, points: Any, name: str) -> None:
+    """MeshError for cells of a size [m] larger than the longest side of the box of points."""
+    longest = float(np.ptp(points, axis=0).max())
+    if size > longest * (1 + ROUNDING):
+        raise MeshError(
+            f"size={size:g} m is larger than {name}, which measures {longest:.3g} m: lengths are "
+            f"in metres; size={1e-3 * size:g} is probably meant ({size:g} mm)."
+        )
+
+
+def of_patch(radius: float, extent: float) -> str:
+    """What is implausible of a patch on a part of this size [m]; InputError where it is larger."""
+    if radius > extent:
+        raise InputError(
+            f"the radius {radius:g} m of the site is larger than the part, which measures "
+            f"{extent:.3g} m: lengths are in metres; {1e-3 * radius:g} m is probably meant."
+        )
+    if radius < SMALLEST_PATCH * extent:
+        return (
+            f"the radius {radius:g} m of the site is less than {SMALLEST_PATCH:g} of the part, "
+            f"which measures {extent:.3g} m: lengths are in metres; a mesh in millimetres is read "
+            'with unit="mm".'
+        )
+    return ""
+
+
+def of_modulus(E: float) -> str:
+    """What is implausible of the modulus [Pa] of a surface that is touched; "" for nothing."""
+    if E >= SOFTEST:
+        return ""
+    return (
+        f"E = {E:g} Pa of a surface in contact is less than that of rubber, {SOFTEST:g}: E is in "
+        f"Pa; {1e6 * E:g} is probably meant ({E:g} MPa)."
+    )
+
+
+def of_model(*models: Any) -> list[str]:
+    """What was implausible of the parts from which models were extracted."""
+    return [str(text) for one in models for text in _known(one, "doubts") or ()]
+
+
+def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
+    """What is implausible of a blow on a model; "" for nothing. InputError for the impossible.
+
+    Parameters
+    ----------
+    model : what is struck; its `info` tells √(E/ρ) of its material where it was extracted.
+    movers : bodies with a velocity.
+    velocities : further ones [m/s]: numbers, arrays or a `Motion`.
+    """
+    given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
+    speed = max(map(_fastest, given), default=0.0)
+    wave = _known(model, "wave_speed")
+    units = f"velocities are in m/s; {1e-3 * speed:g} m/s is probably meant ({speed:g} mm/s)"
+    sentence = ""
+    if speed > FASTEST_BLOW:
+        sentence = (
+            f"the blow of {speed:g} m/s is faster than {FASTEST_BLOW:g} m/s, beyond which every "
+            f"metal yields: {units}."
+        )
+    elif isinstance(wave, int | float) and 0 < wave < speed / LINEAR:
+        sentence = (
+            f"the blow of {speed:g} m/s on a material with √(E/ρ) = {wave:.3g} m/s makes stresses "
+            f"of about {speed / wave:.2g} E, more than {LINEAR:g} E, up to which a solid is "
+            "linear: E is in Pa, rho in kg/m³, velocities in m/s."
+        )
+    if speed > FASTEST_WAVE:
+        raise InputError(sentence)
+    return sentence
+
+
+def _known(model: Any, name: str) -> Any:
+    """What the `info` of a model tells, None for nothing; models stand above this module."""
+    return getattr(getattr(model, "info", None), name, None)
+
+
+def _fastest(velocity: Any) -> float:
+    """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
+    given = getattr(velocity, "velocity", velocity)
+    if type(given) not in (int, float, list, tuple, np.ndarray) and not isinstance(
+        given, np.number
+    ):
+        return 0.0
+    try:
+        values = np.asarray(given)
+    except ValueError:  # a list of unlike rows
+        return 0.0
+    if values.dtype.kind not in "iuf":
+        return 0.0
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max(initial=0.0))
+
+
+def tell(sentences: Iterable[str]) -> tuple[str, ...]:
+    """Warn of each sentence that is not empty, once; return them."""
+    told = tuple(dict.fromkeys(filter(None, sentences)))
+    for sentence in told:
+        warn(sentence)
+    return told
+
+
+def first(doubts: Iterable[str], sentence: str) -> str:
+    """An error's sentence behind what was implausible from the start."""
+    return " ".join([*doubts, sentence])

@@ -1,0 +1,155 @@
+"""Scalars and directions of stress and strain tensors: von Mises, principal values, Tsai–Hill.
+
+A tensor is an array (..., 3, 3), as `probe` returns it. Six numbers (..., 6) are taken as the
+components 11, 22, 33, 23, 13, 12 of a stress.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+
+#: Axes of the six components of a symmetric tensor: 11, 22, 33, 23, 13, 12.
+PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: Asymmetry of a tensor, over its largest entry, that is rounding.
+ASYMMETRY = 1e-9
+
+
+@checks.within_range
+def von_mises(stress: ArrayLike) -> Array:
+    """Equivalent stress (...,) [Pa] of stresses (..., 3, 3) or (..., 6), after von Mises.
+
+    Raises
+    ------
+    InputError
+        For anything but symmetric tensors.
+    """
+    s = tensors("stress", stress)
+    return equivalent(np.stack([s[..., i, j] for i, j in PAIRS], axis=-1))
+
+
+@checks.within_range
+def principal(tensor: ArrayLike) -> Array:
+    """Principal values (..., 3) of stresses or strains (..., 3, 3) or (..., 6), largest first.
+
+    Six numbers are components of a tensor: a shear strain is then half the angle γ.
+    """
+    return np.asarray(np.linalg.eigvalsh(tensors("tensor", tensor))[..., ::-1])
+
+
+@checks.within_range
+def tsai_hill(
+    stress: ArrayLike,
+    X: float,
+    Y: float,
+    S: float,
+    *,
+    X_compression: float | None = None,
+    Y_compression: float | None = None,
+) -> Array:
+    """Tsai–Hill index (...,) of a layer: 1 or more is failure.
+
+    (σ1/X)² − σ1σ2/X² + (σ2/Y)² + (τ12/S)², after S. W. Tsai, NASA CR-224 (1965).
+
+    Parameters
+    ----------
+    stress : array_like (..., 3, 3) or (..., 6)
+        Pa, in the axes of the layer: `probe(..., "stress", layer=k, axes="local")`.
+    X, Y, S : float
+        Strengths along the fibres, across them and in shear, Pa.
+    X_compression, Y_compression : float, optional
+        Strengths in compression, used for negative σ1 and σ2; default: X and Y.
+    """
+    s = tensors("stress", stress)
+    one, two, shear = s[..., 0, 0], s[..., 1, 1], s[..., 0, 1]
+    tension = [checks.positive(n, v, "Pa") for n, v in (("X", X), ("Y", Y))]
+    pressed = [
+        own if value is None else checks.positive(name, value, "Pa")
+        for name, value, own in (
+            ("X_compression", X_compression, tension[0]),
+            ("Y_compression", Y_compression, tension[1]),
+        )
+    ]
+    x = np.where(one < 0, pressed[0], tension[0])
+    y = np.where(two < 0, pressed[1], tension[1])
+    S = checks.positive("S", S, "Pa")
+    return np.asarray((one / x) ** 2 - one * two / x**2 + (two / y) ** 2 + (shear / S) ** 2)
+
+
+@checks.within_range
+def delamination_load(D: float, G: float) -> float:
+    """Static load [N] at which a delamination in the middle of a plate grows, π √(32 D G/3).
+
+    A circular delamination of radius a halves the thickness, so that two plates of stiffness D/8
+    deflect by F a²/(4 π D) at their centre, in place of F a²/(16 π D) before. The energy release
+    rate F²/2 dC/d(π a²) = 3 F²/(32 π² D) does not depend on a: growth begins at this load, and for
+    larger delaminations it does not rise. It holds for a quasi-isotropic laminate in small
+    deflection under a point load, without shear deformation. Compare it with `peak_force`; a factor
+    for short blows, in which the plate has not reached its static shape, is not included.
+
+    Parameters
+    ----------
+    D : float
+        Bending stiffness of the plate, N m: E h³/(12 (1 - nu²)), or about √(D11 D22) of a laminate.
+    G : float
+        Critical energy release rate in mode II, J/m².
+    """
+    D, G = checks.positive("D", D, "N m"), checks.positive("G", G, "J/m²")
+    return float(np.pi * np.sqrt(32 * D * G / 3))
+
+
+def tensors(name: str, value: Any) -> Array:
+    """Symmetric tensors (..., 3, 3) of such, or of six components (..., 6)."""
+    given = checks.array(name, value, None)
+    if given.shape[-2:] == (3, 3):
+        size = np.abs(given).max(initial=0.0)
+        if np.abs(given - np.swapaxes(given, -1, -2)).max(initial=0.0) > ASYMMETRY * size:
+            raise InputError(f"{name} must be symmetric.")
+        return given
+    if given.ndim and given.shape[-1] == 6:
+        return full(given)
+    raise InputError(
+        f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
+        f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {given.shape}."
+    )
+
+
+def equivalent(components: Array) -> Array:
+    """Von Mises's stress (...,) of components 11, 22, 33, 23, 13, 12 (..., 6)."""
+    normal, shear = components[..., :3], components[..., 3:]
+    mean = normal.mean(axis=-1, keepdims=True)
+    squares = np.sum((normal - mean) ** 2, axis=-1) + 2 * np.sum(shear**2, axis=-1)
+    return np.asarray(np.sqrt(1.5 * squares))
+
+
+def extreme_principal(components: Array) -> Array:
+    """Size (...,) of the principal value of largest size, of components (..., 6).
+
+    The trigonometric solution of the cubic (O. K. Smith, Commun. ACM 4 (1961) 168).
+    """
+    normal, (s23, s13, s12) = components[..., :3], np.moveaxis(components[..., 3:], -1, 0)
+    mean = normal.mean(axis=-1)
+    d1, d2, d3 = np.moveaxis(normal - mean[..., None], -1, 0)
+    size = np.sqrt((d1**2 + d2**2 + d3**2 + 2 * (s23**2 + s13**2 + s12**2)) / 6)
+    scale = np.where(size > 0, size, 1.0)
+    d1, d2, d3, s23, s13, s12 = (x / scale for x in (d1, d2, d3, s23, s13, s12))
+    determinant = d1 * (d2 * d3 - s23**2) - s12 * (s12 * d3 - s23 * s13)
+    determinant = determinant + s13 * (s12 * s23 - d2 * s13)
+    angle = np.arccos(np.clip(determinant / 2, -1, 1)) / 3
+    highest = mean + 2 * size * np.cos(angle)
+    lowest = mean + 2 * size * np.cos(angle + 2 * np.pi / 3)
+    return np.maximum(np.abs(highest), np.abs(lowest))
+
+
+def full(components: Array) -> Array:
+    """Tensors (..., 3, 3) of their components 11, 22, 33, 23, 13, 12 (..., 6)."""
+    result = np.empty((*components.shape[:-1], 3, 3))
+    for k, (i, j) in enumerate(PAIRS):
+        result[..., i, j] = result[..., j, i] = components[..., k]
+    return result

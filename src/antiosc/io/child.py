@@ -1,0 +1,124 @@
+"""The process that reads files: `python child.py`, requests on its standard input, line by line.
+
+It loads gmsh once and reads each file in a fork of itself. If a file makes its reader crash, hang
+or use all memory, only that fork ends. An answer is a line of JSON and the bytes of arrays, never a
+pickle. The process ends with the one that sends the requests.
+"""
+
+import contextlib
+import importlib
+import json
+import os
+import select
+import signal
+import sys
+import types
+from pathlib import Path
+
+
+def main() -> None:
+    """Answer requests until the input ends."""
+    requests = sys.stdin.buffer
+    answers = os.fdopen(os.dup(1), "wb")  # protected from what gmsh prints
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+    _hollow_packages(Path(__file__).parents[2])
+    for line in requests:
+        asked = json.loads(line)
+        sys.path[:] = asked.pop("sys_path")
+        code, answer = _in_a_fork(asked, nowhere)
+        answers.write(json.dumps({"code": code, "size": len(answer)}).encode() + b"\n")
+        answers.write(answer)
+        answers.flush()
+
+
+def _hollow_packages(folder: Path) -> None:
+    """Empty packages around the readers, because importing dolfinx and SciPy takes long."""
+    for name in ("antiosc", "antiosc.fem", "antiosc.io"):
+        package = types.ModuleType(name)
+        package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
+        sys.modules[name] = package
+
+
+def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
+    """(exit code, answer) of a fork of this process that reads one file."""
+    from antiosc.io.table import reader_of
+
+    with contextlib.suppress(Exception):  # the fork raises it again, and says it
+        importlib.import_module(reader_of(asked["path"], asked.get("solid", False)).library)
+    reading, writing = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        code = 1
+        try:
+            os.close(reading)
+            os.dup2(nowhere, 0)
+            with os.fdopen(writing, "wb") as answer:
+                _work(asked, answer)
+            code = 0
+        finally:
+            os._exit(code)  # without the finalizers, in which gmsh may crash
+    os.close(writing)
+    answer = _answer_of(pid, reading)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), answer
+
+
+def _answer_of(pid: int, reading: int) -> bytes:
+    """The output of the fork; both processes end if the caller has closed its end."""
+    poll = select.poll()
+    poll.register(reading, select.POLLIN)
+    poll.register(0, 0)  # readable only if the other end is closed
+    parts: list[bytes] = []
+    with os.fdopen(reading, "rb", buffering=0) as stream:
+        while True:
+            ready = dict(poll.poll())
+            if 0 in ready:
+                os.kill(pid, signal.SIGKILL)
+                os._exit(1)
+            part = stream.read(2**20)
+            if not part:
+                return b"".join(parts)
+            parts.append(part)
+
+
+def _work(asked, answer):  # type: ignore[no-untyped-def]
+    """Read one file, in a private folder and with limits, and write the answer."""
+    from antiosc.io.request import Request
+
+    folder = asked.pop("folder")
+    os.chdir(folder)
+    os.environ.update({"HOME": folder, "TMPDIR": folder})
+    ask = Request(**asked)
+    ask.limit_memory()
+    ask.allow(30 + 1e-5 * os.path.getsize(ask.path))
+    head, arrays = _read(ask)
+    head["arrays"] = [[str(a.dtype), list(a.shape)] for a in arrays]
+    answer.write(json.dumps(head).encode() + b"\n")
+    for array in arrays:
+        answer.write(array.tobytes())
+
+
+def _read(ask):  # type: ignore[no-untyped-def]
+    """(head, arrays) of the mesh, or of the error that the reader raised."""
+    from antiosc.base.errors import AntioscError
+    from antiosc.io.neutral import packed
+    from antiosc.io.table import reader_of
+
+    try:
+        return packed(reader_of(ask.path, ask.solid).read(ask))
+    except AntioscError as error:
+        return {"error": type(error).__name__, "message": str(error)}, []
+    except MemoryError:
+        return {"error": "MemoryError", "message": ""}, []
+    except Exception as error:
+        said = " ".join(str(error).replace(ask.path, ask.name).split())[:200].rstrip(".")
+        message = (
+            f"{ask.name} cannot be read: it is damaged, or a variant of its format that is not "
+            f"supported ({type(error).__name__}: {said or 'no reason given'})."
+        )
+        return {"error": "MeshError", "message": message}, []
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,271 @@
+"""Elements of a deck as cells of one mesh.
+
+A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
+collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles.
+Every cell is divided into the pyramids from its node of lowest number over the faces without this
+node, and every rectangle from its node of lowest number. Two cells therefore divide the face
+between them in the same way without knowing each other (the pulling triangulation: C. W. Lee,
+*Subdivisions and triangulations of polytopes*, 1997). New nodes in the middle of faces, cells and
+diagonals lie where the serendipity functions of the element place them, so that curved surfaces
+keep their shape.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, Block, Deck, IntArray, listed
+from antiosc.io.fixed_entities import DIAGONALS, FixedEntities, fixed_with
+from antiosc.io.neutral import FileMesh, of_dimension
+from antiosc.io.node_table import NodeTable
+from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+
+#: (shape, geometric order) -> name of the kind of cells
+CELL_LABELS = {
+    ("point", 1): "vertex",
+    ("line", 1): "line",
+    ("line", 2): "line3",
+    ("triangle", 1): "triangle",
+    ("triangle", 2): "triangle6",
+    ("quad", 1): "quad",
+    ("quad", 2): "quad9",
+    ("tetra", 1): "tetra",
+    ("tetra", 2): "tetra10",
+    ("hexahedron", 1): "hexahedron",
+    ("hexahedron", 2): "hexahedron27",
+}
+NO_CELLS = np.zeros(0, dtype=np.int64)
+
+
+def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
+    """The deck's elements as cells, its sets as groups.
+
+    `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them.
+
+    Raises
+    ------
+    MeshError
+        An element whose coincident nodes leave it without volume or area.
+    """
+    nodes = NodeTable(deck.points)
+    cells: dict[str, IntArray] = {}
+    owners: dict[str, IntArray] = {}
+    starts = np.cumsum([0, *map(len, deck.blocks)])
+    shapes_of: list[tuple[str, str, list[Block]]] = []
+    split = False
+    for dim in (3, 2, 1, 0):
+        some = [
+            (block, np.arange(start, start + len(block)))
+            for block, start in zip(deck.blocks, starts, strict=False)
+            if DIMENSION[block.shape] == dim and len(block)
+        ]
+        if not some:
+            continue
+        if dim == 1 and halve_lines:
+            some = [_halved(*one) for one in some]
+        shapes = {block.shape for block, _ in some}
+        split = dim > 1 and (split or shapes not in _WHOLE or any(_collapsed(b) for b, _ in some))
+        order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
+        shape = _SIMPLEX[dim] if split else next(iter(shapes))
+        label = CELL_LABELS[shape, order]
+        cells[label], owners[label] = _of_dimension(deck, some, split, order, nodes)
+        shapes_of.append((label, shape, [block for block, _ in some]))
+    mesh = FileMesh(nodes.all_points(), cells, "vtk")
+    for name, elements in deck.element_sets.items():
+        inside = np.zeros(deck.n_elements, dtype=bool)
+        inside[elements] = True
+        rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
+        mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
+    mesh.node_sets = dict(deck.node_sets)
+    joined = bool(deck.model and deck.model["joined"])
+    # else those of lower dimension are sides of the first
+    for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
+        entities = FixedEntities(shape, cells[label], blocks, nodes)
+        own = of_dimension("", DIMENSION[shape]) if joined else ""
+        mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
+    mesh.model = deck.model
+    if joined and deck.model:
+        joints = deck.model["joints"]
+        dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
+        joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
+    mesh.told = list(deck.told)
+    if deck.left:
+        gone = sum(deck.left.values())
+        mesh.told.append(
+            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
+            f"cells of the mesh, which leaves out {listed(deck.left)}."
+        )
+    return mesh
+
+
+#: Shapes that are not divided if all elements have one of them.
+_WHOLE = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
+_SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
+
+
+def _of_dimension(
+    deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
+) -> tuple[IntArray, IntArray]:
+    """(cells with all their nodes, the element of each)."""
+    if order == 2:
+        for block, _ in blocks:
+            _note_middles(block, nodes)
+        if split:
+            for block, _ in blocks:
+                _note_cuts(block, nodes)
+    tables, owners = [], []
+    for block, elements in blocks:
+        every = np.arange(len(block))
+        corners, rows = _simplices(block) if split else (block.corners, every)
+        lost = np.setdiff1d(every, rows)
+        if len(lost):
+            raise MeshError(
+                f"{len(lost)} {block.type} elements of {deck.name} use one node several times "
+                "so that they have no volume or area; delete them."
+            )
+        shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
+        if order == 2:
+            ends = corners[:, np.array(EDGES[shape])]
+            mids = nodes.between(ends)
+            inner = _inner(block, nodes) if not split else corners[:, :0]
+            corners = np.hstack([corners, mids, inner])
+        tables.append(corners)
+        owners.append(elements[rows])
+    return np.vstack(tables), np.concatenate(owners)
+
+
+# --- Second order ---------------------------------------------------------------------------------
+
+
+def _note_middles(block: Block, nodes: NodeTable) -> None:
+    """Enter the middle nodes of the edges in the deck into the table."""
+    if block.mids.shape[1]:
+        ends = block.corners[:, np.array(EDGES[block.shape])]
+        given = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
+        nodes.give(ends[given], block.mids[given])
+
+
+def _face_centres(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> Array:
+    """The middle of a face of four corners and four edges: −1/4 of these and 1/2 of those."""
+    corners = nodes.points[block.corners[:, list(face)]]
+    middles = nodes.points_between(block.corners[:, _edges_of(face)])
+    return np.asarray(middles.sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+
+
+def _nodes_around(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> IntArray:
+    """Corners of a face and the nodes in the middle of its edges."""
+    middles = nodes.between(block.corners[:, _edges_of(face)])
+    return np.hstack([block.corners[:, list(face)], middles])
+
+
+def _edges_of(face: tuple[int, ...]) -> IntArray:
+    return np.stack([face, np.roll(face, -1)], axis=1)
+
+
+def _cell_centres(block: Block, nodes: NodeTable) -> Array:
+    """The middle of a hexahedron of 20 nodes: −1/4 of its corners and 1/4 of its edges'."""
+    corners = nodes.points[block.corners]
+    middles = nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
+    return np.asarray((middles.sum(axis=1) - corners.sum(axis=1)) / 4)
+
+
+def _all_nodes(block: Block, nodes: NodeTable) -> IntArray:
+    """Corners and the nodes in the middle of the edges."""
+    return np.hstack([block.corners, nodes.between(block.corners[:, np.array(EDGES[block.shape])])])
+
+
+def _inner(block: Block, nodes: NodeTable) -> IntArray:
+    """Nodes within the faces and the volume of quadrilaterals and hexahedra, in VTK's order."""
+    if block.shape not in ("quad", "hexahedron"):
+        return block.corners[:, :0]
+    if block.inner.shape[1] and (block.inner >= 0).all():
+        return block.inner
+    columns = []
+    for face in rectangles(block.shape):
+        centres = _face_centres(block, nodes, face)
+        around = _nodes_around(block, nodes, face)
+        columns.append(nodes.of_face(block.corners[:, list(face)], centres, around))
+    if block.shape == "hexahedron":
+        columns.append(nodes.new(_cell_centres(block, nodes), _all_nodes(block, nodes)))
+    return np.stack(columns, axis=1)
+
+
+def _note_cuts(block: Block, nodes: NodeTable) -> None:
+    """Enter the middles of all diagonals of divided faces and cells into the table."""
+    if block.inner.shape[1]:
+        _note_inner(block, nodes)
+        return
+    for face in rectangles(block.shape):
+        centres = _face_centres(block, nodes, face)
+        for one, other in ((0, 2), (1, 3)):
+            around = _nodes_around(block, nodes, face)
+            nodes.place(block.corners[:, [face[one], face[other]]], centres, around)
+    if block.shape == "hexahedron":
+        centres = _cell_centres(block, nodes)
+        for one, other in DIAGONALS:
+            nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
+
+
+def _note_inner(block: Block, nodes: NodeTable) -> None:
+    """Enter the file's own nodes within faces and cells as the middles of all their diagonals."""
+    pairs = [[(face[k], face[k + 2]) for k in (0, 1)] for face in rectangles(block.shape)]
+    if block.shape == "hexahedron":
+        pairs.append(list(DIAGONALS))
+    for column, diagonals in zip(block.inner.T, pairs, strict=True):
+        for one, other in diagonals:
+            nodes.give(block.corners[:, [one, other]], column)
+
+
+# --- Division -------------------------------------------------------------------------------------
+
+
+def _collapsed(block: Block) -> bool:
+    """Whether an element with more corners than a simplex uses a node twice."""
+    if CORNERS[block.shape] <= DIMENSION[block.shape] + 1:
+        return False
+    ordered = np.sort(block.corners, axis=1)
+    return bool((ordered[:, 1:] == ordered[:, :-1]).any())
+
+
+def _simplices(block: Block) -> tuple[IntArray, IntArray]:
+    """(corners of triangles or tetrahedra, row of the element of each)."""
+    if DIMENSION[block.shape] == 2:
+        return _triangles(block.corners)
+    if block.shape == "tetra":
+        return block.corners, np.arange(len(block))
+    apex = block.corners.min(axis=1)
+    corners, rows = [block.corners[:0, :4]], [NO_CELLS]
+    for face in FACES[block.shape]:
+        around = block.corners[:, list(face)]
+        across = np.flatnonzero((around != apex[:, None]).all(axis=1))
+        base, of = _triangles(around[across])
+        corners.append(np.column_stack([base, apex[across[of]]]))
+        rows.append(across[of])
+    return np.vstack(corners), np.concatenate(rows)
+
+
+def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
+    """Triangles from the lowest node of each face, and the row of the face of each."""
+    rows = np.arange(len(around))
+    if around.shape[1] == 4:
+        turn = (np.argmin(around, axis=1)[:, None] + np.arange(4)) % 4
+        a, b, c, d = np.take_along_axis(around, turn, axis=1).T
+        around = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        rows = np.concatenate([rows, rows])
+    ordered = np.sort(around, axis=1)
+    sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
+    return around[sound], rows[sound]
+
+
+# --- Lines ----------------------------------------------------------------------------------------
+
+
+def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
+    """Two straight lines for each line with a middle node."""
+    if not block.mids.shape[1] or (block.mids < 0).any():
+        return block, elements
+    ends = np.column_stack([block.corners[:, 0], block.mids[:, 0], block.corners[:, 1]])
+    lines = np.vstack([ends[:, :2], ends[:, 1:]])
+    halves = Block("line", block.type, lines, lines[:, :0], lines[:, :0])
+    return halves, np.concatenate([elements, elements])

@@ -1,0 +1,166 @@
+"""The content of a deck, independent of its program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base.errors import MeshError
+
+IntArray = NDArray[np.int64]
+Array = NDArray[np.float64]
+
+#: Largest number of a node or element; larger ones indicate a damaged file.
+LARGEST_NUMBER = 2**62
+#: Largest quantity in a deck; its powers stay within double precision. Smaller ones than its
+#: inverse are zero.
+LARGEST_REAL = 1e60
+
+
+@dataclass
+class Block:
+    """Elements of one type."""
+
+    #: a key of `antiosc.io.shapes.EDGES`
+    shape: str
+    #: the deck's own name of the type
+    type: str
+    #: (n, corners) rows of `Deck.points`
+    corners: IntArray
+    #: (n, edges) rows of `Deck.points`, -1 where there is none; (n, 0) for straight elements
+    mids: IntArray
+    #: (n, k) nodes inside faces and inside the cell, in VTK's order; (n, 0) for most
+    inner: IntArray
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+
+@dataclass(frozen=True)
+class Place:
+    """File and line of an entry, for messages."""
+
+    file: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"line {self.line} of {self.file}"
+
+    def error(self, text: str) -> MeshError:
+        """The error with the sentence `text` about this place."""
+        return MeshError(f"{self}: {text}")
+
+
+@dataclass
+class Deck:
+    """Nodes, elements and sets of a deck.
+
+    Elements are numbered consecutively through all blocks.
+    """
+
+    name: str
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    blocks: list[Block] = field(default_factory=list)
+    #: name -> rows of `points`
+    node_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: name -> numbers of elements
+    element_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: nodes fixed by supports: name of the group for them -> rows of `points`
+    fixed: dict[str, IntArray] = field(default_factory=dict)
+    #: type of elements that are not cells of a mesh -> their number
+    left: dict[str, int] = field(default_factory=dict)
+    #: warnings about the deck for the caller, one sentence each
+    told: list[str] = field(default_factory=list)
+    #: names of the parts (sets of elements) that a model is made of; None: of all elements
+    wanted: list[str] | None = None
+    #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
+    piece: int | None = None
+    #: materials, sections, supports, masses in SI units, if they were requested
+    model: dict[str, Any] | None = None
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements that are cells."""
+        return sum(len(block) for block in self.blocks)
+
+    def leave(self, kind: str, count: int) -> None:
+        """Count elements that are not cells."""
+        self.left[kind] = self.left.get(kind, 0) + count
+
+
+class Numbering:
+    """Rows of the nodes or elements of a deck by their numbers."""
+
+    def __init__(self, labels: IntArray) -> None:
+        self.order = np.argsort(labels, kind="stable")
+        self.labels = labels[self.order]
+
+    def rows(self, labels: IntArray) -> IntArray:
+        """The row of each of `labels`, -1 for unknown ones."""
+        if not len(self.labels):
+            return np.full(np.shape(labels), -1, dtype=np.int64)
+        place = np.minimum(np.searchsorted(self.labels, labels), len(self.labels) - 1)
+        return np.where(self.labels[place] == labels, self.order[place], -1)
+
+    def between(self, first: int, last: int, step: int = 1) -> IntArray:
+        """Rows of those numbers first, first + step, … up to `last` that exist."""
+        low, high = np.searchsorted(self.labels, [first, last + 1])
+        some = self.labels[low:high]
+        return np.asarray(self.order[low:high][(some - first) % step == 0])
+
+
+def unique_last(labels: IntArray) -> IntArray:
+    """Index of the last entry of each label, ascending: later definitions replace earlier ones."""
+    _, first = np.unique(labels[::-1], return_index=True)
+    return np.sort(len(labels) - 1 - first)
+
+
+def whole_number(text: str, place: Place) -> int:
+    """An integer of a deck; MeshError if the text is not an integer."""
+    try:
+        value = int(text)
+    except ValueError:
+        try:
+            number = real_number(text, place)
+        except MeshError:
+            number = 0.5
+        if not (abs(number) < 2**53 and number.is_integer()):
+            raise MeshError(f"{place}: {text.strip()[:40]!r} is not an integer.") from None
+        value = int(number)
+    if abs(value) > LARGEST_NUMBER:
+        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+    return value
+
+
+def real_number(text: str, place: Place) -> float:
+    """A finite number of a deck, also 1.5D+7 and Nastran's 1.5+7; MeshError for other text."""
+    word = text.strip().upper().replace("D", "E")
+    try:
+        value = float(word)
+    except ValueError:
+        sign = max(word.rfind("+"), word.rfind("-"))
+        try:
+            value = float(f"{word[:sign]}E{word[sign:]}") if sign > 0 else float("nan")
+        except ValueError:
+            value = float("nan")
+    if not np.isfinite(value) or "_" in word:
+        raise MeshError(f"{place}: {text.strip()[:40]!r} is not a number.")
+    if abs(value) > LARGEST_REAL:
+        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+    return value if abs(value) > 1 / LARGEST_REAL else 0.0
+
+
+def listed(counts: dict[str, int]) -> str:
+    """Types of elements and their numbers as text."""
+    shown = [f"{count} {kind}" for kind, count in sorted(counts.items())]
+    return _shortened(shown)
+
+
+def _shortened(words: Iterable[str], most: int = 8) -> str:
+    words = list(words)
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

@@ -1,0 +1,142 @@
+"""Files are read in a separate process, so that a harmful file cannot affect the caller."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import stat
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc.base.errors import AntioscError, MeshError, MissingDependencyError
+from antiosc.io import server
+from antiosc.io.neutral import FileMesh, unpacked
+from antiosc.io.request import OVERTIME
+from antiosc.base.progress import doing
+
+#: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
+LEAST_MEMORY = 2 * 2**30
+#: Additional address space of a reader of a mesh, over the size of the file.
+MEMORY_PER_BYTE = 100
+#: Share of the machine's memory that no reader exceeds.
+READER_MEMORY_SHARE = 0.9
+
+
+def read_apart(
+    path: Path, *, geometry: bool, options: dict[str, Any], timeout: float | None
+) -> FileMesh:
+    """The content of the file `path`, by the reader of its file type (`table`).
+
+    `geometry`: it is meshed; the size of the mesh does not follow from the size of the file.
+
+    Raises
+    ------
+    MeshError
+        No such file, no regular file, damaged, refused by its reader, or over the limits.
+    MissingDependencyError
+        gmsh or meshio.
+    """
+    size = _size(path)
+    memory = _memory(None if geometry else size)
+    with tempfile.TemporaryDirectory(prefix="antiosc-") as folder:
+        if options["trust"]:  # a trusted script may refer to files in the working folder
+            folder = os.getcwd()
+        place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
+        with doing(f"{'meshing' if geometry else 'reading'} {path.name}"):
+            code, answer = server.ask({**options, **place, "timeout": timeout, "memory": memory})
+    if code != 0:
+        raise _broken_off(path.name, code, memory)
+    return _answer(path.name, answer, memory)
+
+
+def _size(path: Path) -> int:
+    """Size of a regular file, bytes; MeshError for anything else, which might never end."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        raise MeshError(
+            f"there is no mesh file {str(path)!r}; check the path (working folder: {Path.cwd()})."
+        ) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise MeshError(f"{str(path)[:200]!r} cannot be opened: {reason}.") from None
+    if not stat.S_ISREG(status.st_mode):
+        kind = "folder" if stat.S_ISDIR(status.st_mode) else "pipe or device"
+        raise MeshError(f"{str(path)!r} is a {kind}, not a file with a mesh.")
+    if not os.access(path, os.R_OK):
+        raise MeshError(f"{str(path)!r} may not be read: its permissions forbid it.")
+    if status.st_size == 0:
+        raise MeshError(f"{path.name} is empty.")
+    if status.st_size > READER_MEMORY_SHARE * _machine_memory():
+        raise MeshError(
+            f"{path.name} has {status.st_size / 2**30:.3g} GiB, more than this machine's memory."
+        )
+    return status.st_size
+
+
+def _machine_memory() -> int:
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError):
+        return 2**34
+
+
+def _memory(size: int | None) -> int:
+    most = int(READER_MEMORY_SHARE * _machine_memory())
+    if size is not None:
+        most = min(most, LEAST_MEMORY + MEMORY_PER_BYTE * size)
+    return max(most, LEAST_MEMORY)
+
+
+def _broken_off(name: str, code: int, memory: int) -> MeshError:
+    if -code in OVERTIME:
+        return MeshError(
+            f"reading {name} took longer than a file of its kind and size may take: it is damaged, "
+            "or needs a longer timeout=."
+        )
+    if code < 0:
+        return MeshError(
+            f"the reader of {name} broke off ({signal.Signals(-code).name}; it had "
+            f"{memory / 2**30:.1f} GiB): the file is damaged, or cannot be meshed at this size."
+        )
+    return MeshError(f"the reader of {name} ended with code {code} and gave no mesh.")
+
+
+def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
+    """The mesh in the reader's answer, or the error there."""
+    line, _, rest = answer.partition(b"\n")
+    if not line:
+        raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
+    try:
+        head = json.loads(line)
+        if "error" in head:
+            _raise(name, head, memory)
+        return unpacked(head, _arrays(head["arrays"], rest))
+    except MeshError:
+        raise
+    except (ValueError, KeyError) as error:
+        raise MeshError(f"{name} is damaged: {str(error).rstrip('.')}.") from error
+
+
+def _raise(name: str, head: dict[str, Any], memory: int) -> None:
+    if head["error"] == "MemoryError":
+        raise MeshError(
+            f"{name} needs more than {memory / 2**30:.1f} GiB to be read: it is damaged, or too "
+            "large for this machine."
+        )
+    kinds: dict[str, type[AntioscError]] = {"MissingDependencyError": MissingDependencyError}
+    raise kinds.get(head["error"], MeshError)(head["message"])
+
+
+def _arrays(shapes: Sequence[tuple[str, list[int]]], content: bytes) -> list[Any]:
+    arrays, start = [], 0
+    for dtype, shape in shapes:
+        count = int(np.prod(shape, dtype=object))
+        arrays.append(np.frombuffer(content, dtype, count, start).reshape(shape))
+        start += arrays[-1].nbytes
+    return arrays

@@ -1,0 +1,64 @@
+"""The reader of each file type.
+
+A reader gets a `Request`, reads `ask.path` and returns a `FileMesh`, or raises MeshError with one
+sentence that names the file `ask.name`. It runs in a separate process with limits on time and
+memory (`child`), which can import only those modules of antiosc that do not need dolfinx:
+`antiosc.base.errors`, `antiosc.base.checks` and this package. Packages register further readers, each for one
+ending, as entry points of the group `antiosc.readers`; all other types go to meshio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from antiosc.io import by_gmsh, by_meshio, by_unv
+from antiosc.io.request import FileReader
+from antiosc.io.registered import loaded, registered
+
+#: Name is the ending of the files without its dot, value a `FileReader`.
+GROUP = "antiosc.readers"
+GENERATOR = FileReader(by_gmsh.generate, library="gmsh")
+BUILT_IN = {
+    ".msh": FileReader(by_gmsh.read, library="gmsh"),
+    ".unv": FileReader(by_unv.read),
+    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+}
+MESHIO = FileReader(by_meshio.read, library="meshio")
+FIRST_BYTES = 2**20
+
+
+def reader_of(path: str | Path, solid: bool = False) -> FileReader:
+    """The reader of a file, by its ending and content; `solid`: a surface to be filled."""
+    if solid:
+        return GENERATOR
+    ending = Path(path).suffix.lower()
+    for reader in _registered(ending):
+        if reader.matches is None or reader.matches(_start(path)):
+            return reader
+    return BUILT_IN.get(ending, MESHIO)
+
+
+def _registered(ending: str) -> Iterator[FileReader]:
+    for entry in registered(GROUP):
+        if f".{entry.name.lower()}" == ending:
+            yield loaded(entry, FileReader)
+
+
+def _start(path: str | Path) -> bytes:
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(FIRST_BYTES)
+    except OSError:
+        return b""
+
+
+def is_deck(path: str | Path) -> bool:
+    """Whether a file may contain a whole model."""
+    return reader_of(path).model
+
+
+def deck_endings() -> list[str]:
+    """Endings of the files that `read_model` reads, whatever their content."""
+    every = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
+    return sorted(one for one, reader in every.items() if reader.model and not reader.matches)

@@ -1,0 +1,193 @@
+"""Displacement fields of a body, computed from its model after an impact.
+
+The modal form of the body (`ModalBody`) defines the sum of its shapes, for anti-oscillators Article
+(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `write_series` evaluates the sum at all nodes for some
+times, in files that ParaView opens (`antiosc.results.probe`: at one point for all times).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import array, filled, instance, path as checked_path
+from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.fem import node_fields
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.series import Frames, listing, write_frames
+from antiosc.fem.structure.structure import Structure
+from antiosc.results.saved_fields import SavedFields
+from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.base.threads import one_thread
+
+
+def counted(history: Motions) -> tuple[Any, ...]:
+    """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
+    if isinstance(history, BodyHistory):
+        return "body", history.placed.name, f"{history.time[-1]:.6g}"
+    of = list(history.assembly.bodies) if isinstance(history, SceneHistory) else history.model
+    return of, history.status, f"{history.time[-1]:.6g}"
+
+
+@collective(history=counted)
+@one_thread()
+def write_series(
+    structure: Structure,
+    history: History | SceneHistory,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacement field as a series that ParaView opens.
+
+    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History or SceneHistory
+    path : str or Path
+        The `.pvd` file (the ending is added where it is missing); the frames go beside it as
+        `<name>_0000.vtu` and on. With the ending `.bp` that folder, of a structure of one mesh;
+        each rank writes its own part there.
+    times : array_like (n,), optional
+        Times in s; default: 40 evenly over the history.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
+
+    Returns
+    -------
+    Path
+        Of the `.pvd`. If the run is killed meanwhile, it is absent, or lists a whole series.
+    """
+    one_folder = checked_path("path", path).suffix.lower() == ".bp"
+    target = checked_path("path", path) if one_folder else listing(path)
+    own = shapes_of(structure, history, body)
+    if times is None:
+        times = np.linspace(history.time[0], history.time[-1], 40)
+    at = filled("times", times)
+    if one_folder:
+        _write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        return target
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = amplitudes(history, at, body)
+
+    def write() -> None:
+        frames = Frames(points, cells)
+        write_frames(target, frames, at, (shapes @ a for a in factors))
+
+    on_root(structure.comm, write)
+    return target
+
+
+@collective(history=counted)
+@one_thread()
+def save_fields(
+    structure: Structure,
+    history: History | SceneHistory,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacements of all nodes at many times to one compact file.
+
+    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it with
+    NumPy alone.
+
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path
+        The `.npz` file.
+    times : array_like (n,), optional
+        Increasing times in s; default: those of the history.
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; times that do not increase; a
+        file that cannot be written.
+    """
+    target = checked_path("path", path)
+    own = shapes_of(structure, history, body)
+    at = np.unique(history.time) if times is None else filled("times", times)
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = amplitudes(history, at, body)
+    on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
+    return target
+
+
+def _write_vtx(
+    target: Path, structure: Structure, shapes: Array, times: Array, factors: Array
+) -> None:
+    try:
+        from antiosc.fem import vtx
+    except ImportError:
+        raise MissingDependencyError("a .bp series needs dolfinx: write a .pvd.") from None
+    vtx.write(target, structure, shapes, times, factors)
+
+
+@collective(history=counted)
+@one_thread()
+def skin(
+    structure: Structure, history: History | SceneHistory, time: float, *, body: str = "structure"
+) -> tuple[Array, IntArray, Array]:
+    """The surface of a part and its motion at one time, the same on all ranks.
+
+    Returns
+    -------
+    points : (P, 3) [m], nodes of the mesh.
+    faces : (F, 3 or 4) indices of their corners, in order around the face: the outer faces of a
+        solid, the cells of a sheet or of a plane part.
+    moved : (P, 3) [m], displacements of the points at `time` [s].
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a mesh of lines.
+    """
+    own = shapes_of(structure, history, body)
+    points, faces, shapes = source(structure).surface(structure, own)
+    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
+    return outer
+
+
+def source(structure: Structure) -> ModuleType:
+    """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
+    if structure.matrices.located:
+        return node_fields
+    with_parts(structure)
+    from antiosc.fem import mesh_fields  # needs dolfinx
+
+    return mesh_fields
+
+
+def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side."""
+    instance("structure", structure, Structure, "a Structure")
+    kinds = (History, SceneHistory, BodyHistory)
+    instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    own = modes_of(history, body)
+    assert own.basis is not None
+    rows = structure.rows
+    fits = all(len(block) == rows for block in own.basis)
+    if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
+        raise InputError(
+            f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
+            "was extracted from another structure."
+        )
+    return np.column_stack(own.basis)

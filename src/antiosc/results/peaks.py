@@ -1,0 +1,250 @@
+"""Envelopes: the largest value of a quantity at every node over a whole run, and when it occurs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base import files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.brief import Brief
+from antiosc.base.errors import AccuracyWarning
+from antiosc.results import peak_search
+from antiosc.results.fields import counted, shapes_of, source
+from antiosc.fem.mpi import collective, warn
+from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.series import Frames
+from antiosc.fem.structure.structure import Structure
+from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.base.stresses import equivalent, extreme_principal
+from antiosc.base.threads import one_thread
+
+#: Quantity -> (what is recovered, time derivative, unit).
+PEAK_QUANTITIES = {
+    "displacement": ("motion", 0, "m"),
+    "velocity": ("motion", 1, "m/s"),
+    "acceleration": ("motion", 2, "m/s²"),
+    "von_mises": ("stress", 0, "Pa"),
+    "stress": ("stress", 0, "Pa"),
+    "strain": ("strain", 0, ""),
+}
+#: Share of the largest value from which what the times may miss is told.
+UNRESOLVED = 0.05
+#: Distance between two places of `PeakField.largest`, over the size of the part.
+PLACES_APART = 0.05
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeakField(Brief):
+    """The largest value of one quantity at every node of a part.
+
+    Attributes
+    ----------
+    quantity, unit : what was sought.
+    points : (P, 3) nodes of the mesh, m.
+    values : (P,) largest value at each.
+    times : (P,) when it occurs, s.
+    error : what a value may be too low by, as times that were chosen miss peaks, at most; for
+        those that were given it is not known (None).
+    """
+
+    quantity: str
+    unit: str
+    points: Array
+    values: Array
+    times: Array
+    _cells: list[tuple[str, IntArray]] = field(repr=False)
+    error: float | None = None
+
+    def largest(
+        self, count: int = 5, apart: float | None = None
+    ) -> list[tuple[float, Array, float]]:
+        """(value, place (3,) [m], time [s]) of the largest values, each `apart` from the others.
+
+        `apart` [m]: default 5 % of the size of the part.
+        """
+        count = checks.whole("count", count)
+        if apart is None:
+            apart = PLACES_APART * float(np.ptp(self.points, axis=0).max())
+        apart = checks.nonnegative("apart", apart, "m")
+        open_to = np.ones(len(self.values), dtype=bool)
+        found: list[tuple[float, Array, float]] = []
+        while open_to.any() and len(found) < count:
+            k = int(np.argmax(np.where(open_to, self.values, -np.inf)))
+            found.append((float(self.values[k]), self.points[k], float(self.times[k])))
+            open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
+        return found
+
+    def summary(self, count: int = 5) -> str:
+        """The largest values with place and time, as a table."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        rows = [f"largest {self.quantity}{unit} at (x, y, z) [m], time [s]"]
+        for value, x, t in self.largest(count):
+            rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
+        if self.error is not None:
+            rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
+        return "\n".join(rows)
+
+    def write(self, path: str | Path) -> Path:
+        """Write the values and their times to a `.vtu` file, which ParaView opens.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target = checks.new_file("path", path)
+        if target.suffix.lower() != ".vtu":
+            target = target.with_name(f"{target.name}.vtu")
+        fields = {self.quantity: self.values, "time": self.times}
+        with files.complete(target, "the field") as part:
+            part.write_bytes(Frames(self.points, self._cells).content(fields))
+        return target
+
+
+@collective(history=counted)
+@one_thread()
+def peak_field(
+    structure: Structure,
+    history: History | SceneHistory | BodyHistory,
+    quantity: str = "von_mises",
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] | None = None,
+    layer: int | None = None,
+    fibre: Sequence[float] | None = None,
+) -> PeakField:
+    """The largest value of a quantity at every node over the run, and its time.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History, SceneHistory or BodyHistory
+    quantity : str
+        "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
+        "displacement", "velocity", "acceleration": the length of the vector.
+    times : array_like (n,), optional
+        Times in s at which it is looked at. Default: so many that the fastest motion of the model
+        is resolved, and about each node's largest value still more; the `error` of the result tells
+        what they miss. The body of a scene's `bodies` is known at its own times alone.
+    body : str
+        As in `probe`.
+    part : str, optional
+        Of an assembly: the part that is looked at; default: all of them.
+    surface, layer : optional
+        As in `probe`; default: the larger of the top and the bottom of a sheet.
+    fibre : (y, z), optional
+        As in `probe`; needed for the stress and strain of beams, whose sections have no outline.
+
+    Notes
+    -----
+    At the nodes of solids strains and stresses are means of the cells of one material; in sheets
+    and beams the largest of the cells is taken. Near a point load or a re-entrant corner the values
+    grow with every refinement of the mesh.
+
+    Raises
+    ------
+    InputError
+        As `probe`.
+
+    Warns
+    -----
+    AccuracyWarning
+        The run is too long for times that resolve all its motion.
+    """
+    checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
+    checks.instance("structure", structure, Structure, "a Structure")
+    recovered, derivative, unit = PEAK_QUANTITIES[quantity]
+    places = _places(surface, layer, fibre)
+    if part is not None:
+        checks.text("part", part)
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    search: Callable[..., tuple[Array, Array, float | None]]
+    if times is None and not isinstance(history, BodyHistory):
+        motion = _motion(history, at, body, derivative)
+        search = partial(peak_search.search, motion)
+    else:
+        search = partial(_at_times, amplitudes(history, at, body, derivative), at)
+    if recovered == "motion":
+        points, cells, moved = source(structure).at_nodes(structure, shapes, part)
+        values, when, error = search(moved, _length)
+    else:
+        points, cells, nodes, columns = source(structure).tensors_at_nodes(
+            structure, shapes, recovered, places, part
+        )
+        scalar = equivalent if quantity == "von_mises" else extreme_principal
+        own, then, error = search(columns, scalar)
+        values, when = _at_points(nodes, own, then, len(points))
+    found = structure.comm.bcast((points, cells, values, when, error), root=0)
+    result = _used(quantity, unit, *found)
+    largest = float(result.values.max(initial=0.0))
+    if result.error is not None and result.error > UNRESOLVED * largest:
+        warn(
+            structure.comm,
+            f"the {quantity} may be up to {result.error / largest:.0%} of its largest value higher"
+            f" between the {peak_search.MOST} times that are looked at, which is too few for"
+            f" {history.time[-1]:g} s: give times in the part that matters, or shorten the run.",
+            AccuracyWarning,
+        )
+    return result
+
+
+def _motion(history: Any, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
+    """The motion of a body over the run, by its modes."""
+    return peak_search.Motion(
+        nodes,
+        lambda t: amplitudes(history, t, body, derivative),
+        *modal_sizes(history, nodes, body, derivative),
+    )
+
+
+def _at_times(
+    factors: Array, times: Array, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array, None]:
+    return (*peak_search.largest(columns, factors, times, scalar), None)
+
+
+def _used(
+    quantity: str,
+    unit: str,
+    points: Array,
+    cells: list[tuple[str, IntArray]],
+    values: Array,
+    when: Array,
+    error: float | None,
+) -> PeakField:
+    """The field without nodes that no cell has: those of other ranks' cells."""
+    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
+    return PeakField(quantity, unit, points[used], values[used], when[used], own, error)
+
+
+def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
+    """Where in the thickness or section the quantity is recovered; both sides by default."""
+    surfaces = ["top", "bottom"] if surface is None else [surface]
+    return [place(each, layer, fibre, "global") for each in surfaces]
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(np.sum(vectors**2, axis=-1)))
+
+
+def _at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
+    """The largest of the values of each node, and its time."""
+    order = np.argsort(values, kind="stable")  # the largest is written last
+    best, time = np.zeros(count), np.zeros(count)
+    best[nodes[order]], time[nodes[order]] = values[order], when[order]
+    return best, time

@@ -1,0 +1,30 @@
+"""Charts and pictures of histories, models, maps and fields, for use by name.
+
+matplotlib is imported when one is drawn.
+
+Functions that take `ax` draw one chart into matplotlib axes (new ones where `ax` is None) and
+return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a whole picture: with
+`path` they write it and return the path, without it they return the figure. `History.plot`,
+`AntiOscillators.plot` and `ImpactMap.plot` call them.
+"""
+
+from antiosc.charts.figures import legend_beside, panels, save_figure
+from antiosc.charts.histories import plot_force, plot_history, plot_motion, running_mean
+from antiosc.charts.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
+from antiosc.results.plotting.parts import plot_deformed, plot_map
+
+__all__ = [
+    "legend_beside",
+    "panels",
+    "plot_deformed",
+    "plot_dynamic_stiffness",
+    "plot_errors",
+    "plot_force",
+    "plot_history",
+    "plot_map",
+    "plot_masses",
+    "plot_model",
+    "plot_motion",
+    "running_mean",
+    "save_figure",
+]

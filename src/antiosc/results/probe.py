@@ -1,0 +1,222 @@
+"""What one point of a body feels after an impact: motion, strain, stress, section forces.
+
+The shapes of the model are evaluated once at the point (their strains, say), and combined with the
+coordinates of the model at all times. The static shape has the stress near the site; points far
+from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.results.fields import counted, shapes_of, source
+from antiosc.fem.mpi import collective
+from antiosc.fem.named_points import motions_without_mesh, point_of
+from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.site.site import Reach
+from antiosc.fem.structure.structure import Structure
+from antiosc.simulation.body_motion import amplitudes, times_of
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.base.stresses import von_mises
+from antiosc.base.threads import one_thread
+
+#: The quantities of `probe`.
+PROBED_QUANTITIES = (
+    *("displacement", "velocity", "acceleration", "rotation"),
+    *("strain", "stress", "von_mises", "section_forces"),
+)
+#: Which time derivative of the coordinates a quantity is made of.
+DERIVATIVES = {"velocity": 1, "acceleration": 2}
+#: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
+#: gauge often lies between two cells, whose strains differ.
+GAUGE_POINTS = 6
+#: Distance of a gauge from the structure, over its length, that is taken as lying on it.
+OFF_GAUGE = 0.05
+
+
+@collective(history=counted)
+@one_thread()
+def probe(
+    structure: Structure,
+    history: History | SceneHistory | BodyHistory,
+    point: Sequence[float] | str,
+    quantity: str = "displacement",
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] = "top",
+    layer: int | None = None,
+    fibre: Sequence[float] = (0.0, 0.0),
+    axes: str = "global",
+    stiffener: str | None = None,
+    snap: float | None = None,
+) -> Array:
+    """One quantity at one point of the structure at `times`.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History, SceneHistory or BodyHistory
+        A BodyHistory is `hit.bodies[name]` of a scene.
+    point : sequence of floats, or str
+        Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
+        group, of an assembly "part:group": the point next to the centroid of its entities is taken,
+        where a `Site` of the same name lies. Of an assembly it may also name a reference point, or
+        a site of a superelement, which have displacements and rotations alone.
+    quantity : str
+        "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
+        (n, 2); relative to the supports where a `Base` moves them.
+        "rotation" (n, 3) rad: of the sections of beams and shells, half the curl in solids; of
+        plane parts (n, 1).
+        "strain" (n, 3, 3): the tensor (the entry 12 is half the angle γ12). "stress" (n, 3, 3)
+        Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `tsai_hill`.
+        "section_forces": of beams in space (n, 6) the forces N, Vy, Vz and moments T, My, Mz, y
+        being the height of the section; of plane beams (n, 3) N, V, M; of shells (n, 8) per width
+        N1, N2, N12, M1, M2, M12, Q1, Q2 in the axes of the laminate; 1 of a `Shell` is x along its
+        surface, or y where x is near its normal. N and N m, N/m and N.
+    times : array_like (n,), optional
+        Times in s; default: those of the history. It may also be the fourth argument.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
+    part : str, optional
+        Of an assembly: the part of which the nearest point is taken; default: of all parts.
+    surface : "top", "bottom", "middle" or sequence of 3 floats
+        Of a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
+        normals or of `Laminate(top=…)`, +z on plane meshes; a direction (x, y, z) names the outer
+        surface on that side.
+    layer : int, optional
+        Of a laminate: the layer, 0 the lowest.
+    fibre : (y, z)
+        Of a beam: distances from the centroid along the height and across it, m. The stress of a
+        beam is the normal stress of N, My and Mz.
+    axes : "global" or "local"
+        Axes of tensors: those of the mesh, or those of the material: the fibres of a layer (1, 2,
+        normal), the axes of an anisotropic solid, tangent, height and side of a beam.
+    stiffener : str, optional
+        Group of a `Beam` on the edges of a shell: strain, stress and section forces of this beam,
+        at its point next to `point`.
+    snap : float, optional
+        Largest distance in m of the point from the structure; default: 2 % of the part's size, or
+        one element.
+
+    Notes
+    -----
+    Strains are those of the cell that has the point, not averaged with its neighbours'. The stress
+    under the contact itself is that of the contact law (Hertz), not that of the mesh. Velocity and
+    acceleration follow from the equations of motion; they do not contain the part of the
+    displacement that follows the force without inertia (`ModalBody.residual`).
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a quantity that the element
+        family does not have; a layer, a part or a group that does not exist; a point that lies
+        too far from the structure.
+    """
+    if not isinstance(quantity, str):  # times as the fourth argument
+        if times is not None and quantity is not None:
+            raise InputError(f"quantity must be a text; got {checks.shown(quantity)}.")
+        quantity, times = "displacement", times if quantity is None else quantity
+    checks.choice("quantity", quantity, PROBED_QUANTITIES)
+    checks.instance("structure", structure, Structure, "a Structure")
+    there = place(surface, layer, fibre, axes, stiffener)
+    if snap is not None:
+        snap = inf if checks.rigid(snap) else checks.positive("snap", snap, "m")
+    elif isinstance(point, str):
+        snap = inf
+    reach = Reach("the point of the probe", snap)
+    x, part, end = point_of(structure, point, part)
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    if end is None:
+        columns = _columns(structure, shapes, x[None], quantity, part, there, reach)[0]
+    else:
+        columns = motions_without_mesh(structure, shapes, str(point), end, quantity)
+    factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
+    found = np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
+    return von_mises(found) if quantity == "von_mises" else found
+
+
+@collective(history=counted)
+@one_thread()
+def strain_gauge(
+    structure: Structure,
+    history: History | SceneHistory | BodyHistory,
+    point: Sequence[float] | str,
+    direction: Sequence[float],
+    length: float,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] = "top",
+    layer: int | None = None,
+    fibre: Sequence[float] = (0.0, 0.0),
+) -> Array:
+    """Signal (n,) of a strain gauge: the mean strain along `direction` over its length.
+
+    Parameters
+    ----------
+    structure, history, times, body, part, surface, layer, fibre
+        As in `probe`.
+    point : sequence of floats, or str
+        The middle of the gauge, m; a text names a group as in `probe`.
+    direction : sequence of 2 or 3 floats
+        Along which it measures.
+    length : float
+        Its length, m.
+
+    Raises
+    ------
+    InputError
+        As `probe`; a gauge whose ends do not lie on the structure.
+    """
+    there = place(surface, layer, fibre, "global")
+    checks.instance("structure", structure, Structure, "a Structure")
+    length = checks.positive("length", length, "m")
+    d, given = np.zeros(3), checks.coordinates("direction", direction)
+    d[: len(given)] = given
+    if not np.linalg.norm(d):
+        raise InputError("direction must not be the zero vector: the gauge measures along it.")
+    d /= np.linalg.norm(d)
+    x, part, end = point_of(structure, point, part)
+    if end is not None:
+        raise InputError(f"{point!r} is a point without a mesh: a gauge needs the cells of a part.")
+    nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+    points = x + np.outer(nodes, d) * length / 2
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
+    columns = _columns(structure, shapes, points, "strain", part, there, reach)
+    along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
+    return np.asarray(amplitudes(history, at, body) @ along)
+
+
+def _columns(
+    structure: Structure,
+    shapes: Array,
+    points: Array,
+    quantity: str,
+    part: str | None,
+    there: Place,
+    reach: Reach,
+) -> Array:
+    """The quantity (P, …, columns) of every shape at points (P, 3)."""
+    where = source(structure)
+    recovered = {"von_mises": "stress"}.get(quantity, quantity)
+    if quantity in ("displacement", "velocity", "acceleration"):
+        return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
+    found = where.recovered(structure, shapes, points, part, recovered, there, reach)
+    return cast(Array, found)

@@ -1,0 +1,299 @@
+"""A free body as a drop needs it: rigid inertia, free modes, and the points that may touch.
+
+All is given in axes fixed to the body whose origin is its centre of mass. The elastic displacement
+of a point is sum_j phi_j q_j with mass-normalised free modes, to which a point of contact adds the
+residual compliance r of the modes that are left out,
+
+    r = B'(K + sM)^-1 B - sum_j phi_j phi_j'/(omega_j^2 + s),
+
+B the loads of its patch along three directions and s the shift of the structure. What the patch of
+a smooth solid gives way as a part of a half-space is taken out of r: Hertz's law has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array, IntArray
+from antiosc.studies.drops.skin import CORNER, hull, skin_of
+from antiosc.base.errors import InputError, finite_element_packages, without_warnings
+from antiosc.models.modal import Damping, as_damping
+from antiosc.simulation.bodies import RigidBody
+from antiosc.simulation.impactors import Sphere
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+
+#: Free elastic modes where none are asked for.
+MODES = 60
+#: Damping ratio of the free modes where none is given.
+RATIO = 0.01
+#: Poisson's ratio of a material without one, for the tangential compliance of its patch.
+UNKNOWN_NU = 0.3
+
+
+@dataclass(eq=False)
+class FreeBody:
+    """A free body with the points that may touch, V of them.
+
+    Attributes
+    ----------
+    mass : [kg]; centre : (3,) centre of mass in the axes of the mesh [m].
+    tensor : (3, 3) inertia about the centre [kg m^2].
+    points : (V, 3) relative to the centre [m]; with `balls` > 0 the centre of a ball of that
+        radius [m], of which the body's surface is a part there.
+    radii : (V, 2) principal radii for the law of the contact [m].
+    materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
+    omega, decay : (J,) of the elastic modes [rad/s], [1/s].
+    shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
+    extent : size of the body [m].
+    notes : what was taken for granted.
+    structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
+    """
+
+    mass: float
+    centre: Array
+    tensor: Array
+    points: Array
+    balls: Array
+    radii: Array
+    materials: Array
+    omega: Array
+    decay: Array
+    shapes: Array
+    extent: float
+    notes: tuple[str, ...] = ()
+    structure: Structure | None = None
+    basis: Array | None = None
+    residual: Callable[[IntArray], tuple[Array, Array]] | None = None
+    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict)
+
+    @cached_property
+    def principal(self) -> tuple[Array, Array]:
+        """Principal moments (3,) [kg m^2] and their axes as rows (3, 3)."""
+        moments, axes = np.linalg.eigh(self.tensor)
+        return moments, np.asarray(axes.T)
+
+    @property
+    def slowest(self) -> float:
+        """Longest period of the elastic modes [s]; 0 of a rigid body."""
+        return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
+
+    def sites(self, which: IntArray) -> tuple[Array, Array]:
+        """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
+        new = np.array([i for i in which.tolist() if i not in self._known], dtype=int)
+        if len(new):
+            if self.residual is None:
+                found = self.shapes[new], np.zeros((len(new), 3, 3))
+            else:
+                found = self.residual(new)
+                self.shapes[new] = found[0]
+            self._known.update(zip(new.tolist(), zip(*found, strict=True), strict=True))
+        pairs = [self._known[i] for i in which.tolist()]
+        return np.array([phi for phi, _ in pairs]), np.array([r for _, r in pairs])
+
+    def alone(self) -> FreeBody:
+        """The same without its structure, all its sites known: for other processes."""
+        self.sites(np.arange(len(self.points)))
+        state = {**self.__dict__, "structure": None, "basis": None, "residual": None}
+        state.pop("principal", None)
+        return FreeBody(**state)
+
+
+def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
+    """The body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
+    if isinstance(part, FreeBody):
+        return part
+    if corner is not None:
+        corner = checks.positive("corner_radius", corner, "m")
+    if isinstance(part, Sphere):
+        return _sphere(part)
+    if isinstance(part, RigidBody):
+        return _rigid(part, corner)
+    with finite_element_packages():
+        from antiosc.fem.structure.structure import Structure
+    checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
+    return _elastic(part, modes, damping, corner)
+
+
+def _sphere(part: Sphere) -> FreeBody:
+    none = np.zeros(0)
+    return FreeBody(
+        mass=part.mass,
+        centre=np.zeros(3),
+        tensor=0.4 * part.mass * part.radius**2 * np.eye(3),
+        points=np.zeros((1, 3)),
+        balls=np.array([part.radius]),
+        radii=np.full((1, 2), part.radius),
+        materials=np.array([[part.E, part.nu]]),
+        omega=none,
+        decay=none,
+        shapes=np.zeros((1, 0, 3)),
+        extent=2 * part.radius,
+    )
+
+
+def _rigid(part: RigidBody, corner: float | None) -> FreeBody:
+    if not part.sites:
+        raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
+    points = np.array([point for point, _ in part.sites.values()])
+    extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
+    radius = CORNER if corner is None else corner
+    return FreeBody(
+        mass=part.mass,
+        centre=np.asarray(part.centre),
+        tensor=part.inertia,
+        points=points - part.centre,
+        balls=np.zeros(len(points)),
+        radii=np.full((len(points), 2), radius),
+        materials=np.full((len(points), 2), np.nan),
+        omega=np.zeros(0),
+        decay=np.zeros(0),
+        shapes=np.zeros((len(points), 0, 3)),
+        extent=extent,
+    )
+
+
+def _elastic(structure: Structure, count: int, damping: Any, corner: float | None) -> FreeBody:
+    """The free modes of a structure and the points of its hull."""
+    from antiosc.fem.extraction.dampers import refuse_dampers
+    from antiosc.fem.extraction.eigenmodes import ModeSolver
+    from antiosc.results.fields import source
+
+    if structure.comm.size > 1:
+        raise InputError("a drop runs on one rank; start it without mpirun.")
+    refuse_dampers(structure, "a drop")
+    inertia = structure.rigid_inertia
+    if structure.rigid_modes.shape[1] != 6 or inertia is None:
+        raise InputError(
+            f"a part that is dropped is free in space, with six rigid-body modes; this one has "
+            f"{structure.rigid_modes.shape[1]}: leave its supports out."
+        )
+    whole = inertia[0]
+    given = as_damping(damping)
+    damped = Damping(ratio=RATIO) if given is None else given
+    found = ModeSolver(structure).lowest(checks.whole("modes", count))
+    omega, phi = found.omega[:count], found.phi[:, :count]
+    points, _, moved = source(structure).at_nodes(structure, phi)
+    skin = skin_of(structure)
+    own = hull(skin.points)
+    at = _same(points, skin.points[own])
+    notes: tuple[str, ...] = ()
+    rounded = min(CORNER, structure.dimensions[2] / 4) if corner is None else corner
+    if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():
+        notes = (f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)",)
+    if given is None:
+        notes = (*notes, f"the modes have a damping ratio of {RATIO:g} (damping)")
+    centre = whole.centre
+    balls = skin.balls[own]
+    site = _Residual(structure, phi, omega, skin.points[own], skin.normals[own], skin, own)
+    return FreeBody(
+        mass=whole.mass,
+        centre=centre,
+        tensor=_about_centre(whole.matrix, whole.point - centre, whole.mass),
+        points=skin.points[own] - balls[:, None] * skin.normals[own] - centre,
+        balls=balls,
+        radii=np.array([skin.radii(i, rounded) for i in own]),
+        materials=skin.materials[own],
+        omega=omega,
+        decay=damped.decay(omega),
+        shapes=np.moveaxis(moved[at], 1, 2).copy(),
+        extent=skin.size,
+        notes=notes,
+        structure=structure,
+        basis=phi,
+        residual=site,
+    )
+
+
+def _about_centre(matrix: Array, arm: Array, mass: float) -> Array:
+    """The inertia tensor about the centre from that about a point `arm` away from it."""
+    tensor = matrix[3:, 3:] - mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return np.asarray((tensor + tensor.T) / 2)
+
+
+def _same(points: Array, wanted: Array) -> IntArray:
+    """Numbers of the `points` (P, 3) that are the `wanted` ones."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(points).query(wanted)[1])
+
+
+@dataclass(eq=False)
+class _Residual:
+    """Shapes and residual compliances of patches at vertices of the hull."""
+
+    structure: Structure
+    phi: Array
+    omega: Array
+    points: Array
+    normals: Array
+    skin: Any
+    own: IntArray
+
+    def __call__(self, which: IntArray) -> tuple[Array, Array]:
+        from antiosc.fem.site.functionals import functionals
+        from antiosc.fem.site.site import Site
+
+        structure, skin = self.structure, self.skin
+        sites = []
+        for i in which.tolist():
+            normal, k = self.normals[i], self.own[i]
+            push = -normal if np.any(normal) else np.array([0.0, 0.0, 1.0])
+            solid = skin.half[k] == 0 and skin.sizes[k] > 0 and len(skin.triangles)
+            radius = float(skin.sizes[k]) if solid else None
+            point = tuple(self.points[i].tolist())
+            sites.append(Site(point, tuple(push.tolist()), radius, tangential=True))
+        with without_warnings():
+            found = functionals(structure, sites)
+        shapes, residual = [], []
+        B = np.column_stack([np.column_stack([f.b, *(a.b for a in f.across)]) for f in found])
+        C = _compliances(structure, B)
+        x = self.omega**2 + structure.shift
+        for n, (i, one) in enumerate(zip(which.tolist(), found, strict=True)):
+            b = B[:, 3 * n : 3 * n + 3]
+            axes = np.array([one.direction, *(a.direction for a in one.across)])
+            own, rigid = b.T @ self.phi, b.T @ structure.rigid_modes
+            r = C[n] - (own / x) @ own.T - rigid @ rigid.T / structure.shift
+            if not skin.sharp[self.own[i]]:
+                nu = float(np.nan_to_num(skin.materials[self.own[i], 1], nan=UNKNOWN_NU))
+                aside = (2 - nu) / (2 * (1 - nu))
+                r = r - one.local_compliance * np.diag([1.0, aside, aside])
+            residual.append(axes.T @ _positive(r) @ axes)
+            shapes.append((axes.T @ own).T)
+        return np.array(shapes), np.array(residual)
+
+
+def _compliances(structure: Structure, B: Array) -> Array:
+    """B'(K + sM)^-1 B (n, 3, 3) of the loads of n sites, three columns each."""
+    import scipy.sparse
+
+    from antiosc.fem.linalg.compliance import compliances
+    from antiosc.fem.linalg.solvers import OnOneRank
+
+    solver, count = structure.factorize(), B.shape[1] // 3
+    if not isinstance(solver, OnOneRank):
+        Y = solver.solve_block(B)
+        return np.array([B[:, k : k + 3].T @ Y[:, k : k + 3] for k in range(0, 3 * count, 3)])
+    # entries beside the diagonal from those of the sums: 2 b'Cc = (b + c)'C(b + c) - b'Cb - c'Cc
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    sums = [B[:, k + i] + B[:, k + j] for k in range(0, 3 * count, 3) for i, j in pairs]
+    found = compliances(solver.cholesky, scipy.sparse.csr_matrix(np.column_stack([B, *sums])))
+    own, both = found[: 3 * count].reshape(-1, 3), found[3 * count :].reshape(-1, 3)
+    C = np.zeros((count, 3, 3))
+    C[:, range(3), range(3)] = own
+    for n, (i, j) in enumerate(pairs):
+        C[:, i, j] = C[:, j, i] = (both[:, n] - own[:, i] - own[:, j]) / 2
+    return C
+
+
+def _positive(matrix: Array) -> Array:
+    """The symmetric matrix without its negative eigenvalues."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

@@ -1,0 +1,132 @@
+"""The course of a fall: flight, contact, flight, until it rests or is ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.episode import Episode, episode
+from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.flight import Flight, State, turned
+from antiosc.studies.drops.floor import Floor
+
+#: A fall is at rest whose speed would lift it by this share of the height at most.
+REST = 1e-3
+#: Points within this share of the extent over the floor carry a body at rest.
+CARRIES = 0.01
+#: Impacts and episodes at which a fall that does not come to rest is ended.
+MOST_IMPACTS, MOST_EPISODES = 200, 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a fall happens in.
+
+    Attributes
+    ----------
+    floor, gravity [m/s^2], height [m] of the lowest point at the start.
+    impacts, duration [s] : where it ends at the latest.
+    tol : relative error of the contact forces.
+    """
+
+    floor: Floor
+    gravity: float
+    height: float
+    impacts: float
+    duration: float
+    tol: float
+
+
+def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
+    """The state at the start: the lowest point at its height."""
+    low = float((body.points @ R[2] - body.balls).min())
+    none = np.zeros(body.omega.size)
+    model = setting.floor.model
+    size = 0 if model is None else model.modal().omega.size
+    centre = np.array([0.0, 0.0, setting.height - low])
+    momentum = R @ (body.tensor @ (R.T @ spin))
+    return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
+
+
+def fallen(body: FreeBody, start: State, setting: Setting) -> Fall:
+    """The fall from a state until it rests, or ends."""
+    floor = setting.floor
+    ground = None if floor.model is None else floor.model.modal()
+    every = np.arange(len(body.points))
+    episodes: list[Episode] = []
+    flights: list[Flight] = []
+    groups: list[list[int]] = []
+    state, held, status = start, dict[int, float](), ""
+    while not status:
+        flight = Flight(body, state, setting.gravity, ground)
+        left = setting.duration - state.time
+        found = 0.0
+        if not held:
+            most = min(flight.longest(), left)
+            met = flight.touch(most)
+            found = most if met is None else met
+            flights.append(flight)
+            if found >= left:
+                status = f"the time {setting.duration:g} s is over"
+                state = flight.at(left)
+                break
+        touch = flight.at(found)
+        if not _same_impact(body, episodes, groups, found, bool(held)):
+            if len(groups) >= setting.impacts:
+                status = f"{len(groups)} impacts"
+                break
+            groups.append([])
+        heights = flight.heights(np.array([found]), every)[0]
+        one = episode(body, touch, heights, floor, setting.gravity, setting.tol, held)
+        groups[-1].append(len(episodes))
+        episodes.append(one)
+        state, held = one.end, one.held
+        if _rests(body, state, setting):
+            status = "at rest"
+        elif len(episodes) >= MOST_EPISODES:
+            status = f"not at rest after {MOST_EPISODES} contacts"
+    return Fall(body, setting, start, state, episodes, flights, groups, status)
+
+
+def _same_impact(
+    body: FreeBody, episodes: list[Episode], groups: list[list[int]], flight: float, held: bool
+) -> bool:
+    """Whether an episode after a flight [s] belongs to the impact before it.
+
+    It does if the flight was shorter than the longest period of the modes, or than the contact.
+    """
+    if not groups:
+        return False
+    return held or flight < max(body.slowest, episodes[groups[-1][0]].duration)
+
+
+def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
+    """Whether the body hardly moves and stands on points around its centre of mass."""
+    moving, _, _ = state.energies(body, setting.gravity)
+    if moving > REST * body.mass * setting.gravity * setting.height:
+        return False
+    arms = body.points @ state.R.T
+    low = arms[:, 2] - body.balls
+    if state.centre[2] + low.min() > CARRIES * body.extent:
+        return False
+    carries = low < low.min() + CARRIES * body.extent
+    return _around(arms[carries, :2], 1e-3 * body.extent)
+
+
+def _around(points: Array, close: float) -> bool:
+    """Whether the hull of points (n, 2) contains the origin, up to a distance."""
+    angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    if np.linalg.norm(points, axis=1).min() <= close:
+        return True
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    return bool(gaps.max(initial=2 * np.pi if len(points) < 2 else 0.0) <= np.pi + 1e-9)
+
+
+def nudged(start: State, body: FreeBody, setting: Setting, angle: Array) -> State:
+    """The same start, turned by a rotation vector [rad] about its centre."""
+    R = turned(angle) @ start.R
+    spin = start.spin(body)
+    return hung(body, setting, R, spin, start.velocity)

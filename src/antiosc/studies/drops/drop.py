@@ -1,0 +1,126 @@
+"""`drop`: a part falls from a height onto a floor, and what comes after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from math import inf
+from typing import Any
+
+from antiosc.base import checks
+from antiosc.studies.drops.body import MODES, free_body
+from antiosc.studies.drops.course import MOST_IMPACTS, Setting, fallen, hung
+from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
+from antiosc.studies.drops.fall import Fall, warn_of
+from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.orientation import orientation
+from antiosc.base.errors import InputError
+from antiosc.simulation.executors import check_executor
+from antiosc.base.threads import one_thread
+
+
+@checks.within_range
+@one_thread()
+def drop(
+    part: Any,
+    height: float,
+    tilt: Sequence[float] = (0.0, 0.0, 0.0),
+    floor: Floor | None = None,
+    until: str | int | float = "rest",
+    *,
+    face: str | None = None,
+    edge: str | None = None,
+    corner: str | None = None,
+    toward: Sequence[float] | None = None,
+    spin: Sequence[float] = (0.0, 0.0, 0.0),
+    velocity: Sequence[float] = (0.0, 0.0, 0.0),
+    gravity: float = 9.81,
+    damping: Any = None,
+    modes: int = MODES,
+    corner_radius: float | None = None,
+    tol: float = 1e-3,
+    ensemble: Tilts | None = None,
+    n: int = 100,
+    seed: int = 0,
+    executor: Executor | None = None,
+) -> Fall | Drops:
+    """Drop a part from a height: flight, impacts, flight, and so on until it rests.
+
+    Parameters
+    ----------
+    part : Structure, RigidBody or Sphere
+        Free in space, without supports: of a mesh, an assembly, or matrices with coordinates. Of a
+        RigidBody the sites are the points that may touch. z of its mesh points up.
+    height : float
+        Of the lowest point over the floor [m].
+    tilt : (a, b, c)
+        Rotations [degree] about the x, then the y, then the z axis before the fall, after what
+        face, edge, corner or toward say.
+    floor : Floor, optional
+        Default: rigid, without friction.
+    until : "rest", int or float
+        Its rest, a number of impacts, or a time [s]; also "rest" ends after 200 impacts.
+    face, edge, corner : str, optional
+        What is lowest: "-z", "-x-z", "+x-y-z", the extremes of the part in the axes of its mesh,
+        its centre of mass above them; a face may also be the name of a group.
+    toward : (x, y, z), optional
+        Direction in the axes of the mesh that points down.
+    spin, velocity : (x, y, z)
+        At the start, of the centre, in the axes of the floor [rad/s], [m/s].
+    gravity : float
+        [m/s^2].
+    damping : float, sequence or Damping, optional
+        Of the free modes; default: a ratio of 1 %.
+    modes : int
+        Number of free modes.
+    corner_radius : float, optional
+        Radius [m] of sharp corners and edges; default 1 mm, at most a quarter of the part's least
+        dimension.
+    tol : float
+        Relative error of the contact forces in an impact.
+    ensemble : Tilts, optional
+        What varies: n falls are computed, and `Drops` are returned.
+    n, seed, executor
+        Of the ensemble: number of falls, seed of the draws, and who computes them.
+
+    Returns
+    -------
+    Fall, or Drops with `ensemble`.
+
+    Raises
+    ------
+    InputError
+        A part that supports hold, one without points or materials, and values out of range.
+
+    Warns
+    -----
+    AccuracyWarning
+        A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
+        does not come to rest.
+    """
+    whole = isinstance(until, int) and not isinstance(until, bool)
+    impacts = checks.whole("until", until) if whole else MOST_IMPACTS
+    if isinstance(until, str) and until != "rest":
+        raise InputError(f'until is "rest", a number of impacts or a time in s; got {until!r}.')
+    timed = not whole and not isinstance(until, str)
+    setting = Setting(
+        checks.instance("floor", Floor() if floor is None else floor, Floor, "a Floor"),
+        checks.positive("gravity", gravity, "m/s^2"),
+        checks.positive("height", height, "m"),
+        impacts,
+        checks.positive("until", until, "s") if timed else inf,
+        checks.positive("tol", tol),
+    )
+    moving = {"spin": spin, "velocity": velocity}
+    body = free_body(part, modes, damping, corner_radius)
+    R = orientation(body, tilt, face, edge, corner, toward)
+    start = hung(body, setting, R, *(checks.array(k, v, (3,)) for k, v in moving.items()))
+    if ensemble is None:
+        if executor is not None:
+            raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
+        fall = fallen(body, start, setting)
+        warn_of(fall)
+        return fall
+    checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
+    check_executor(executor)
+    return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)

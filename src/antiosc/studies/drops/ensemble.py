@@ -1,0 +1,225 @@
+"""Many falls with starts that vary: the distribution of what they give, with bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.flight import State, turned
+from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.progress import counting
+from antiosc.simulation.executors import returned
+
+if TYPE_CHECKING:
+    from antiosc.studies.drops.fall import Fall
+
+#: Falls that one call of an executor computes.
+AT_ONCE = 20
+#: What is kept of each impact.
+QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
+
+
+@dataclass(frozen=True)
+class Tilts:
+    """What varies in an ensemble of falls.
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation of the tilt about each of the two horizontal axes [degree]; inf: any
+        orientation, all equally probable.
+    height : float
+        Standard deviation of the height over the height.
+    friction : float
+        Standard deviation of the coefficient of friction; draws below 0 are 0.
+    spin : float
+        Standard deviation of the spin about each axis [rad/s].
+    """
+
+    sigma: float = 0.0
+    height: float = 0.0
+    friction: float = 0.0
+    spin: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("height", "friction", "spin"):
+            checks.store(self, **{name: checks.nonnegative(name, getattr(self, name))})
+        if not checks.rigid(self.sigma):
+            checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
+        if not any((self.sigma, self.height, self.friction, self.spin)):
+            raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
+
+
+def drawn(
+    tilts: Tilts, rng: np.random.Generator, body: FreeBody, start: State, setting: Setting
+) -> tuple[State, Setting]:
+    """One start and its setting."""
+    from scipy.spatial.transform import Rotation
+
+    if np.isinf(tilts.sigma):
+        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+    else:
+        angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+        R = turned(angle) @ start.R
+    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction)
+    own = replace(setting, height=height, floor=floor)
+    return hung(body, own, R, spin, start.velocity), own
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drops(Brief):
+    """The falls of an ensemble.
+
+    Attributes
+    ----------
+    values : name -> (n, k) of each fall and its impacts, NaN beyond its last: "peak_force" [N],
+        "impulse" [N s], "contact_time" [s], "lost" [J].
+    orientations : (n, 3, 3) at the start.
+    impacts : (n,) numbers of impacts.
+    failed : message of each fall that failed, by its number.
+    """
+
+    values: dict[str, Array]
+    orientations: Array
+    impacts: Array
+    failed: dict[int, str]
+
+    def __len__(self) -> int:
+        return len(self.impacts)
+
+    def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
+        """(n,) largest value of each fall, or its value in one impact (from 0)."""
+        checks.choice("quantity", quantity, tuple(self.values))
+        table = self.values[quantity]
+        if impact is not None:
+            most = table.shape[1] - 1
+            return table[:, checks.whole("impact", impact, least=0, most=most)]
+        return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
+
+    def quantile(
+        self,
+        quantity: str,
+        q: ArrayLike,
+        impact: int | None = None,
+        confidence: float = 0.95,
+    ) -> Quantile:
+        """The quantile q of the falls' largest values, with the bar of its sampling.
+
+        The bar is that between order statistics, for any distribution (binomial).
+        """
+        found = self.largest(quantity, impact)
+        found = np.sort(found[np.isfinite(found)])
+        share = checks.number("q", q)
+        if not 0 < share < 1 or not 0 < confidence < 1:
+            raise InputError("q and confidence must lie between 0 and 1.")
+        if not len(found):
+            raise InputError("no fall has such an impact.")
+        from scipy.stats import binom
+
+        low, high = binom.ppf([(1 - confidence) / 2, (1 + confidence) / 2], len(found), share)
+        # one of the sample beyond each end, or infinity where there is none
+        lower = found[int(low) - 1] if low >= 1 else -np.inf
+        upper = found[int(high)] if high < len(found) else np.inf
+        return Quantile(float(np.quantile(found, share)), float(lower), float(upper))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
+        return [
+            ("falls", f"{len(self)}, {len(self.failed)} of them failed"),
+            ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
+        ]
+
+
+@dataclass(frozen=True)
+class Quantile:
+    """A quantile with the bar (low, high) of its sampling; inf where the sample is too small."""
+
+    value: float
+    low: float
+    high: float
+
+    def __float__(self) -> float:
+        return self.value
+
+
+def tumbles(
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    ensemble: Tilts,
+    n: int,
+    seed: int,
+    executor: Executor | None,
+) -> Drops:
+    """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
+    seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
+    parts = [seeds[k : k + AT_ONCE] for k in range(0, n, AT_ONCE)]
+    own = body.alone()
+    found: list[tuple[Array, dict[str, list[float]]] | str] = []
+    with counting("falls", n) as ready:
+        for done in _calls(executor, (own, start, setting, ensemble), parts):
+            found += done
+            ready(len(found))
+    good = [one for one in found if not isinstance(one, str)]
+    if not good:
+        raise AntioscError(f"all falls failed, the first one so: {found[0]}")
+    most = max(len(values["peak_force"]) for _, values in good)
+    nothing: tuple[Array, dict[str, list[float]]] = (start.R, {name: [] for name in QUANTITIES})
+    whole = [nothing if isinstance(one, str) else one for one in found]
+    table = {
+        name: np.array([v[name] + [np.nan] * (most - len(v[name])) for _, v in whole])
+        for name in QUANTITIES
+    }
+    return Drops(
+        table,
+        np.array([R for R, _ in whole]),
+        np.array([len(v["peak_force"]) for _, v in whole]),
+        {i: one for i, one in enumerate(found) if isinstance(one, str)},
+    )
+
+
+def _calls(executor: Executor | None, given: Any, parts: Sequence[Any]) -> Any:
+    """The results of parts of an ensemble, in order."""
+    if executor is None:
+        return (_some(given, part) for part in parts)
+    calls: list[tuple[Any, dict[str, Any]]] = [((given, part), {}) for part in parts]
+    return map(_raised, returned(executor, _some, calls))
+
+
+def _raised(found: Any) -> Any:
+    if isinstance(found, AntioscError):
+        raise found
+    return found
+
+
+def _some(given: tuple[FreeBody, State, Setting, Tilts], seeds: Sequence[Any]) -> list[Any]:
+    """The numbers of some falls: orientation and values of the impacts, or why it failed."""
+    body, start, setting, ensemble = given
+    found: list[Any] = []
+    for seed in seeds:
+        own, there = drawn(ensemble, np.random.default_rng(seed), body, start, setting)
+        try:
+            with without_warnings():
+                fall = fallen(body, own, there)
+        except AntioscError as error:
+            found.append(str(error))
+            continue
+        found.append((own.R, _numbers(fall)))
+    return found
+
+
+def _numbers(fall: Fall) -> dict[str, list[float]]:
+    return {name: fall.impacts.column(name).tolist() for name in QUANTITIES}

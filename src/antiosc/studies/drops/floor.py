@@ -1,0 +1,221 @@
+"""What a part falls on, and the law of the contact from curvature and materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isnan, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
+from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.simulation.impactors import Sphere
+
+#: A loss factor is at most this.
+LARGEST_LOSS = 1.0
+
+
+@dataclass(frozen=True)
+class SoftLayer:
+    """A soft sheet on a rigid floor, thin against the area of contact.
+
+    Parameters
+    ----------
+    thickness : float
+        [m].
+    E : float
+        Modulus across the sheet [Pa]: of foam or felt Young's, of rubber that cannot move sideways
+        the larger modulus of confined compression.
+    loss : float
+        Loss factor, the dissipated over 2 pi times the stored energy of a cycle.
+    """
+
+    thickness: float
+    E: float
+    loss: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.store(
+            self,
+            thickness=checks.positive("thickness", self.thickness, "m"),
+            E=checks.positive("E", self.E, "Pa"),
+            loss=checks.nonnegative("loss", self.loss),
+        )
+        if self.loss > LARGEST_LOSS:
+            raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
+
+
+def _cushioned(layer: SoftLayer, radii: tuple[float, float]) -> ContactLaw:
+    """F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)."""
+    stiffness = pi * layer.E * sqrt(radii[0] * radii[1]) / layer.thickness
+    if layer.loss == 0.0:
+        return Power(stiffness, 2.0)
+    # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
+    return HuntCrossley(stiffness, float(np.exp(-pi * layer.loss / 2)), 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """What a part falls on: the plane z = 0, below it a half-space, a rigid ground or a model.
+
+    Parameters
+    ----------
+    material : Solid, optional
+        Material of the half-space; None: rigid.
+    friction : float
+        Coulomb's coefficient.
+    restitution : float, optional
+        Coefficient of restitution of the contact itself (a Hunt-Crossley law); None: elastic. What
+        the part's vibrations take comes besides.
+    layer : SoftLayer, optional
+        A soft sheet on top, in place of the half-space.
+    law : ContactLaw, optional
+        Of every contact, in place of the one from curvatures and materials.
+    model : AntiOscillators or another model of one site, optional
+        An elastic floor, such as a plate extracted at the place that is hit; its displacement is
+        that of all points that touch.
+    """
+
+    material: Any = None
+    friction: float = 0.0
+    restitution: float | None = None
+    layer: SoftLayer | None = None
+    law: ContactLaw | None = None
+    model: Any = None
+
+    def __post_init__(self) -> None:
+        if self.material is not None:
+            constants(self.material)
+        checks.store(self, friction=checks.nonnegative("friction", self.friction))
+        if self.restitution is not None:
+            e = checks.positive("restitution", self.restitution)
+            if e > 1:
+                raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
+            checks.store(self, restitution=e)
+        if self.layer is not None:
+            checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
+        if self.law is not None:
+            checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+        given = [n for n in ("material", "layer", "law") if getattr(self, n) is not None]
+        if len(given) > 1:
+            raise InputError(f"a floor takes one of material, layer and law; got {given}.")
+        if self.law is not None and self.restitution is not None:
+            raise InputError("a floor with its own law takes no restitution: the law has it.")
+
+
+def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
+    """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
+    if floor.law is not None:
+        return floor.law
+    if floor.layer is not None:
+        return _cushioned(floor.layer, radii)
+    other = (inf, 0.3) if floor.material is None else constants(floor.material)
+    E, nu = (float(value) for value in material)
+    law = _hertz(radii, (inf, 0.3) if isnan(E) else (E, nu), (inf, inf), other)
+    if floor.restitution is None or floor.restitution == 1.0:
+        return law
+    return HuntCrossley(law.stiffness, floor.restitution)
+
+
+def constants(material: Any) -> tuple[float, float]:
+    """(E [Pa], nu) of a material; InputError for what is none or has directions."""
+    found = getattr(material, "constants", None)
+    if found is None:
+        raise InputError(f"a material such as Solid(E, nu, rho); got {checks.shown(material)}.")
+    E, nu = found()[:2]
+    return float(E), float(nu)
+
+
+def _hertz(
+    radii: tuple[float, float],
+    own: tuple[float, float],
+    others: tuple[float, float],
+    other: tuple[float, float],
+) -> Hertz:
+    """Hertz's law of two surfaces; a modulus of inf is rigid."""
+    if own[0] == inf and other[0] == inf:
+        raise InputError(
+            "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
+            "layer or a law."
+        )
+    first, second = (own, other) if own[0] < inf else (other, own)
+    E = effective_modulus(*first, None if second[0] == inf else second[0], second[1])
+    return Hertz(hertz_stiffness(E, *relative_curvatures(radii, others, 0.0)))
+
+
+@checks.within_range
+def contact_at(
+    part: Any, point: ArrayLike, other: Any = None, *, radius: float | None = None
+) -> ContactLaw:
+    """The law of contact of a part at a point, from the curvature of its mesh and two materials.
+
+    Parameters
+    ----------
+    part : Structure
+        With a mesh; the vertex of its surface next to `point` is taken.
+    point : array_like (3,)
+        [m].
+    other : material, Floor, Sphere or Structure, optional
+        What touches there: the half-space of a material (`Solid`), a floor, a sphere, or another
+        part at its vertex next to the point. None: a rigid plane.
+    radius : float, optional
+        Radius of the part [m], in place of that of the mesh. Sharp edges and corners, which have
+        none, are taken with 1 mm (at most a quarter of the part's least dimension).
+
+    Returns
+    -------
+    Hertz, or the law of the floor.
+
+    Raises
+    ------
+    InputError
+        Two flat surfaces, which have no point contact; materials without constants.
+
+    Warns
+    -----
+    AccuracyWarning
+        The part is sharp at the point, and no radius is given.
+    """
+    with finite_element_packages():
+        from antiosc.fem.structure.structure import Structure
+    checks.instance("part", part, Structure, "a Structure")
+    x = checks.array("point", point, (3,))
+    radii, material = _vertex(part, x, radius)
+    if isinstance(other, Floor):
+        return law_of(other, radii, np.array(material))
+    if isinstance(other, Sphere):
+        return _hertz(radii, material, (other.radius, other.radius), (other.E, other.nu))
+    if isinstance(other, Structure):
+        return _hertz(radii, material, *_vertex(other, x, None))
+    return _hertz(radii, material, (inf, inf), (inf, 0.3) if other is None else constants(other))
+
+
+def _vertex(
+    part: Any, x: Array, radius: float | None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Principal radii, and (E, nu), of the vertex of a part next to a point."""
+    from antiosc.studies.drops.skin import CORNER, skin_of
+
+    skin = skin_of(part)
+    k = int(np.argmin(np.linalg.norm(skin.points - x, axis=1)))
+    E, nu = skin.materials[k]
+    if isnan(E):
+        raise InputError("the part has no isotropic material there: give the law of the contact.")
+    if radius is not None:
+        radius = checks.positive("radius", radius, "m")
+        return (radius, radius), (float(E), float(nu))
+    rounded = min(CORNER, part.dimensions[2] / 4)
+    if skin.sharp[k] and not skin.half[k]:
+        warn(
+            f"the mesh is sharp at ({', '.join(f'{c:.4g}' for c in skin.points[k])}): a radius of "
+            f"{rounded:.3g} m is taken there; give radius=.",
+            AccuracyWarning,
+        )
+    if not skin.sharp[k] and skin.curvatures[k, 1] * skin.size < 1e-3:
+        raise InputError("the part is flat there, which makes no point contact: give radius=.")
+    return skin.radii(k, rounded), (float(E), float(nu))

@@ -1,0 +1,113 @@
+"""How a part hangs before it is dropped: which face, edge or corner is lowest, and how it tilts.
+
+Faces are named by the direction of their outward normals in the axes of the mesh ("-z" is the face
+at the lowest z), edges by the two faces that meet there ("-x-z"), corners by three ("+x-y-z"): the
+extreme ones of the box around the part. A part that falls on an edge or a corner has its centre of
+mass above it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.studies.drops.body import FreeBody
+from antiosc.base.errors import InputError
+from antiosc.models.motion import unit_vector
+
+#: Number of faces that an edge and a corner belong to.
+FACES = {"face": 1, "edge": 2, "corner": 3}
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def orientation(
+    body: FreeBody,
+    tilt: Sequence[float],
+    face: str | None,
+    edge: str | None,
+    corner: str | None,
+    toward: Sequence[float] | None,
+) -> Array:
+    """R (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
+    given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
+    asked = [name for name, value in given.items() if value is not None]
+    if len(asked) > 1:
+        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
+    R = np.eye(3)
+    if toward is not None:
+        R = onto(unit_vector("toward", toward), DOWN)
+    elif asked:
+        R = onto(_named(body, asked[0], given[asked[0]]), DOWN)
+    return tilted(checks.array("tilt", tilt, (3,))) @ R
+
+
+def tilted(angles: Array) -> Array:
+    """Rotations (..., 3, 3) by angles (..., 3) [degree] about fixed x, then y, then z."""
+    from scipy.spatial.transform import Rotation
+
+    flat = np.reshape(angles, (-1, 3))
+    return np.asarray(Rotation.from_euler("xyz", flat, degrees=True).as_matrix()).reshape(
+        *np.shape(angles), 3
+    )
+
+
+def onto(direction: Array, other: Array) -> Array:
+    """The smallest rotation (3, 3) of one unit vector onto another."""
+    axis, cosine = np.cross(direction, other), float(direction @ other)
+    if cosine < -1 + 1e-12:  # half a turn about an axis across
+        axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        axis /= np.linalg.norm(axis)
+        return np.asarray(2 * np.outer(axis, axis) - np.eye(3))
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + K + K @ K / (1 + cosine))
+
+
+def _named(body: FreeBody, kind: str, name: Any) -> Array:
+    """The unit direction in the body that points down where a face, edge or corner is lowest."""
+    signs = _signs(body, kind, name)
+    if signs is None:
+        return _group(body, name)
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    if kind == "face":
+        return signs
+    at = np.where(signs > 0, high, low) * (signs != 0)
+    # next to the corner of the box may be none of the part: the point that lies farthest along it
+    if kind == "corner":
+        at = body.points[np.argmax(body.points @ signs)]
+    return at / np.linalg.norm(at)
+
+
+def _signs(body: FreeBody, kind: str, name: Any) -> Array | None:
+    """The signs (3,) of "+x-z" ..., or None for the name of a group of faces."""
+    checks.text(kind, name)
+    found = re.findall(r"([+-])([xyz])", name)
+    axes = [axis for _, axis in found]
+    count = FACES[kind]
+    if "".join(s + a for s, a in found) != name or len(set(axes)) != count or len(axes) != count:
+        if kind == "face" and body.structure is not None:
+            return None
+        example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
+        raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
+    signs = np.zeros(3)
+    for sign, axis in found:
+        signs["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
+    return signs
+
+
+def _group(body: FreeBody, name: str) -> Array:
+    """The mean outward normal of a group of faces."""
+    from antiosc.fem.site.map_sites import surface
+    from antiosc.fem.structure.structure import on_mesh
+
+    assert body.structure is not None
+    part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')
+    normal = surface(part, name).normals.sum(axis=0)
+    size = float(np.linalg.norm(normal))
+    if size < 1e-9:
+        raise InputError(f"the normals of the faces {name!r} have no mean: give toward=(...).")
+    return np.asarray(normal / size)

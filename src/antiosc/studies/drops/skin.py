@@ -1,0 +1,208 @@
+"""Where a part can touch: the vertices of its convex hull, with normals and curvatures."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.fem.structure.structure import Structure
+
+#: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
+CORNER = 1e-3
+#: Cosine of the angle between the facets at a vertex and its mean normal, below which it is sharp.
+SMOOTH = float(np.cos(np.radians(35.0)))
+#: A radius of curvature is at most this many times the size of the part.
+FLATTEST = 10.0
+#: Ratio of the principal curvatures from which a rounded place is taken as a part of a ball.
+ROUND = 0.5
+#: Directions whose extent is below this share of the largest one have none.
+THIN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The vertices of a surface, P of them.
+
+    Attributes
+    ----------
+    points, normals : (P, 3) coordinates [m] and outward unit normals, zero where not known.
+    curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
+    sharp : (P,) whether the vertex lies on an edge or a corner.
+    sizes : (P,) mean length of the element edges there [m].
+    materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
+    half : (P,) half the thickness of a sheet [m]; 0 of a solid.
+    triangles : (T, 3) between the points.
+    """
+
+    points: Array
+    normals: Array
+    curvatures: Array
+    sharp: BoolArray
+    sizes: Array
+    materials: Array
+    half: Array
+    triangles: IntArray
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around the points [m]."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def radii(self, which: int, corner: float) -> tuple[float, float]:
+        """Principal radii [m] of a vertex; of a sharp one `corner`, of a sheet's half of it."""
+        if self.sharp[which]:
+            rounded = float(self.half[which]) or corner
+            return rounded, rounded
+        least = 1 / (FLATTEST * self.size)
+        first, second = np.maximum(self.curvatures[which], least)
+        return 1 / float(first), 1 / float(second)
+
+    @property
+    def balls(self) -> Array:
+        """(P,) radius of the ball that a smooth vertex is a part of [m]; 0 of all others."""
+        low, high = self.curvatures.T
+        rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
+        return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
+
+
+def skin_of(structure: Structure) -> Skin:
+    """The surface of a structure of meshes, or the nodes of given matrices with coordinates."""
+    from antiosc.fem.structure.structure import on_mesh  # needs the finite-element packages
+
+    matrices: Any = structure.matrices
+    if matrices.located:
+        return of_points(matrices.nodes()[0])
+    if not matrices.assembled:
+        return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
+    found = []
+    for member in matrices.members():
+        own = of_mesh(member.part)
+        R = member.at.rotation
+        found.append((own, member.at.placed(own.points), own.normals @ R.T))
+    starts = np.cumsum([0, *(len(own.points) for own, _, _ in found)])
+    triangles = [own.triangles + at for (own, _, _), at in zip(found, starts[:-1], strict=True)]
+    columns = {
+        name: np.concatenate([getattr(own, name) for own, _, _ in found])
+        for name in ("curvatures", "sharp", "sizes", "materials", "half")
+    }
+    return Skin(
+        np.concatenate([x for _, x, _ in found]),
+        np.concatenate([n for _, _, n in found]),
+        triangles=np.concatenate(triangles),
+        **columns,
+    )
+
+
+def of_points(points: Array) -> Skin:
+    """Points without a surface: all of them are sharp."""
+    count, unknown = len(points), np.full((len(points), 2), np.nan)
+    none = np.zeros((0, 3), dtype=int)
+    zero = np.zeros(count)
+    return Skin(
+        points, np.zeros((count, 3)), np.zeros((count, 2)), np.ones(count, dtype=bool),
+        zero, unknown, zero, none,
+    )  # fmt: skip
+
+
+def of_mesh(part: MeshedStructure) -> Skin:
+    """The surface of one mesh."""
+    from antiosc.fem.site.map_sites import surface
+
+    ground = surface(part, None)
+    x, edges = ground.points, _edges(ground.elements)
+    length = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
+    count = np.bincount(edges.ravel(), minlength=len(x))
+    total = np.bincount(edges.ravel(), np.repeat(length, 2), minlength=len(x))
+    sharp, curvatures = np.ones(len(x), dtype=bool), np.zeros((len(x), 2))
+    normals = ground.normals
+    triangles = ground.elements if ground.elements.shape[1] == 3 else np.zeros((0, 3), dtype=int)
+    if part.kind.outside and len(triangles):
+        sharp = _sharp(x, ground.normals, triangles)
+        fitted, curvatures = _fitted(x, normals, edges)
+        normals = np.where(sharp[:, None], normals, fitted)
+    materials, half = _materials(part)
+    sizes = total / np.maximum(count, 1)
+    return Skin(x, normals, curvatures, sharp, sizes, materials, half, triangles)
+
+
+def _edges(elements: IntArray) -> IntArray:
+    """Pairs (E, 2) of vertices that an element joins, each once."""
+    corners = elements.shape[1]
+    pairs = np.vstack([elements[:, [i, (i + 1) % corners]] for i in range(corners)])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def _materials(part: MeshedStructure) -> tuple[Array, Array]:
+    """Young's modulus and Poisson's ratio (P, 2), and half the thickness (P,) at the vertices."""
+    faces = part.faces
+    numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
+    vertices, index = np.unique(numbers, return_inverse=True)
+    label = np.zeros(len(vertices), dtype=int)
+    label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
+    known, half = np.full((len(part.parts), 2), np.nan), np.zeros(len(part.parts))
+    for k, (material, _) in enumerate(part.parts):
+        with suppress(InputError):  # of a material with directions
+            known[k] = material.constants()[:2]
+        if part.kind.sheet:
+            half[k] = 0.5 * material.section.thickness
+    return known[label], half[label]
+
+
+def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
+    """Which vertices have facets that are inclined to their mean normal."""
+    corners = x[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    cosine = np.abs(np.einsum("td,tvd->tv", across, normals[triangles]))
+    least = np.ones(len(x))
+    np.minimum.at(least, triangles, cosine)
+    return least < SMOOTH
+
+
+def _fitted(x: Array, normals: Array, edges: IntArray) -> tuple[Array, Array]:
+    """Normals (P, 3) and principal curvatures (P, 2), ascending, of quadrics through neighbours.
+
+    Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
+    """
+    both = np.vstack([edges, edges[:, ::-1]])
+    at = both[:, 0]
+    way = x[both[:, 1]] - x[at]
+    length = np.linalg.norm(way, axis=1)
+    size = np.bincount(at, length, len(x)) / np.maximum(np.bincount(at, minlength=len(x)), 1)
+    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, axis)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
+    second = np.cross(normals, first)
+    own = way / size[at, None]
+    u, v, w = (np.einsum("ed,ed->e", own, axes[at]) for axes in (first, second, normals))
+    rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
+    A, f = np.zeros((len(x), 5, 5)), np.zeros((len(x), 5))
+    np.add.at(A, at, rows[:, :, None] * rows[:, None, :])
+    np.add.at(f, at, rows * w[:, None])
+    a, b, c, d, e = np.einsum("pij,pj->ip", np.linalg.pinv(A, rcond=1e-9), f)
+    fitted = normals - a[:, None] * first - b[:, None] * second
+    fitted /= np.maximum(np.linalg.norm(fitted, axis=1, keepdims=True), np.finfo(float).tiny)
+    bend = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
+    return fitted, np.linalg.eigvalsh(bend / size[:, None, None])
+
+
+def hull(points: Array) -> IntArray:
+    """Numbers of the points (P, 3) that are vertices of their convex hull, flat or not."""
+    from scipy.spatial import ConvexHull
+
+    middle = points.mean(axis=0)
+    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
+    own = (points - middle) @ axes[size > THIN * size[0]].T
+    if own.shape[1] == 0:
+        return np.zeros(1, dtype=int)
+    if own.shape[1] == 1:
+        return np.array([np.argmin(own), np.argmax(own)])
+    return np.sort(cast(IntArray, ConvexHull(own).vertices)).astype(int)

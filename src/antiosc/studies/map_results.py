@@ -1,0 +1,154 @@
+"""`ImpactMap`: models and impacts at many sites of a surface, as tables, files and pictures."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.brief import Brief
+from antiosc.base.checks import path as checked_path, whole
+from antiosc.base.errors import InputError
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.free_modes import SiteModels
+from antiosc.models.model_info import ModelInfo
+from antiosc.results.plotting import plot_map
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImpactMap(Brief):
+    """Anti-oscillators and impacts over a surface, on every rank alike.
+
+    Attributes
+    ----------
+    points, directions : (P, 3) sites [m] and unit vectors of the directions of impact.
+    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
+    models : SiteModels
+        Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
+    local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
+    radius : (P,) radii of the patches [m], or None for points.
+    error : (P,) bound on |dZ|/|Z| up to `band` [rad/s].
+    direct : (P,) bool, sites that were extracted separately.
+    skipped : number of sites left out: fixed by supports, or without a surface under the patch.
+    names : (P,) the group or part of each site, by its name in `where`; "" without a name.
+    peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
+        impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
+        never touched; the deflection is that of the site, including the indentation of the patch.
+    info : free modes, seconds, …; JSON values.
+    """
+
+    points: Array
+    directions: Array
+    elements: IntArray
+    models: SiteModels
+    local_compliance: Array
+    radius: Array | None
+    band: float
+    error: Array
+    direct: Array
+    skipped: int
+    names: NDArray[np.str_]
+    peak_force: Array | None = None
+    contact_time: Array | None = None
+    restitution: Array | None = None
+    impulse: Array | None = None
+    peak_deflection: Array | None = None
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def model(self, i: int) -> AntiOscillators:
+        """The model of site i, without shapes."""
+        i = whole("i", i, least=0, most=len(self) - 1)
+        return replace(
+            self.models.model(i),
+            local_compliance=float(self.local_compliance[i]),
+            radius=None if self.radius is None else float(self.radius[i]),
+            info=ModelInfo(point=self.points[i].tolist(), direction=self.directions[i].tolist()),
+        )
+
+    def quantities(self) -> dict[str, Array]:
+        """Every scalar of the map by name, as written to files: (P,) each."""
+        first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
+        named = {
+            "k0": self.models.k0,
+            "m_st": self.models.m_st,
+            "omega_1": first,
+            "error": self.error,
+            "peak_force": self.peak_force,
+            "contact_time": self.contact_time,
+            "restitution": self.restitution,
+            "impulse": self.impulse,
+            "peak_deflection": self.peak_deflection,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
+
+        InputError where the file cannot be written, or its ending tells meshio no format.
+        """
+        import meshio  # takes a while to load
+
+        target = checked_path("path", path)
+        kind = "triangle" if self.elements.shape[1] == 3 else "line"
+        cells = [(kind, self.elements), ("vertex", self.alone[:, None])]
+        surface = np.unique(self.names, return_inverse=True)[1].astype(float)
+        data = {**self.quantities(), "direction": self.directions, "surface": surface}
+        with files.complete(target, "the map") as part:
+            try:
+                blocks = [(kind, numbers) for kind, numbers in cells if len(numbers)]
+                meshio.Mesh(self.points, blocks, point_data=data).write(part)
+            except (meshio.ReadError, meshio.WriteError, KeyError, SystemExit) as error:
+                raise InputError(
+                    f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
+                    ".vtu."
+                ) from error
+        return target
+
+    @property
+    def alone(self) -> IntArray:
+        """Numbers of the sites that belong to no element."""
+        return np.setdiff1d(np.arange(len(self)), self.elements)
+
+    def surfaces(self) -> dict[str, IntArray]:
+        """Name of each group or part -> numbers of its sites, in their order."""
+        return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
+
+    def summary(self) -> str:
+        """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
+        surfaces = self.surfaces()
+        width = max(5, *(len(name) for name in surfaces))
+        title = f"{'where':<{width}}{'sites':>7}{'k0 [N/m]':>26}"
+        if self.peak_force is not None:
+            title += f"{'peak force [N]':>16}  at (x, y, z) [m]"
+        rows = [title]
+        for name, own in surfaces.items():
+            k0 = self.models.k0[own]
+            span = f"{k0.min():.4g} to {k0.max():.4g}"
+            row = f"{name or 'sites':<{width}}{len(own):>7}{span:>26}"
+            if self.peak_force is not None:
+                i = own[np.argmax(self.peak_force[own])]
+                place = ", ".join(f"{c:.4g}" for c in self.points[i])
+                row += f"{self.peak_force[i]:>16.5g}  ({place})"
+            rows.append(row)
+        return "\n".join(rows)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
+    ) -> Figure | Path:
+        """One of `quantities()` over the surface; see `antiosc.results.plotting.plot_map`.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        return plot_map(self, path, quantity)

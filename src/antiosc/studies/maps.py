@@ -1,0 +1,288 @@
+"""`impact_map`: anti-oscillators and impacts at every point of a surface.
+
+One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
+free modes at the site and two numbers of its static deflection y: the compliance b'y and the
+inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
+is too large, the site is extracted separately.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.checks import instance, positive, whole, within_range
+from antiosc.contact import ContactLaw
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.extraction.dampers import refuse_dampers
+from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.fem.extraction.krylov import by_krylov
+from antiosc.fem.extraction.oscillators import (
+    at_one_site,
+    elastic_count,
+    error_bound,
+    lumped,
+    oscillators,
+)
+from antiosc.fem.extraction.site_shapes import shapes_of_models
+from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.mpi import agree, collective, on_root
+from antiosc.fem.site.map_sites import sites_of
+from antiosc.fem.site.sites import Sites
+from antiosc.fem.structure.structure import Structure
+from antiosc.studies.map_results import ImpactMap
+from antiosc.models import driving_point, free_modes
+from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.free_modes import SiteModels
+from antiosc.simulation.batch import simulate_many
+from antiosc.simulation.deflection import peak_deflections
+from antiosc.base.threads import one_thread
+
+#: Free modes where neither `modes` nor a band says how many.
+FREE_MODES = 20
+#: Frequency of the last free mode over the band.
+ABOVE = 1.5
+#: The band where none is given, over the last free mode.
+WITHIN = 0.5
+#: At most this many sites are extracted separately; if more need it, none is.
+DIRECT = 32
+
+log = logging.getLogger(__name__)
+
+
+@collective()
+@within_range
+@one_thread()
+def impact_map(
+    structure: Structure,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
+    impactor: LinearBody | None = None,
+    contact: ContactLaw | None = None,
+    duration: float | None = None,
+    *,
+    direction: Sequence[float] | None = None,
+    radius: float | None = None,
+    n: int = 12,
+    modes: int | None = None,
+    band: float | None = None,
+    accuracy: float = 0.05,
+) -> ImpactMap:
+    """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mesh.
+    where : str, list of str, or array_like (P, 2 or 3), optional
+        A group of faces (cells of shells and beams) whose vertices are the sites, several groups,
+        or points. None: the whole surface. Of an assembly "part:group", or "part" for its whole
+        surface, or several of them; None: all parts, faces that are tied included. A vertex of
+        two groups is a site of each.
+    impactor, contact, duration
+        As for `simulate`. None: extraction only, no impacts.
+    direction : sequence of float, optional
+        Direction of impact at all sites; None: against the outward normal (solids, by group).
+    radius : float, optional
+        Radius of the patch, m, as for `Site`.
+    n : int
+        Anti-oscillators at each site, by the Krylov method on the free modes.
+    modes : int, optional
+        Number of free modes; default 20, or as many as reach 1.5 times the band.
+    band : float, optional
+        Highest circular frequency of interest, rad/s; default: half the last free frequency.
+    accuracy : float
+        Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
+        are extracted separately if they are at most 32; a warning states how many remain.
+
+    Raises
+    ------
+    InputError
+        An empty group, points off the structure, no site that can move, a missing direction.
+    """
+    started = time.perf_counter()
+    instance("structure", structure, Structure, "a Structure")
+    accuracy = positive("accuracy", accuracy)
+    if radius is not None:
+        radius = positive("radius", radius, "m")
+    n = whole("n", n)
+    if band is not None:
+        band = positive("band", band, "rad/s")
+    if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
+        raise InputError(
+            "impacts need all of impactor, contact and duration; an extraction needs none of them."
+        )
+    if impactor is not None:
+        checked_body("impactor", impactor)
+        instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+        duration = positive("duration", duration, "s")
+    matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
+    found = sites_of(matrices, where, direction, radius)
+    sites = found.sites
+    refuse_dampers(structure, "a map")
+    structure.factorize()
+    located = time.perf_counter()
+    free = _free_modes(structure, modes, band)
+    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
+    phi = np.column_stack([structure.rigid_modes, free.phi])
+    band = WITHIN * float(omega[-1]) if band is None else band
+    if band >= omega[-1]:
+        raise InputError(
+            f"the band {band:g} rad/s must end below the last of {len(omega)} free modes,"
+            f" {omega[-1]:g} rad/s: ask for more modes."
+        )
+    b = structure.comm.allreduce(sites.loads.T @ phi)
+    solved = time.perf_counter()
+    C, G = deflections(structure, sites.loads, omega, b)
+    moved = time.perf_counter()
+    models = free_modes.at_sites(omega, b, C, G, n, structure.shift, "krylov")
+    left_out, reduction = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
+    reduced = time.perf_counter()
+    models, error, direct = _refined(
+        structure, sites, models, (left_out, reduction), band, accuracy
+    )
+    extracted = time.perf_counter()
+    seconds = {
+        "sites": located - started,
+        "free_modes": solved - located,
+        "deflections": moved - solved,
+        "models": reduced - moved,
+        "direct": extracted - reduced,
+    }
+    info = {
+        "structure": structure.describe(),
+        "free_modes": len(omega),
+        "cell_dimension": found.dimension,
+        "seconds": {**structure.seconds, **seconds},
+    }
+    result = ImpactMap(
+        points=sites.points,
+        directions=sites.directions,
+        elements=found.elements,
+        models=models,
+        local_compliance=sites.local,
+        radius=None if np.isnan(sites.radii).any() else sites.radii,
+        band=band,
+        error=error,
+        direct=direct,
+        skipped=found.count - len(sites),
+        names=found.names,
+        info=info,
+    )
+    on_root(structure.comm, partial(_tell, result, accuracy))
+    if impactor is None or contact is None or duration is None:
+        return result
+    return _struck(structure, result, impactor, contact, duration)
+
+
+# --- Free modes ---------------------------------------------------------------------------------
+
+
+def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
+    """The lowest elastic modes: `count`, or as many as reach above the band."""
+    wanted = FREE_MODES if count is None else whole("modes", count)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    found = ModeSolver(structure).lowest(wanted, reach)
+    kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
+    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
+    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
+
+
+# --- What is not good enough --------------------------------------------------------------------
+
+
+def _refined(
+    structure: Structure,
+    sites: Sites,
+    models: SiteModels,
+    errors: tuple[Array, Array],
+    band: float,
+    accuracy: float,
+) -> tuple[SiteModels, Array, Array]:
+    """The sites with too few free modes, extracted separately; errors of all sites."""
+    left_out, error = errors[0], errors[0] + errors[1]
+    direct = np.zeros(len(error), dtype=bool)
+    worst = np.flatnonzero(left_out > accuracy)
+    if not 0 < len(worst) <= DIRECT:
+        return models, error, direct
+    omega, m = models.omega.copy(), models.m.copy()
+    k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
+    n = m.shape[1]
+    loads = sites.loads[:, worst].toarray()
+    statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
+    counts = [elastic_count(static, n) for static in statics]
+    found = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
+        known = lumped(structure, static, modes)
+        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
+        kept = at_one_site(static, elastic, n)
+        assert remainder is not None  # there is a band
+        bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
+        if bound >= error[i]:
+            continue
+        size = len(kept.m)
+        omega[i], m[i] = np.inf, 0.0
+        omega[i, :size], m[i, :size] = kept.omega, kept.m
+        k0[i], m0[i], m_st[i] = kept.k0, kept.m0, kept.m0 + kept.m.sum()
+        error[i], direct[i] = bound, True
+    return SiteModels(k0, m0, m_st, omega, m), error, direct
+
+
+def _tell(result: ImpactMap, accuracy: float) -> None:
+    if result.skipped:
+        warn(
+            f"{result.skipped} of {result.skipped + len(result)} sites are left out: supports fix "
+            "them along the direction of impact, or there is no surface under their patch.",
+            AccuracyWarning,
+        )
+    left = int(np.sum(result.error > accuracy))
+    if left:
+        warn(
+            f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
+            f"{result.band:g} rad/s (at worst {result.error.max():.1e}): raise n or modes, lower "
+            "the band, or extract those sites (see .error).",
+            AccuracyWarning,
+        )
+
+
+def _struck(
+    structure: Structure,
+    result: ImpactMap,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+) -> ImpactMap:
+    """The map with one impact at each site, the sites shared among the ranks."""
+    started = time.perf_counter()
+    comm = structure.comm
+    mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
+    part, error = None, None
+    try:
+        if len(mine):
+            models = [result.model(i) for i in mine]
+            batch = simulate_many(models, impactor, contact, duration)
+            part = batch, peak_deflections(models, batch.force, duration)
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    parts = [p for p in comm.allgather(part) if p is not None]
+
+    def gathered(name: str) -> Array:
+        return np.concatenate([getattr(batch, name) for batch, _ in parts])
+
+    seconds = {**result.info["seconds"], "impacts": time.perf_counter() - started}
+    return replace(
+        result,
+        info={**result.info, "seconds": seconds},
+        peak_force=gathered("peak_force"),
+        contact_time=gathered("contact_time"),
+        restitution=gathered("restitution"),
+        impulse=gathered("impulse"),
+        peak_deflection=np.concatenate([deflection for _, deflection in parts]),
+    )
