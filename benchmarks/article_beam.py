@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
 
 Floats = NDArray[np.float64]

@@ -40,7 +40,7 @@ from article_beam import (
 )
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import pinned_free
 
 COUNTS = (5, 10, 20, 35, 50, 70, 90, 120, 160)

@@ -39,7 +39,7 @@ from article_beam import (
 )
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import pinned_pinned
 
 COUNTS = (4, 6, 9, 12, 15, 20, 30, 45, 70, 100, 140)

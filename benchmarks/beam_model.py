@@ -25,9 +25,9 @@ from fidelity import power
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.studies.advice import advise
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.quantities import differences
+from antiosc.studies.advice import advise
 
 #: Of all bars, m; radius of the solid's patch over the smaller side.
 HEIGHT, PATCH = 0.01, 0.3

@@ -24,7 +24,7 @@ import options
 from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.base import threads
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower

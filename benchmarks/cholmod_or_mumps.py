@@ -28,6 +28,7 @@ import scipy.sparse
 from petsc4py import PETSc
 
 import antiosc as ao
+from antiosc.base.threads import one_thread
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances
@@ -35,7 +36,6 @@ from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solvers import Distributed
 from antiosc.fem.linalg.substructures import Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
-from antiosc.base.threads import one_thread
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

@@ -27,7 +27,7 @@ import numpy as np
 import options
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.convergence import converge
 from antiosc.simulation.exact import of_problem

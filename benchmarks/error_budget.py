@@ -30,7 +30,7 @@ import options
 from random_parts import Case, drawn, geometry
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import source_of

@@ -22,9 +22,9 @@ import options
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.results import plotting
-from antiosc.studies.advice import advise
+from antiosc import plotting
 from antiosc.fem import compat
+from antiosc.studies.advice import advise
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

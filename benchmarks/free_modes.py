@@ -28,10 +28,10 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 import antiosc as ao
-from antiosc.studies import maps
+from antiosc.base.threads import one_thread
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.base.threads import one_thread
+from antiosc.studies import maps
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

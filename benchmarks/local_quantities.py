@@ -26,7 +26,7 @@ import scipy.linalg
 from scipy.spatial import cKDTree
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.fem import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place

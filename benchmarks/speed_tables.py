@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import options
 
-from antiosc.results import plotting
+from antiosc import plotting
 
 STYLE = {
     "Krylov": ("C3", "o-"),

@@ -32,8 +32,8 @@ from stability_charts import METHODS, chart_numbers, chart_scenes
 from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import files
-from antiosc.results import plotting
 from antiosc.closed_form import pinned_pinned
 from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.expected import scaled, stiffness_of

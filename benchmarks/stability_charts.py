@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap
 from stability_scenes import Scene, stable_steps
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.simulation.integrators import FIXED_STEP
 
 METHODS = ("exact", *FIXED_STEP)

@@ -28,7 +28,7 @@ from error_budget import finer
 from strike_scenes import SCENES, Scene
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.quantities import differences
 

@@ -32,8 +32,8 @@ import numpy as np
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import files
-from antiosc.results import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.integrators import FIXED_STEP

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 #: Heading of a column -> (key of the number, factor of its unit, digits after the point or "g").
 Columns = Mapping[str, tuple[str, float, str]]

@@ -16,7 +16,7 @@ from pathlib import Path
 import command_line
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 # ## The part and the blow
 #

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import zener
 from antiosc.closed_form.plates import SupportedPlate
 

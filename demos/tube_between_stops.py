@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 import antiosc as ao
-from antiosc import closed_form, contact
-from antiosc.results import plotting
+from antiosc import closed_form, contact, plotting
 from antiosc.closed_form import zener
 from paths import DECKS
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.studies.advice import advise
+from antiosc.base.errors import InputError
 from antiosc.closed_form import UniformBeam, free_free
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.base.errors import InputError
+from antiosc.studies.advice import advise
 from paths import demo
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

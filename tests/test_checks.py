@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import checks
-from antiosc.base import errors
+from antiosc.base import checks, errors
 
 NO_NUMBER = [
     None,

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import checks
 from antiosc.app import cli
-from antiosc.base import files
+from antiosc.base import checks, files
 
 MODEL = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0, 2.0], omega=[1e3, 2e3])
 

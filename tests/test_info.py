@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.app import cli
-from antiosc.app import info
+from antiosc.app import cli, info
 from antiosc.base.errors import InputError
 
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")

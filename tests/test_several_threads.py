@@ -16,9 +16,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import errors
-from antiosc.base import isolation
-from antiosc.base import progress
+from antiosc.base import errors, isolation, progress
 from antiosc.fem.structure.structure import Structure
 
 

@@ -16,8 +16,7 @@ pytest.importorskip("dolfinx")
 
 from mpi4py import MPI  # noqa: E402
 
-from antiosc.studies import strike_answers
-from antiosc.studies import striking
+from antiosc.studies import strike_answers, striking
 
 TOL = 0.01
 

@@ -35,7 +35,7 @@ from calculix_deck import deck, forces, part_deck
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 Array = NDArray[np.float64]
 Curve = tuple[Array, Array]

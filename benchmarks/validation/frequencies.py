@@ -17,7 +17,7 @@ from case import Case, Known, Row
 from lines import line
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 STEEL: dict[str, Any] = {"E": 200e9, "nu": 0.3, "rho": 8000.0}
 

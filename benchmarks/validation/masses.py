@@ -9,7 +9,7 @@ from case import Case, Row
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 Array = NDArray[np.float64]
 INCH, POUND = 0.0254, 4.4482216  # m, N

@@ -15,7 +15,7 @@ from case import Case, Row
 from lines import line
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 INCH, POUND = 0.0254, 4.4482216  # m, N
 ELEMENTS, N, HARD = 200, 90, 200.0

@@ -10,7 +10,7 @@ from case import Case, Row
 from frequencies import meshed, quadrilateral
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.closed_form import SupportedPlate, zener
 
 

@@ -11,7 +11,7 @@ from lines import line
 from scipy.sparse import csc_array
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 
 def cantilever(picture: Path) -> list[Row]:

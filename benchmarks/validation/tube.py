@@ -10,7 +10,7 @@ from hermite import hermite_beam
 from scipy.sparse import csc_array
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 
 ELEMENTS, MODES = 48, 30
 STOPS = {"N14": 12, "N26": 24, "N38": 36, "N2": 48}  # name -> node, 0 the clamped end

@@ -1,9 +1,25 @@
 # The public names and the modules that hold them: the one list of them, for type checkers and for
 # the package itself, which loads a module when one of its names is first used.
 
-from antiosc.studies.advice import (
-    Advice as Advice,
-    advise as advise,
+from antiosc.app.exports.export import (
+    export as export,
+)
+from antiosc.base.errors import (
+    AccuracyError as AccuracyError,
+    AccuracyWarning as AccuracyWarning,
+    AntioscError as AntioscError,
+    AntioscWarning as AntioscWarning,
+    InputError as InputError,
+    MeshError as MeshError,
+    MissingDependencyError as MissingDependencyError,
+    NotConvergedError as NotConvergedError,
+    OutOfMemoryError as OutOfMemoryError,
+)
+from antiosc.base.stresses import (
+    delamination_load as delamination_load,
+    principal as principal,
+    tsai_hill as tsai_hill,
+    von_mises as von_mises,
 )
 from antiosc.contact.base import (
     ContactLaw as ContactLaw,
@@ -27,38 +43,6 @@ from antiosc.contact.power import (
 )
 from antiosc.contact.table import (
     Tabulated as Tabulated,
-)
-from antiosc.studies.drops.drop import (
-    drop as drop,
-)
-from antiosc.studies.drops.ensemble import (
-    Drops as Drops,
-    Tilts as Tilts,
-)
-from antiosc.studies.drops.fall import (
-    Fall as Fall,
-)
-from antiosc.studies.drops.filters import (
-    cfc_filter as cfc_filter,
-)
-from antiosc.studies.drops.floor import (
-    Floor as Floor,
-    SoftLayer as SoftLayer,
-    contact_at as contact_at,
-)
-from antiosc.base.errors import (
-    AccuracyError as AccuracyError,
-    AccuracyWarning as AccuracyWarning,
-    AntioscError as AntioscError,
-    AntioscWarning as AntioscWarning,
-    InputError as InputError,
-    MeshError as MeshError,
-    MissingDependencyError as MissingDependencyError,
-    NotConvergedError as NotConvergedError,
-    OutOfMemoryError as OutOfMemoryError,
-)
-from antiosc.app.exports.export import (
-    export as export,
 )
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
@@ -117,27 +101,11 @@ from antiosc.fem.extraction.superposition import (
     full as full,
     superposition as superposition,
 )
-from antiosc.results.fields import (
-    save_fields as save_fields,
-    write_series as write_series,
-)
 from antiosc.fem.mesh.mesh import (
     Mesh as Mesh,
 )
 from antiosc.fem.mesh.reading import (
     read_mesh as read_mesh,
-)
-from antiosc.results.peaks import (
-    PeakField as PeakField,
-    peak_field as peak_field,
-)
-from antiosc.results.probe import (
-    probe as probe,
-    strain_gauge as strain_gauge,
-)
-from antiosc.results.reactions import (
-    Reactions as Reactions,
-    reactions as reactions,
 )
 from antiosc.fem.site.site import (
     Site as Site,
@@ -154,12 +122,6 @@ from antiosc.fem.structure.structure import (
 )
 from antiosc.fem.structure.support import (
     Support as Support,
-)
-from antiosc.studies.map_results import (
-    ImpactMap as ImpactMap,
-)
-from antiosc.studies.maps import (
-    impact_map as impact_map,
 )
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
@@ -188,8 +150,30 @@ from antiosc.models.resolved import (
 from antiosc.models.site_modes import (
     SiteModes as SiteModes,
 )
+from antiosc.results.fields import (
+    save_fields as save_fields,
+    write_series as write_series,
+)
+from antiosc.results.peaks import (
+    PeakField as PeakField,
+    peak_field as peak_field,
+)
+from antiosc.results.probe import (
+    probe as probe,
+    strain_gauge as strain_gauge,
+)
+from antiosc.results.reactions import (
+    Reactions as Reactions,
+    reactions as reactions,
+)
 from antiosc.results.saved_fields import (
     SavedFields as SavedFields,
+)
+from antiosc.results.spectra import (
+    ShockSpectrum as ShockSpectrum,
+    Spectrum as Spectrum,
+    spectrum as spectrum,
+    srs as srs,
 )
 from antiosc.simulation.batch import (
     Batch as Batch,
@@ -251,17 +235,33 @@ from antiosc.simulation.truncation import (
     choose_n as choose_n,
     truncation_error as truncation_error,
 )
-from antiosc.results.spectra import (
-    ShockSpectrum as ShockSpectrum,
-    Spectrum as Spectrum,
-    spectrum as spectrum,
-    srs as srs,
+from antiosc.studies.advice import (
+    Advice as Advice,
+    advise as advise,
 )
-from antiosc.base.stresses import (
-    delamination_load as delamination_load,
-    principal as principal,
-    tsai_hill as tsai_hill,
-    von_mises as von_mises,
+from antiosc.studies.drops.drop import (
+    drop as drop,
+)
+from antiosc.studies.drops.ensemble import (
+    Drops as Drops,
+    Tilts as Tilts,
+)
+from antiosc.studies.drops.fall import (
+    Fall as Fall,
+)
+from antiosc.studies.drops.filters import (
+    cfc_filter as cfc_filter,
+)
+from antiosc.studies.drops.floor import (
+    Floor as Floor,
+    SoftLayer as SoftLayer,
+    contact_at as contact_at,
+)
+from antiosc.studies.map_results import (
+    ImpactMap as ImpactMap,
+)
+from antiosc.studies.maps import (
+    impact_map as impact_map,
 )
 from antiosc.studies.striking import (
     strike as strike,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.charts import figures
-from antiosc.results.plotting import parts
+from antiosc.plotting import parts
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -169,7 +169,7 @@ def test_errors_leave_out_what_has_no_logarithm():
 
 @pytest.mark.slow
 def test_drawing_is_loaded_when_asked_for():
-    code = "import sys, antiosc, antiosc.results.plotting; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, antiosc, antiosc.plotting; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

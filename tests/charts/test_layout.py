@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.charts import surfaces
 from antiosc.charts.deformed import Deformed, deformed_figure
 

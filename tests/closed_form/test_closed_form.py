@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base.errors import InputError
 from antiosc.closed_form import (
     StruckBeam,
     UniformBeam,
@@ -15,7 +16,6 @@ from antiosc.closed_form import (
     pinned_free,
     pinned_pinned,
 )
-from antiosc.base.errors import InputError
 from refusals import refused
 from scenes import BEAM, finely
 from spectral_beam import SpectralBeam

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.base.errors import InputError
 
 PLATE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=0.8)
 SQUARE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=1.0)

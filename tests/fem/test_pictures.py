@@ -46,7 +46,7 @@ def test_the_skin_is_the_surface_and_moves_with_the_part():
 
 def test_the_picture_of_a_moved_sheet(hit, tmp_path):
     pytest.importorskip("matplotlib")
-    from antiosc.results.plotting import plot_deformed
+    from antiosc.plotting import plot_deformed
 
     structure, history = hit
     path = plot_deformed(
@@ -78,7 +78,7 @@ def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
 def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
     """It is a quarter as long as the part, along the direction, in mm or in m."""
     art3d = pytest.importorskip("mpl_toolkits.mplot3d.art3d")
-    from antiosc.results.plotting import plot_deformed
+    from antiosc.plotting import plot_deformed
 
     sides = scale * np.array([0.2, 0.1])
     flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), sides], [2, 2])

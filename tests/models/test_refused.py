@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import checks
-from antiosc.results import plotting
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, zener
 from antiosc.contact import Tabulated
 from antiosc.models.reduced_matrices import ReducedMatrices

@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.base.errors import AntioscError, InputError
 from antiosc.app.scene_file import group_names
 from antiosc.app.scene_file.build import Call
+from antiosc.base.errors import AntioscError, InputError
 
 # --- Groups ---------------------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from antiosc.base.errors import InputError
 from antiosc.app.scene_file import report_pictures as drawn
+from antiosc.base.errors import InputError
 
 
 def test_names_in_pictures_are_no_formulas():

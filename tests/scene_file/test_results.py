@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from antiosc.base.errors import InputError
 from antiosc.app.scene_file import output, template
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.outputs import Output
 from antiosc.app.scene_file.problems import Problems, SceneFileError
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.base.errors import InputError
 
 
 class Model(SimpleNamespace):

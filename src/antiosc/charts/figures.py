@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.isolation import loading

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
+from antiosc.base.errors import InputError
 from antiosc.charts.figures import (
     axes_or_new,
     by_name,
@@ -22,7 +23,6 @@ from antiosc.charts.figures import (
     panels,
     widths,
 )
-from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from antiosc.base._types import Array
-from antiosc.closed_form import waves
 from antiosc.base.errors import AccuracyError
+from antiosc.closed_form import waves
 
 #: End supports: which of the state (w, θ, Q, M) they hold at zero.
 ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}

@@ -14,8 +14,8 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.contact.base import ContactLaw, State
 from antiosc.base.declared import Checked
+from antiosc.contact.base import ContactLaw, State
 
 _Three = c_double * 3
 

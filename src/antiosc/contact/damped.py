@@ -14,12 +14,11 @@ from dataclasses import dataclass, field
 from math import log1p
 from typing import Any, ClassVar
 
-from antiosc.base import checks
-from antiosc.base import march
-from antiosc.contact.compiled import Compiled
-from antiosc.contact.power import checked_exponent
+from antiosc.base import checks, march
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
+from antiosc.contact.compiled import Compiled
+from antiosc.contact.power import checked_exponent
 
 
 def _checked_restitution(name: str, value: Any) -> float:

@@ -11,8 +11,7 @@ from math import cos, pi, radians, sqrt
 import numpy as np
 from scipy.special import ellipkm1, elliprd
 
-from antiosc.base import checks
-from antiosc.base import plausible
+from antiosc.base import checks, plausible
 from antiosc.base.errors import InputError
 
 Radii = float | tuple[float, float]

@@ -16,11 +16,10 @@ from dataclasses import dataclass, field
 from math import pi, sqrt
 from typing import Any, ClassVar
 
-from antiosc.base import checks
-from antiosc.base import march
-from antiosc.contact.compiled import Compiled
+from antiosc.base import checks, march
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
+from antiosc.contact.compiled import Compiled
 
 
 class Hysteretic(Compiled):

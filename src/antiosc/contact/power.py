@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from typing import Any, ClassVar
 
-from antiosc.base import checks
-from antiosc.base import march
+from antiosc.base import checks, march
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.contact.base import State
 from antiosc.contact.compiled import Compiled
 from antiosc.contact.geometry import (
@@ -16,8 +17,6 @@ from antiosc.contact.geometry import (
     hertz_stiffness,
     relative_curvatures,
 )
-from antiosc.base.declared import checked_by
-from antiosc.base.errors import InputError, NotConvergedError
 
 
 def checked_exponent(name: str, value: Any) -> float:

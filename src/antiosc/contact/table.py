@@ -7,11 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks
-from antiosc.base import march
+from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.contact.plastic import Hysteretic
 from antiosc.base.errors import InputError
+from antiosc.contact.plastic import Hysteretic
 
 
 class Tabulated(Hysteretic):

@@ -19,8 +19,8 @@ from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.base.checks import shown
 from antiosc.base.errors import AntioscWarning, InputError
-from antiosc.fem.fingerprint import fingerprint, is_void, named, number
 from antiosc.base.memory import within_memory
+from antiosc.fem.fingerprint import fingerprint, is_void, named, number
 
 
 class Serial:

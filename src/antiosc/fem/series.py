@@ -23,8 +23,7 @@ from xml.sax.saxutils import escape, quoteattr, unescape
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 

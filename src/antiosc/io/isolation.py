@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.base.errors import AntioscError, MeshError, MissingDependencyError
+from antiosc.base.progress import doing
 from antiosc.io import server
 from antiosc.io.neutral import FileMesh, unpacked
 from antiosc.io.request import OVERTIME
-from antiosc.base.progress import doing
 
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
 LEAST_MEMORY = 2 * 2**30

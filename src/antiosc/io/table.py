@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from antiosc.io import by_gmsh, by_meshio, by_unv
-from antiosc.io.request import FileReader
 from antiosc.io.registered import loaded, registered
+from antiosc.io.request import FileReader
 
 #: Name is the ending of the files without its dot, value a `FileReader`.
 GROUP = "antiosc.readers"

@@ -234,7 +234,7 @@ class AntiOscillators(Brief, Parameters):
         return body.field(np.concatenate((x, at_rest), axis=-1))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.results.plotting.plot_model`.
+        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.plotting.plot_model`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """

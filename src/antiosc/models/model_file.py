@@ -18,8 +18,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base.errors import InputError
 
 FORMAT = "antiosc-model"

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.io.matrices import matrix_market

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
 from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.base.threads import one_thread
 from antiosc.fem import node_fields
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.mpi import collective, on_root
@@ -26,7 +27,6 @@ from antiosc.results.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory
-from antiosc.base.threads import one_thread
 
 
 def counted(history: Motions) -> tuple[Any, ...]:

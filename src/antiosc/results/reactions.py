@@ -24,17 +24,17 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.threads import one_thread
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.site_shapes import beside_rigid
-from antiosc.results.fields import counted, shapes_of
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.mpi import collective
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
+from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
-from antiosc.base.threads import one_thread
 
 
 @dataclass(frozen=True, eq=False, repr=False)

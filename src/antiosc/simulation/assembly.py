@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw, Hertz
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, Hertz
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
 from antiosc.simulation.scene_loads import acting, axes_of

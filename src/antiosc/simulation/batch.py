@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks
-from antiosc.base import plausible
+from antiosc.base import checks, plausible
 from antiosc.base._types import Array, Index
 from antiosc.base.brief import Brief
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import AccuracyError, AccuracyWarning, AntioscError, InputError, warn
-from antiosc.models.body import LinearBody
 from antiosc.base.progress import counting
+from antiosc.contact import ContactLaw
+from antiosc.models.body import LinearBody
 from antiosc.simulation.coupled_dampers import refuse_coupling
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.integrators import MAX_STEPS

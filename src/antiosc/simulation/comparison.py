@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import march
+from antiosc.base import checks, march
 from antiosc.base.errors import InputError
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.convergence import Converged, difference

@@ -10,8 +10,8 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
-from antiosc.contact.geometry import effective_modulus
 from antiosc.base.errors import InputError
+from antiosc.contact.geometry import effective_modulus
 
 #: Depths over the contact radius at which the shear stress is looked at.
 DEPTHS = np.linspace(0.01, 2.0, 4000)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import march
-from antiosc.base import memory
+from antiosc.base import march, memory
 from antiosc.base.errors import InputError
 from antiosc.simulation.system import Given, System
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw, State
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, State
 from antiosc.simulation.system import System
 
 _ITERATIONS = 400

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
-from antiosc.charts.histories import plot_history
 from antiosc.base.errors import InputError
+from antiosc.charts.histories import plot_history
 from antiosc.models.body import places_of
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.contact_energy import replay, stored_alone
@@ -260,7 +260,7 @@ class History(HistoryResults):
         return "\n".join(f"{name:<13} {value}" for name, value in rows)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Force and motions as a matplotlib figure; see `antiosc.results.plotting.plot_history`.
+        """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.expected import scaled

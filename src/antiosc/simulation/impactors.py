@@ -9,8 +9,8 @@ from math import inf, pi, sqrt
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.contact import Hertz
 from antiosc.base.errors import InputError
+from antiosc.contact import Hertz
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion

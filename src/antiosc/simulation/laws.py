@@ -6,9 +6,9 @@ from ctypes import pointer
 from typing import Any
 
 from antiosc.base import march
+from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.contact.compiled import Compiled, is_compiled
-from antiosc.base.errors import InputError
 
 
 class OwnLaw:

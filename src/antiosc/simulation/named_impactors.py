@@ -10,8 +10,8 @@ from math import pi, sqrt
 from typing import Any
 
 from antiosc.base import checks
-from antiosc.contact import Gonthier
 from antiosc.base.errors import InputError
+from antiosc.contact import Gonthier
 from antiosc.simulation.impactors import RigidMass, Sphere
 
 #: Steel (handbook values), Pa and kg/m³.

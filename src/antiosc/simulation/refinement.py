@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import plausible
+from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble

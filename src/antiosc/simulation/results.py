@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError, MissingDependencyError

@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.models.motion import ModalState, Motion

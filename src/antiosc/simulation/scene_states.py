@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import march
-from antiosc.base import memory
+from antiosc.base import march, memory
 from antiosc.base._types import Array
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System

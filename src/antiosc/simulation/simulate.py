@@ -23,11 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import plausible
+from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import AccuracyError, InputError
+from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody

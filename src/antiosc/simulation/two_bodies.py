@@ -11,8 +11,8 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw, Hertz
 from antiosc.base.errors import AccuracyError, InputError
+from antiosc.contact import ContactLaw, Hertz
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion

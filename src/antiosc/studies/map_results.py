@@ -18,7 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.model_info import ModelInfo
-from antiosc.results.plotting import plot_map
+from antiosc.plotting import plot_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,7 +147,7 @@ class ImpactMap(Brief):
     def plot(
         self, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
     ) -> Figure | Path:
-        """One of `quantities()` over the surface; see `antiosc.results.plotting.plot_map`.
+        """One of `quantities()` over the surface; see `antiosc.plotting.plot_map`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """

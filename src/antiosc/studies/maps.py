@@ -18,8 +18,9 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.checks import instance, positive, whole, within_range
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.threads import one_thread
+from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
@@ -37,13 +38,12 @@ from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure
-from antiosc.studies.map_results import ImpactMap
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
-from antiosc.base.threads import one_thread
+from antiosc.studies.map_results import ImpactMap
 
 #: Free modes where neither `modes` nor a band says how many.
 FREE_MODES = 20

@@ -25,9 +25,9 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.studies.advice import advise
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import InputError
+from antiosc.base.memory import MEMORY_SHARE, free_memory
+from antiosc.contact import ContactLaw
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
@@ -39,7 +39,6 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.base.memory import MEMORY_SHARE, free_memory
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
@@ -47,6 +46,7 @@ from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.simulation.history import History
 from antiosc.simulation.simulate import simulate
+from antiosc.studies.advice import advise
 from antiosc.studies.strike_answers import (
     FIRST_N,
     MORE_ON_LINES,

@@ -14,8 +14,8 @@ pytest.importorskip("dolfinx")
 import dolfinx
 
 import antiosc as ao
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.base.errors import InputError
+from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem import compat
 from antiosc.fem.elements.plate_section import stacked
 from antiosc.fem.linalg.petsc_algebra import csr

@@ -13,8 +13,8 @@ pytest.importorskip("dolfinx")
 import dolfinx
 
 import antiosc as ao
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.base.errors import AntioscWarning
+from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.eigenmodes import ModeSolver

@@ -183,7 +183,7 @@ def test_fields_of_a_scene(block, tmp_path):
 
 def test_picture_of_a_part_of_a_scene(block, tmp_path):
     pytest.importorskip("matplotlib.pyplot")
-    from antiosc.results import plotting
+    from antiosc import plotting
 
     model = ao.extract(block, CORNERS, 4)
     contact = ao.Contact("part:far", "ball", ao.Hertz(1e9))

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io import registered
-from antiosc.io import read
+from antiosc.io import read, registered
 from antiosc.io.table import deck_endings, is_deck
 from paths import ROOT
 
@@ -71,9 +70,7 @@ def test_packages_in_the_working_folder_register_nothing(package, monkeypatch):
 
 
 def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
-    script = (
-        "from antiosc.io.registered import registered as f\nprint(*(e.name for g in {} for e in f(g)))"
-    )
+    script = "from antiosc.io.registered import registered as f\nprint(*(e.name for g in {} for e in f(g)))"
     done = subprocess.run(
         [sys.executable, "-S", "-c", script.format(GROUPS)],
         cwd=tmp_path, capture_output=True, text=True, check=True,

@@ -10,9 +10,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.results import peak_search
-from antiosc.results import peaks
 from antiosc.base.stresses import extreme_principal
+from antiosc.results import peak_search, peaks
 from mpi import run_ranks
 
 pytestmark = pytest.mark.fem

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import files
 from antiosc.app.exports.fmu import identifier
 from antiosc.app.exports.run_data import RunData
 from antiosc.app.exports.sources import sources
+from antiosc.base import files
 
 _ORDER = ("antiosc_march.h", "export/antiosc_model.h", "internal.h")
 _OWN_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)

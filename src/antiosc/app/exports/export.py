@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from antiosc.base import checks
-from antiosc.contact import ContactLaw
-from antiosc.base.errors import InputError
 from antiosc.app.exports import c_file, fmu, modelica, mujoco
 from antiosc.app.exports.run_data import RunData, of_model, of_scene
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
 from antiosc.simulation.scene import Scene

@@ -12,9 +12,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from antiosc import __version__
-from antiosc.base import files
 from antiosc.app.exports.run_data import RunData, Variable, model_file
 from antiosc.app.exports.sources import PLATFORMS, UNITS, binaries, sources
+from antiosc.base import files
 
 _DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
 #: units in SI base units

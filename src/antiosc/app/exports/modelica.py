@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from antiosc import __version__
-from antiosc.base import files
-from antiosc.contact import ContactLaw
-from antiosc.base.errors import InputError
 from antiosc.app.exports.fmu import identifier
 from antiosc.app.exports.springs import chain
+from antiosc.base import files
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 
 _TEXT = """\
 model {name} "Structure struck at one site, as anti-oscillators (antiosc {version})"

@@ -11,11 +11,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from antiosc.base import files
-from antiosc.contact import ContactLaw, Linear
-from antiosc.base.errors import InputError
 from antiosc.app.exports.run_data import LASTING
 from antiosc.app.exports.springs import chain
+from antiosc.base import files
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.impactors import RigidMass, Sphere

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.contact.compiled import is_compiled
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.contact.compiled import is_compiled
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.convergence import FINE

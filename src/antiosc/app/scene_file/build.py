@@ -10,6 +10,19 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from antiosc.app.scene_file.kinds import NUMBER, Kind, words
+from antiosc.app.scene_file.locations import Place
+from antiosc.app.scene_file.parameters import (
+    WITHHELD,
+    Parameter,
+    light,
+    parameters,
+    resolved,
+    takes,
+)
+from antiosc.app.scene_file.problems import label, listed, nearest, unknown
+from antiosc.app.scene_file.read import Document
+from antiosc.app.scene_file.sections import KIND, SECTIONS, Section, constructors_of
 from antiosc.base import checks
 from antiosc.base.errors import (
     AntioscError,
@@ -18,12 +31,6 @@ from antiosc.base.errors import (
     warnings_to,
     without_warnings,
 )
-from antiosc.app.scene_file.kinds import NUMBER, Kind, words
-from antiosc.app.scene_file.locations import Place
-from antiosc.app.scene_file.parameters import WITHHELD, Parameter, light, parameters, resolved, takes
-from antiosc.app.scene_file.problems import label, listed, nearest, unknown
-from antiosc.app.scene_file.read import Document
-from antiosc.app.scene_file.sections import KIND, SECTIONS, Section, constructors_of
 
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)

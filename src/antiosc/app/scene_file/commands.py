@@ -8,12 +8,12 @@ import traceback
 from argparse import Namespace
 from pathlib import Path
 
-from antiosc.base.errors import AntioscError, InputError
-from antiosc.base.progress import say
 from antiosc.app.scene_file import group_names, output, report, result_tables, run, template
 from antiosc.app.scene_file.exported import export as exported
 from antiosc.app.scene_file.read import read
 from antiosc.app.scene_file.scene import compiled
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.progress import say
 
 #: Command -> the object of the scene that it is for, and what a scene without it lacks.
 STUDIES = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import antiosc
-from antiosc.base.errors import InputError
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.run import Evaluation, telling
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.base.errors import InputError
 
 #: Of [simulate] or [strike]: what an exported run shares with the simulation; of [run] the first.
 _SHARED = ("duration", "initial_velocity", "gravity", "gap")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from antiosc.studies.advice import advise
-from antiosc.base.errors import AntioscError
-from antiosc.base.memory import free_memory
 from antiosc.app.scene_file.group_names import outlines
 from antiosc.app.scene_file.result_tables import lines
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.base.errors import AntioscError
+from antiosc.base.memory import free_memory
 from antiosc.simulation.compared_impact import COARSEST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL
+from antiosc.studies.advice import advise
 
 
 def text(scene: Compiled) -> str:

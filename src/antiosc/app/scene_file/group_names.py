@@ -17,6 +17,10 @@ from typing import Any
 import numpy as np
 
 import antiosc
+from antiosc.app.scene_file.build import Call, calls_in
+from antiosc.app.scene_file.locations import Place
+from antiosc.app.scene_file.problems import label, unknown
+from antiosc.app.scene_file.scene import Compiled
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import (
@@ -27,10 +31,6 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.fem.site.site import SNAP_SHARE
-from antiosc.app.scene_file.build import Call, calls_in
-from antiosc.app.scene_file.locations import Place
-from antiosc.app.scene_file.problems import label, unknown
-from antiosc.app.scene_file.scene import Compiled
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000

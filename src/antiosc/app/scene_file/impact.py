@@ -6,13 +6,13 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
-from antiosc.contact.base import ContactLaw
 from antiosc.app.scene_file import struck
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.parameters import resolved
 from antiosc.app.scene_file.problems import label
 from antiosc.app.scene_file.sections import KIND, LAWS, SECTIONS
+from antiosc.contact.base import ContactLaw
 
 #: The name of the structure among the bodies of a scene.
 STRUCTURE = "structure"

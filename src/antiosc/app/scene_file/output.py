@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import files
 from antiosc.app import info
-from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.models.body import places_of
 from antiosc.app.scene_file import result_tables
 from antiosc.app.scene_file.outputs import Output
 from antiosc.app.scene_file.run import Results, on_first
+from antiosc.base import checks, files
+from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.models.body import places_of
 from antiosc.simulation.error_bars import CAUSES
 
 

@@ -6,9 +6,9 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from antiosc.app.scene_file.result_tables import shown
 from antiosc.base.errors import MissingDependencyError
 from antiosc.base.isolation import loading
-from antiosc.app.scene_file.result_tables import shown
 
 
 def rendered(template: str, **content: Any) -> str:

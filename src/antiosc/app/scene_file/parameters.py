@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import antiosc
-from antiosc.base import checks
-from antiosc.models.modal import as_damping
 from antiosc.app.scene_file.kinds import DATA, PATH, TEXT, Kind, Names, kinds_of
 from antiosc.app.scene_file.outputs import Output
+from antiosc.base import checks
+from antiosc.models.modal import as_damping
 
 #: Parameters that no file may give, beside those that only Python objects can be.
 WITHHELD = {

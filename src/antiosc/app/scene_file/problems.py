@@ -6,9 +6,9 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from antiosc.app.scene_file.locations import Place, lines_of
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.app.scene_file.locations import Place, lines_of
 
 #: Most sentences of one report, and number of mistakes after which no further ones are looked for.
 MOST_SHOWN, MOST_FOUND = 100, 1000

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from antiosc.app.scene_file.problems import Problems, SceneFileError
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.app.scene_file.problems import Problems, SceneFileError
 
 #: Largest scene file, bytes; time histories of loads are the longest part of one.
 LARGEST_FILE = 4_000_000

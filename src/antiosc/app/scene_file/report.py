@@ -11,17 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import files
 from antiosc.app import info
-from antiosc.studies.advice import advise
-from antiosc.base.errors import AntioscError, InputError
 from antiosc.app.scene_file import result_tables as tables
 from antiosc.app.scene_file.pages import rendered
 from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
+from antiosc.base import checks, files
+from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
 from antiosc.simulation.results import covers
+from antiosc.studies.advice import advise
 
 #: What stands below a heading: names and values, a table of columns, a sentence, or nothing.
 Block = tables.Rows | dict[str, Any] | str

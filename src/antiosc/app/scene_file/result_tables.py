@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from antiosc.app.scene_file.run import Results
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
-from antiosc.app.scene_file.run import Results
 from antiosc.simulation.scene_history import SceneHistory
 
 #: Names and values.

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from antiosc.base import progress
-from antiosc.base.errors import AntioscError, InputError, warnings_to
 from antiosc.app.scene_file.build import Call, refused, replaced
 from antiosc.app.scene_file.read import Document
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.base import progress
+from antiosc.base.errors import AntioscError, InputError, warnings_to
 
 T = TypeVar("T")
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from antiosc.app.scene_file.parameters import resolved
 from antiosc.contact.base import ContactLaw
 from antiosc.models.body import LinearBody
-from antiosc.app.scene_file.parameters import resolved
 
 #: The key that chooses one of several classes or constructors.
 KIND = "kind"

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import antiosc
-from antiosc.base.errors import AntioscError
 from antiosc.app.scene_file.build import Builder, Call, Mistake, refused, replaced
 from antiosc.app.scene_file.kinds import DATA, Kind
 from antiosc.app.scene_file.parameters import Parameter, parameters
 from antiosc.app.scene_file.problems import label, listed
 from antiosc.app.scene_file.sections import KIND, SECTIONS, VARIED
+from antiosc.base.errors import AntioscError
 
 #: Most impacts of a sweep.
 MOST_IMPACTS = 100_000

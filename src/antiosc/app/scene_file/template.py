@@ -8,11 +8,11 @@ import secrets
 from pathlib import Path
 
 import antiosc
-from antiosc.base import checks
-from antiosc.base.errors import AntioscError, InputError
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.group_names import Outline, outline
 from antiosc.app.scene_file.pages import rendered
+from antiosc.base import checks
+from antiosc.base.errors import AntioscError, InputError
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}

@@ -10,13 +10,13 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import array, shown
 from antiosc.base.errors import InputError
+from antiosc.base.names import known
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.placement import Placement, placement
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.base.names import known
 
 
 def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray, Box
 from antiosc.base.checks import array
 from antiosc.base.errors import InputError
+from antiosc.base.names import known
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
@@ -26,7 +27,6 @@ from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.member import Member
 from antiosc.models.motion import Inertia
-from antiosc.base.names import known
 
 Found = TypeVar("Found")
 

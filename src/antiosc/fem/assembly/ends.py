@@ -18,13 +18,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, shown
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.names import known
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.placement import skew
-from antiosc.base.names import known
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12

@@ -25,10 +25,10 @@ from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn
-from antiosc.io import RawMesh, UnitSystem, read_parts
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+from antiosc.io import RawMesh, UnitSystem, read_parts
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.base.errors import InputError
+from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.error.bisection import inside, polygon

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, overload
 
 from antiosc.base.checks import flag, within_range
+from antiosc.base.threads import one_thread
 from antiosc.fem import mpi
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP
@@ -24,7 +25,6 @@ from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
-from antiosc.base.threads import one_thread
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors

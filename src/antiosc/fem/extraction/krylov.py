@@ -35,13 +35,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray
+from antiosc.base.progress import doing
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
-from antiosc.base.progress import doing
 
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
 #: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many

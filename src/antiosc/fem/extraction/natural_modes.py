@@ -7,20 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.threads import one_thread
 from antiosc.fem.extraction.body_inertia import weights_of
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.superposition import check_modes
-from antiosc.results.fields import source
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
-from antiosc.base.threads import one_thread
+from antiosc.results.fields import source
 
 #: Modes that are searched beyond those asked, until the last one is no more repeated.
 BEYOND = 1

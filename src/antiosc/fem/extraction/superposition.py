@@ -18,6 +18,7 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.threads import one_thread
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
@@ -36,7 +37,6 @@ from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
-from antiosc.base.threads import one_thread
 
 #: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
 #: is that of anti-oscillators at the default accuracy; `full` keeps all but rounding.

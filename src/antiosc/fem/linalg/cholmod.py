@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, NotConvergedError
+from antiosc.base.threads import as_many_as_pay, one_thread
 from antiosc.fem.linalg.cholmod_library import (
     LONG,
     REAL,
@@ -37,7 +38,6 @@ from antiosc.fem.linalg.cholmod_library import (
     version,
     without_openmp,
 )
-from antiosc.base.threads import as_many_as_pay, one_thread
 
 #: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
 SOLVE, FORWARD, BACKWARD = 0, 4, 5

@@ -23,6 +23,7 @@ import scipy.sparse
 
 from antiosc.base import memory
 from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base.progress import counting
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
@@ -30,7 +31,6 @@ from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solvers import OnOneRank
 from antiosc.fem.mpi import agree, on_root, warn
-from antiosc.base.progress import counting
 
 if TYPE_CHECKING:
     from mpi4py import MPI

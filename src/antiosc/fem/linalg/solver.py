@@ -12,9 +12,9 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import AccuracyError
+from antiosc.base.threads import one_thread
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply, norms, roots
-from antiosc.base.threads import one_thread
 
 #: Of a solver: "auto" is direct if the factor fits in memory.
 Choice = Literal["auto", "direct", "iterative"]

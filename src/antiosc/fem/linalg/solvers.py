@@ -12,10 +12,10 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
+from antiosc.base.memory import ran_out
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.petsc_algebra import csr, dense, lower, watch
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
-from antiosc.base.memory import ran_out
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55

@@ -17,12 +17,12 @@ from antiosc.base.checks import (
     shown,
 )
 from antiosc.base.errors import InputError
+from antiosc.base.names import known
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import CellGeometry
 from antiosc.fem.mpi import bounds
 from antiosc.io import RawMesh
 from antiosc.io.selection import keys
-from antiosc.base.names import known
 
 
 @dataclass(frozen=True, eq=False, repr=False)

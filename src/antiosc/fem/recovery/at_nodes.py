@@ -13,13 +13,13 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
+from antiosc.base.stresses import PAIRS
 from antiosc.fem import compat
 from antiosc.fem.mpi import agree
 from antiosc.fem.recovery import beam, sheet, solid, truss
 from antiosc.fem.recovery.place import Place, PointsInCells
 from antiosc.fem.recovery.sheet import SheetAxes
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.base.stresses import PAIRS
 
 FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet, "truss": truss}
 #: Gives a quantity (P, …, columns) at points.

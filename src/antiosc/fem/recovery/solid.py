@@ -6,9 +6,9 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.base.stresses import PAIRS, full
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.recovery.place import Place, PointsInCells
-from antiosc.base.stresses import PAIRS, full
 
 
 def strain(at: PointsInCells, place: Place) -> Array:

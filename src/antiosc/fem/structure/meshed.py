@@ -15,6 +15,7 @@ from antiosc.base import plausible
 from antiosc.base._types import Array, Box, IntArray
 from antiosc.base.checks import array, several, shown, whole
 from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.progress import doing
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -38,7 +39,6 @@ from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
-from antiosc.base.progress import doing
 
 T = TypeVar("T")
 

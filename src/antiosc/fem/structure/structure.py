@@ -19,6 +19,7 @@ from antiosc.base._types import Array, Box, Matrix
 from antiosc.base.brief import Brief
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
+from antiosc.base.progress import doing
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.mpi import ALONE, collective
@@ -27,7 +28,6 @@ from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.io.matrices.dof_map import DofMap, dof_map
 from antiosc.io.matrices.reading import read_pair
 from antiosc.models.motion import Inertia
-from antiosc.base.progress import doing
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -7,8 +7,8 @@ rounding for any step; the losses by damping and plasticity are exact as well.
 
 from __future__ import annotations
 
-from antiosc.contact import ContactLaw, State
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, State
 from antiosc.simulation.integrators.onestep import Node, OneStep
 from antiosc.simulation.integrators.problem import Problem
 

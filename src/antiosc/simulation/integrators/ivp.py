@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.contact import State
 from antiosc.base.errors import InputError
+from antiosc.contact import State
 from antiosc.simulation.integrators.problem import MAX_STEPS, Phase, Problem, Segment
 
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw, State
 from antiosc.base.errors import NotConvergedError
+from antiosc.contact import ContactLaw, State
 from antiosc.simulation.system import System
 
 MOST_SWEEPS = 500

@@ -14,8 +14,8 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 from antiosc.simulation.system import System

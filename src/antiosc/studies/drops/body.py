@@ -21,11 +21,11 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.studies.drops.skin import CORNER, hull, skin_of
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies import RigidBody
 from antiosc.simulation.impactors import Sphere
+from antiosc.studies.drops.skin import CORNER, hull, skin_of
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure

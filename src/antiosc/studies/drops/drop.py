@@ -8,15 +8,15 @@ from math import inf
 from typing import Any
 
 from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.threads import one_thread
+from antiosc.simulation.executors import check_executor
 from antiosc.studies.drops.body import MODES, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, Setting, fallen, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc.studies.drops.fall import Fall, warn_of
 from antiosc.studies.drops.floor import Floor
 from antiosc.studies.drops.orientation import orientation
-from antiosc.base.errors import InputError
-from antiosc.simulation.executors import check_executor
-from antiosc.base.threads import one_thread
 
 
 @checks.within_range

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
-from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.flight import State, turned
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.progress import counting
 from antiosc.simulation.executors import returned
+from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.flight import State, turned
 
 if TYPE_CHECKING:
     from antiosc.studies.drops.fall import Fall

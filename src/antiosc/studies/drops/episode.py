@@ -15,9 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.flight import State, turned
-from antiosc.studies.drops.floor import Floor, law_of
 from antiosc.base.errors import without_warnings
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState
@@ -26,6 +23,9 @@ from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import Contact
+from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.flight import State, turned
+from antiosc.studies.drops.floor import Floor, law_of
 
 #: Duration of a first run, over the expected time of contact.
 LONG = 6.0

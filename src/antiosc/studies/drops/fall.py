@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import BODY, Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.studies.drops.flight import Flight, State, ringing
-from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.results.spectra import ShockSpectrum, srs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -275,9 +275,9 @@ class Fall(Brief):
         if body.structure is None or body.basis is None:
             x = checks.array("at", at, (3,))
             return x - body.centre, np.zeros((3, body.omega.size))
-        from antiosc.results.fields import source
         from antiosc.fem.named_points import point_of
         from antiosc.fem.site.site import Reach
+        from antiosc.results.fields import source
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

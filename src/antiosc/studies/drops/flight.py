@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.studies.drops.body import FreeBody
 from antiosc.models.modal import ModalBody
+from antiosc.studies.drops.body import FreeBody
 
 #: Angle [rad] that the body turns between two looks at its rigid motion.
 TURN = 0.02

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
-from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.simulation.impactors import Sphere
 
 #: A loss factor is at most this.

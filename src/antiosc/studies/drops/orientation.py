@@ -16,9 +16,9 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.studies.drops.body import FreeBody
 from antiosc.base.errors import InputError
 from antiosc.models.motion import unit_vector
+from antiosc.studies.drops.body import FreeBody
 
 #: Number of faces that an edge and a corner belong to.
 FACES = {"face": 1, "edge": 2, "corner": 3}

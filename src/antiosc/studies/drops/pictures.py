@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from antiosc.base import checks
-from antiosc.base import files
+from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.charts.figures import finished, new_figure
 from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import Flight, State
-from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

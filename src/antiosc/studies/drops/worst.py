@@ -11,12 +11,12 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError, without_warnings
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
-from antiosc.studies.drops.episode import BODY
-from antiosc.base.errors import InputError, without_warnings
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.simulation.scene_history import BodyHistory
+from antiosc.studies.drops.episode import BODY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
