@@ -156,7 +156,7 @@ def public() -> dict[str, Callable[..., Any]]:
 def is_fem(name: str) -> bool:
     """Whether the function, or the class of the method, needs the finite-element packages."""
     module = ao._MODULES.get(name.partition(".")[0], "")
-    return module.startswith(("antiosc.fem", "antiosc.map"))
+    return module.startswith(ao._MESHED)
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
@@ -422,7 +422,7 @@ OWN: dict[str, dict[str, Any]] = {
     "ModalState": {"displacements": [0.0, 1e-6], "velocities": [1.0, 0.0]},
     "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
-    "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "forces": [1.0, 2.0]},
+    "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "force": [1.0, 2.0]},
     "SiteModes.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
     "SceneHistory.of": {"body": "ball"}, "SceneHistory.name_of": {"body": "ball"},
     "SceneHistory.coordinates": {"body": "ball"},

@@ -16,7 +16,7 @@ pytest.importorskip("dolfinx")
 
 from mpi4py import MPI  # noqa: E402
 
-from antiosc.studies import strike_answers, striking
+from antiosc.studies import strike_answers, striking  # noqa: E402
 
 TOL = 0.01
 

@@ -6,7 +6,6 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation import convergence
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
 from scene_cases import bounce, random_scene, stops
@@ -48,15 +47,6 @@ def test_bounds_on_the_work_are_told() -> None:
     assert hit.status == 2
     with pytest.warns(ao.AccuracyWarning, match="leaves no finer run"):
         assert scene.run(1e-2, max_steps=30).status == 1
-
-
-def test_a_finer_run_that_takes_far_more_steps_is_stopped(monkeypatch) -> None:
-    monkeypatch.setattr(convergence, "DEARER", 0)
-    monkeypatch.setattr(convergence, "CHEAP", 10)
-    with pytest.warns(ao.AccuracyWarning, match="Up to .* the two agree"):
-        hit = bounce().run(1e-2)
-    assert hit.status == 1
-    assert hit.time[-1] == 1e-2
 
 
 def test_steps_that_are_given_up_count_as_work() -> None:

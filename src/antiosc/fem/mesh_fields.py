@@ -25,8 +25,7 @@ from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
-from antiosc.io import KINDS
-from antiosc.io.neutral import FACETS
+from antiosc.io.neutral import FACETS, KINDS
 
 
 def at_point(

@@ -23,7 +23,7 @@ def main() -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
-    _hollow_packages(Path(__file__).parents[2])
+    _hollow_package(Path(__file__).parents[1])
     for line in requests:
         asked = json.loads(line)
         sys.path[:] = asked.pop("sys_path")
@@ -33,12 +33,11 @@ def main() -> None:
         answers.flush()
 
 
-def _hollow_packages(folder: Path) -> None:
-    """Empty packages around the readers, because importing dolfinx and SciPy takes long."""
-    for name in ("antiosc", "antiosc.fem", "antiosc.io"):
-        package = types.ModuleType(name)
-        package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
-        sys.modules[name] = package
+def _hollow_package(folder: Path) -> None:
+    """An empty package around the readers: its own lists all public names first."""
+    package = types.ModuleType("antiosc")
+    package.__path__ = [str(folder)]
+    sys.modules["antiosc"] = package
 
 
 def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]

@@ -3,8 +3,8 @@
 A reader gets a `Request`, reads `ask.path` and returns a `FileMesh`, or raises MeshError with one
 sentence that names the file `ask.name`. It runs in a separate process with limits on time and
 memory (`child`), which can import only those modules of antiosc that do not need dolfinx:
-`antiosc.base.errors`, `antiosc.base.checks` and this package. Packages register further readers, each for one
-ending, as entry points of the group `antiosc.readers`; all other types go to meshio.
+`antiosc.base` and this package. Packages register further readers, each for one ending, as entry
+points of the group `antiosc.readers`; all other types go to meshio.
 """
 
 from __future__ import annotations

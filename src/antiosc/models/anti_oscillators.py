@@ -234,7 +234,7 @@ class AntiOscillators(Brief, Parameters):
         return body.field(np.concatenate((x, at_rest), axis=-1))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.plotting.plot_model`.
+        """Dynamic stiffness and masses as a matplotlib figure; see `plotting.plot_model`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
@@ -310,8 +310,8 @@ class AntiOscillators(Brief, Parameters):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a self-describing JSON header.
 
-        The file is complete or absent (`antiosc.base.files`). Shapes are not stored. InputError where
-        it cannot be written.
+        The file is complete or absent. Shapes are not stored. InputError where it cannot be
+        written.
         """
         saved_models.save(self, path)
 

@@ -8,7 +8,6 @@ times, in files that ParaView opens (`antiosc.results.probe`: at one point for a
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.threads import one_thread
-from antiosc.fem import node_fields
-from antiosc.fem.assembly import with_parts
+from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import Frames, listing, write_frames
 from antiosc.fem.structure.structure import Structure
@@ -164,16 +162,6 @@ def skin(
     moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
-
-
-def source(structure: Structure) -> ModuleType:
-    """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
-    if structure.matrices.located:
-        return node_fields
-    with_parts(structure)
-    from antiosc.fem import mesh_fields  # needs dolfinx
-
-    return mesh_fields
 
 
 def shapes_of(structure: Structure, history: Motions, body: str) -> Array:

@@ -17,12 +17,13 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning
 from antiosc.base.stresses import equivalent, extreme_principal
 from antiosc.base.threads import one_thread
+from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search
-from antiosc.results.fields import counted, shapes_of, source
+from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory

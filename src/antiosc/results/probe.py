@@ -19,12 +19,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
+from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective
 from antiosc.fem.named_points import motions_without_mesh, point_of
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
-from antiosc.results.fields import counted, shapes_of, source
+from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory

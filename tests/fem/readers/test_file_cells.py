@@ -17,7 +17,7 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc.fem import compat
-from antiosc.io import read
+from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
 

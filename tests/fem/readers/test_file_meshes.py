@@ -7,8 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from antiosc.io import _alone, merging
+from antiosc.io import merging
 from antiosc.io.neutral import FileMesh, of_dimension, packed, unpacked
+from antiosc.io.reading import _alone
 from antiosc.io.selection import selected
 from refusals import refused
 

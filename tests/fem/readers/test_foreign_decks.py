@@ -8,7 +8,8 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io import UnitSystem, read as read_mesh, read_parts
+from antiosc.io.reading import read as read_mesh, read_parts
+from antiosc.io.unit_system import UnitSystem
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 BAR = bdf.GRIDS + bdf.MAT1 + "SPC1,1,123456,1\n"

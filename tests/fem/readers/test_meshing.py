@@ -138,7 +138,7 @@ import runpy, sys
 from pathlib import Path
 from types import SimpleNamespace
 child = runpy.run_path(sys.argv[1])
-child["_hollow_packages"](Path(sys.argv[1]).parents[2])
+child["_hollow_package"](Path(sys.argv[1]).parents[1])
 from antiosc.io.table import reader_of
 print(*(reader_of(name).library for name in ("part.step", "part.inp")))
 print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())

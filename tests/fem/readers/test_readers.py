@@ -22,7 +22,8 @@ import gmsh
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.io import isolation, read
+from antiosc.io import isolation
+from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
 
@@ -96,7 +97,8 @@ def test_a_reader_ends_with_the_one_that_asked(tmp_path):
     path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
     script = f"""
 import os, threading, time
-from antiosc.io import isolation, read
+from antiosc.io import isolation
+from antiosc.io.reading import read
 from pathlib import Path
 threading.Thread(target=read, args=(Path({str(path)!r}),), daemon=True).start()
 while isolation.server._process is None:

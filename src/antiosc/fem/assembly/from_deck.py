@@ -28,7 +28,9 @@ from antiosc.fem.mpi import collective, on_root, warn
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.io import RawMesh, UnitSystem, read_parts
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import read_parts
+from antiosc.io.unit_system import UnitSystem
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}

@@ -14,7 +14,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
-from antiosc.io import KINDS, RawMesh
+from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.selection import keys
 
 #: A cell is divided if its new size over its own is below this, in at most so many rounds.

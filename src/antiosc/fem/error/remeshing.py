@@ -31,8 +31,11 @@ from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import bounds, on_root, warn
-from antiosc.io import GEOMETRY, RawMesh, Refinement, SizeField, read
-from antiosc.io.request import GRADING as USUAL
+from antiosc.io.by_gmsh import GEOMETRY
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import read
+from antiosc.io.request import GRADING as USUAL, Refinement
+from antiosc.io.size_field import SizeField
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000

@@ -21,7 +21,7 @@ from antiosc.base.names import known
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import CellGeometry
 from antiosc.fem.mpi import bounds
-from antiosc.io import RawMesh
+from antiosc.io.neutral import RawMesh
 from antiosc.io.selection import keys
 
 

@@ -29,7 +29,12 @@ from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import agree, collective, on_root, warn
-from antiosc.io import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
+from antiosc.io.by_gmsh import GEOMETRY
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import read
+from antiosc.io.request import Refinement
+from antiosc.io.selection import Wanted
+from antiosc.io.unit_system import UnitSystem
 
 
 @collective()

@@ -12,8 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, warn
 from antiosc.fem import compat
 from antiosc.fem.mesh import conformity
-from antiosc.io import RawMesh
-from antiosc.io.neutral import IntArray
+from antiosc.io.neutral import IntArray, RawMesh
 
 #: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.
 TWO_SIDES = ("quadrilateral", "hexahedron")

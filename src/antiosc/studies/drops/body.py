@@ -164,7 +164,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
     """The free modes of a structure and the points of its hull."""
     from antiosc.fem.extraction.dampers import refuse_dampers
     from antiosc.fem.extraction.eigenmodes import ModeSolver
-    from antiosc.results.fields import source
+    from antiosc.fem.fields import source
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")

@@ -275,9 +275,9 @@ class Fall(Brief):
         if body.structure is None or body.basis is None:
             x = checks.array("at", at, (3,))
             return x - body.centre, np.zeros((3, body.omega.size))
+        from antiosc.fem.fields import source
         from antiosc.fem.named_points import point_of
         from antiosc.fem.site.site import Reach
-        from antiosc.results.fields import source
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)
