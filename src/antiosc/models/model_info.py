@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypedDict
 
 from antiosc.base import checks
 from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 
 
 class Band(TypedDict, total=False):
@@ -137,10 +139,21 @@ class ModelInfo(Brief):
     def __post_init__(self) -> None:
         for name in ("dofs", "converged", "modes_computed", "rigid_modes"):
             if getattr(self, name) is not None:
-                checks.whole(f"info.{name}", getattr(self, name), least=0)
-        for name in ("points", "checks", "seconds", "band", "dampers", "patch", "geometry"):
-            if getattr(self, name) is not None:
-                checks.instance(f"info.{name}", getattr(self, name), Mapping, "a dict")
+                count = checks.whole(f"info.{name}", getattr(self, name), least=0)
+                checks.store(self, **{name: count})
+        for name, (kinds, what) in _KINDS.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            checks.instance(f"info.{name}", value, kinds, what)
+            record = _RECORDS.get(name)
+            if record is None or isinstance(value, str):
+                continue
+            if missing := sorted(record.__required_keys__ - set(value)):
+                raise InputError(f"info.{name} lacks {', '.join(missing)}.")
+            for key in record.__annotations__.keys() & value.keys():
+                check = checks.text if key == "note" else partial(checks.array, shape=None)
+                check(f"info.{name}, {key},", value[key])
 
     def as_dict(self) -> dict[str, Any]:
         """What is known, as JSON values."""
@@ -158,6 +171,17 @@ class ModelInfo(Brief):
         return name in self.as_dict()
 
 
+#: What is read of a file must be of these types, or a model could fail in the midst of a run.
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
+    **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("band", "dampers", "patch", "geometry"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
+    "model": ((Mapping, str), "a dict or a text"),
+}
+_RECORDS: dict[str, Any] = {
+    "dampers": DamperEnds, "geometry": FacetGaps, "model": BeamSection, "patch": Patch
+}  # fmt: skip
 _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
 #: The record of a body of which nothing is known.
 UNKNOWN = ModelInfo()
