@@ -128,18 +128,19 @@ class AntiOscillators(Brief, Parameters):
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
         more = ", …" if self.n > 3 else ""
+        counted = f"{self.n}, {lowest}{more} Hz" if self.n else "0"
         if self.sites:
             sites = ", ".join(self.sites)
             return [
                 ("sites", sites if len(sites) <= 60 else f"{len(self.sites)}"),
                 ("K0", f"{self.k0.shape}, {np.max(self.k0.diagonal()):.5g} N/m at most"),
-                ("anti-oscillators", f"{self.n}, {lowest}{more} Hz"),
+                ("anti-oscillators", counted),
             ]
         captured = 1 - self.m0 / self.m_st if self.m_st else 0.0
         return [
             ("k0", f"{self.k0:.6g} N/m"),
             ("m_st", f"{self.m_st:.6g} kg, {captured:.2%} of it captured"),
-            ("anti-oscillators", f"{self.n}{', ' + lowest + more + ' Hz' if self.n else ''}"),
+            ("anti-oscillators", counted),
             *([("from", self.info.structure)] if self.info.structure else []),
         ]
 
