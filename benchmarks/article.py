@@ -86,7 +86,8 @@ def claims(case1: dict[str, Any], case2: dict[str, Any]) -> str:
             "α = (I/S)²/L² in the characteristic equation",
             "α = I/(S L²)",
             "Misprint. Only so is α a number, and only so do short waves travel at √(E/rho), and is"
-            " the cut-off k'GS/(rho I) independent of L. Tested in `tests/test_closed_form.py`.",
+            " the cut-off k'GS/(rho I) independent of L. Tested in"
+            " `tests/closed_form/test_closed_form.py`.",
         ),
         (
             "m_i = 2 rho S L/(i²π²), m_CR = rho S L/3, k_0 = 0 (24)-(27)",

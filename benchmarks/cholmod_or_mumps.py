@@ -133,7 +133,7 @@ def by_mumps(
     solve: Callable[[PETSc.Mat, scipy.sparse.csc_matrix], np.ndarray],
 ) -> Row:
     started = time.process_time()
-    solver = Distributed(part.K)  # with the better of MUMPS's orderings
+    solver = Distributed(part.K)  # MUMPS chooses its ordering
     made = time.process_time()
     found = solve(solver._ksp.getPC().getFactorMatrix(), loads)
     spent = time.process_time() - made
@@ -265,8 +265,8 @@ def tables(found: dict[str, list[Row]], rounds: int) -> str:
         "",
         f"Clamped bracket; medians of {rounds} interleaved rounds, CPU seconds (over ranks: of the "
         "slowest), one thread a rank, in brackets the ratio to the first way; the error is that of "
-        "bᵀK⁻¹b against solves, or ‖KX - R‖/‖R‖. MUMPS has the better of its orderings, the choice "
-        "included. `map` is that of all sites: factor and sites, twice where the inertia "
+        "bᵀK⁻¹b against solves, or ‖KX - R‖/‖R‖. MUMPS chooses its ordering. "
+        "`map` is that of all sites: factor and sites, twice where the inertia "
         "needs a second factor. Made by `benchmarks/cholmod_or_mumps.py`. "
         f"{options.code_state()}",
         "",

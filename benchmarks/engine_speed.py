@@ -6,8 +6,7 @@ calls. Seconds are those of the processor, but for threads; the least and the me
 other work on the machine counts. Instructions are those of a warm `simulate` as valgrind counts
 them, which other work does not change.
 
-    OMP_NUM_THREADS=1 .venv/bin/python benchmarks/engine_speed.py \\
-        --chart benchmarks/speed/engine_speed.png
+    OMP_NUM_THREADS=1 .venv/bin/python benchmarks/engine_speed.py
 """
 
 from __future__ import annotations

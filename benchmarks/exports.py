@@ -1,7 +1,9 @@
 """Exported runs in other programs: FMPy, MuJoCo and a C compiler beside a scene's run.
 
-.venv/bin/python -m pip install fmpy mujoco        (neither is in Debian)
-.venv/bin/python benchmarks/exports.py --scenes 20
+Random impacts are exported, and their forces and seconds compared with those of `Scene.run`.
+
+    .venv/bin/python -m pip install fmpy mujoco        (neither is in Debian)
+    .venv/bin/python benchmarks/exports.py --scenes 20
 """
 
 from __future__ import annotations

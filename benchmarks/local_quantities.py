@@ -3,9 +3,10 @@
 A bracket (solid), a stiffened panel (shells) and a frame (beams) are struck. The unreduced model of
 the same mesh is all its natural modes, by LAPACK, and the force between them and the impactor,
 linear in short steps: it knows nothing of antiosc's models and integrators, and its own error is
-that of twice the step. At ten points away from site and supports the demo compares force,
+that of twice the step. At ten points away from site and supports the script compares force,
 displacement, strain, stress (of the frame: section forces), acceleration, and shock response
-spectra from the first natural frequency to 10 kHz. It writes a table and a chart to speed/.
+spectra from the first natural frequency to 10 kHz. The table and the chart go to
+benchmarks/speed.
 
     .venv/bin/python benchmarks/local_quantities.py --help
 """

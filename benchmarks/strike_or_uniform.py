@@ -5,8 +5,8 @@ For each tolerance three marks: what was asked, what the error budget promises, 
 degree, number of anti-oscillators and time step, with smaller elements around the site, and with
 and without correction. The truth is the corrected model of an adapted mesh of degree 2, whose own
 share of the budget is printed. All runs have one radius of the patch, whose share is therefore no
-part of the errors shown. The compiled time integration is loaded before, for both sides. Then
-meshes of equal error: how many dofs and CPU seconds uniform and adapted ones take.
+part of the errors shown. Then meshes of equal error: how many dofs and CPU seconds uniform and
+adapted ones take.
 
     .venv/bin/python benchmarks/strike_or_uniform.py --help
 """

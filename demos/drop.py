@@ -1,8 +1,8 @@
 """A bracket of aluminium falls from 1 m onto concrete, inclined, and tumbles.
 
 The script prints the table of impacts, the peak acceleration at the eye in g, the worst stress
-against yield and how many impacts can be predicted, and draws the fall. With --falls it draws
-tilts too and prints the distribution of the peak force.
+against yield, and draws the fall. With --falls it also computes falls with random tilts and prints
+the bound below which 99 % of their peak forces lie.
 
     .venv/bin/python demos/drop.py --help
 """

@@ -76,7 +76,7 @@ def main(
     striker = ao.Sphere(radius=sphere, **STEEL, velocity=velocity)
     contact = striker.hertz(ALUMINIUM["E"], ALUMINIUM["nu"], radii=(EYE_RADIUS, float("inf")))
     model = ao.extract(part, site, n=n)
-    seconds |= model.info["seconds"]
+    seconds |= model.info.seconds
 
     started = time.perf_counter()
     hit = ao.simulate(model, striker, contact, duration=duration)

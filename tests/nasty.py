@@ -156,7 +156,7 @@ def public() -> dict[str, Callable[..., Any]]:
 def is_fem(name: str) -> bool:
     """Whether the function, or the class of the method, needs the finite-element packages."""
     module = ao._MODULES.get(name.partition(".")[0], "")
-    return module.startswith(("antiosc.fem", "antiosc.map"))
+    return module.startswith(ao._MESHED)
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:

@@ -100,6 +100,8 @@ def test_every_public_name_stands_on_one_page_of_the_api(generated):
         for name in re.findall(r"auto(?:class|function):: (\w+)", generated.with_lists(text, texts))
     ]
     assert sorted(listed) == sorted(ao.__all__)
+    modules = [name for text in texts for name in generated.listed_modules(text)]
+    assert [name for name in modules if not generated.api([name])] == []
 
 
 def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):

@@ -282,6 +282,14 @@ except ao.MissingDependencyError as error:
     print("says:", error)
 else:
     raise SystemExit("no error")
+import numpy as np
+part = ao.Structure.from_matrices(np.diag([2e5, 1e5]), np.eye(2))
+try:
+    ao.extract(part, ao.Site(dof=0), n=1, error="estimate")
+except ao.MissingDependencyError:
+    pass
+else:
+    raise SystemExit("no error")
 """
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False

@@ -20,7 +20,8 @@ from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone

@@ -1,6 +1,6 @@
 """What a deck says of its materials, sections, supports, masses and springs, in SI units.
 
-The parsers are called here directly; `tests/fem/structure/test_from_deck.py` builds the structures.
+The parsers are called here directly; `tests/fem/assembly/test_from_deck.py` builds the structures.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ from antiosc.fem import compat
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery import sheet
 from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.structure.structure import on_mesh
 from sheets import sheet as mapped
 

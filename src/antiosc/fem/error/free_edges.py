@@ -30,7 +30,7 @@ from antiosc.fem.error.smooth_pieces import (
     edge_normals,
     neighbours,
 )
-from antiosc.fem.recovery.place import PointsInCells, gauss_points
+from antiosc.fem.recovery.points import PointsInCells, gauss_points
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Gauss points of an edge, and their weights.

@@ -16,7 +16,7 @@ import scipy.sparse.linalg
 from antiosc.base._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.error.smooth_pieces import SmoothPieces
-from antiosc.fem.recovery.place import PointsInCells
+from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Quadrature degree of the squares of strains, which are quadratic.

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, overload
 
 from antiosc.base.checks import flag, within_range
+from antiosc.base.errors import finite_element_packages
 from antiosc.base.threads import one_thread
 from antiosc.fem import mpi
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
@@ -173,7 +174,8 @@ def extract(
 
 def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
     """The estimates of models; their modules need meshes, which given matrices do without."""
-    from antiosc.fem.error.model_errors import ModelErrors
+    with finite_element_packages():
+        from antiosc.fem.error.model_errors import ModelErrors
 
     return ModelErrors(structure, named_sites)
 

@@ -17,7 +17,8 @@ from antiosc.base.stresses import PAIRS
 from antiosc.fem import compat
 from antiosc.fem.mpi import agree
 from antiosc.fem.recovery import beam, sheet, solid, truss
-from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.recovery.sheet import SheetAxes
 from antiosc.fem.structure.meshed import MeshedStructure
 

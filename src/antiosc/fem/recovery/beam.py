@@ -12,7 +12,8 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.recovery.place import Place, PointsInCells, gauss_points, in_frame, lagrange_1d
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells, gauss_points, in_frame, lagrange_1d
 
 
 class Frame(NamedTuple):

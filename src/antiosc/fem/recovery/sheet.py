@@ -18,7 +18,8 @@ from antiosc.fem.elements.given_sheet import GivenSheet
 from antiosc.fem.elements.material_axes import axes_and_sides
 from antiosc.fem.elements.plate_section import Layer, shear_stresses
 from antiosc.fem.elements.shell import Laminate, Sheet
-from antiosc.fem.recovery.place import Place, PointsInCells, gauss_points, in_frame, lagrange_1d
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells, gauss_points, in_frame, lagrange_1d
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Cosine of the angle to the normal from which x is near it.

@@ -8,7 +8,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import PAIRS, full
 from antiosc.fem.elements.solid import Solid
-from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells
 
 
 def strain(at: PointsInCells, place: Place) -> Array:

@@ -6,7 +6,8 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.points import PointsInCells
 
 
 def strain(at: PointsInCells, place: Place) -> Array:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from math import inf
+from math import hypot, inf, sqrt
 from typing import Any
+
+import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
+from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.threads import one_thread
 from antiosc.simulation.executors import check_executor
 from antiosc.studies.drops.body import MODES, free_body
@@ -17,6 +20,9 @@ from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc.studies.drops.fall import Fall, warn_of
 from antiosc.studies.drops.floor import Floor
 from antiosc.studies.drops.orientation import orientation
+
+#: Longest first flight [s], and least height [m]: below it there is no flight.
+LONGEST, LEAST_HEIGHT = 1e4, 1e-9
 
 
 @checks.within_range
@@ -111,10 +117,14 @@ def drop(
         checks.positive("until", until, "s") if timed else inf,
         checks.positive("tol", tol),
     )
-    moving = {"spin": spin, "velocity": velocity}
+    moving = {
+        name: checks.array(name, given, (3,))
+        for name, given in (("spin", spin), ("velocity", velocity))
+    }
+    _check_flight(setting, float(np.linalg.norm(moving["velocity"])))
     body = free_body(part, modes, damping, corner_radius)
     R = orientation(body, tilt, face, edge, corner, toward)
-    start = hung(body, setting, R, *(checks.array(k, v, (3,)) for k, v in moving.items()))
+    start = hung(body, setting, R, **moving)
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
@@ -124,3 +134,21 @@ def drop(
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     check_executor(executor)
     return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)
+
+
+def _check_flight(setting: Setting, speed: float) -> None:
+    """InputError for a first flight that is too fast or too long to be meant."""
+    fast = hypot(speed, sqrt(2 * setting.gravity * setting.height))
+    long = sqrt(2 * setting.height / setting.gravity)
+    if fast > FASTEST_WAVE:
+        raise InputError(
+            f"the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: height is"
+            f" in m (got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g})."
+        )
+    if setting.height < LEAST_HEIGHT:
+        raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
+    if long > LONGEST:
+        raise InputError(
+            f"the part would fall for {long:.3g} s, at most {LONGEST:g} are meant: height is in m "
+            f"(got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g})."
+        )

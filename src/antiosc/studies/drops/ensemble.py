@@ -122,7 +122,7 @@ class Drops(Brief):
         """
         found = self.largest(quantity, impact)
         found = np.sort(found[np.isfinite(found)])
-        share = checks.number("q", q)
+        share, confidence = checks.number("q", q), checks.number("confidence", confidence)
         if not 0 < share < 1 or not 0 < confidence < 1:
             raise InputError("q and confidence must lie between 0 and 1.")
         if not len(found):

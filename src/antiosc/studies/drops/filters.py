@@ -34,6 +34,8 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
     step = checks.positive("step", step, "s")
     checks.choice("filter", name, tuple(CLASSES))
     x, cfc = checks.array("signal", signal, None), CLASSES[name]
+    if x.ndim not in (1, 2):
+        raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
     if step * cfc * LEAST_RATE > 1:
         raise InputError(
             f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."

@@ -14,6 +14,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.models.body import checked_body
 from antiosc.simulation.impactors import Sphere
 
 #: A loss factor is at most this.
@@ -97,6 +98,8 @@ class Floor:
             if e > 1:
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
+        if self.model is not None:
+            checked_body("model", self.model)
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
