@@ -55,7 +55,7 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
             f"stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
             f" tol or raise max_steps"
         ),
-        march.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller tol",
+        march.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller step or tol",
         march.STUCK: (
             f"stopped at {t:g} s: no step is small enough for the contact forces there; check the"
             f" laws' stiffness against the bodies' masses"

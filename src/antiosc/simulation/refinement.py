@@ -19,6 +19,7 @@ from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.given_step import checked_step, stepped
 from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.integrators.scene_ivp import IVP_METHODS
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_states import touching
@@ -92,7 +93,8 @@ def solved(
         "" if failure else inexact(assembly, found, tol, max_steps),
         cut_short(assembly, run),
     )
-    error = {} if step is not None else {"force": found.force, "peak": found.peak}
+    known = step is None and method not in IVP_METHODS
+    error = {"force": found.force, "peak": found.peak} if known else {}
     message = " ".join([verdict.message, *assembly.notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
