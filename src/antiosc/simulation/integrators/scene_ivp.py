@@ -68,7 +68,7 @@ class SceneIVP(SceneMethod):
         pieces = [Piece(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
-        while answer == march.DONE and contacts.closed.any() and end - t > ROUNDING * end:
+        while answer == march.DONE and contacts.active and end - t > ROUNDING * end:
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
@@ -120,10 +120,10 @@ class SceneIVP(SceneMethod):
         _, gap, drift = self.acting(t)
         free, rate = s.beta @ y[:n] - gap, s.beta @ y[n : 2 * n] - drift
         force = np.zeros(len(free))
-        if not self.contacts.closed.any():
+        if not self.contacts.active:
             return free, rate, force
         force[:p] = self.contacts.normal_forces(free[:p], s.R[:p, :p], rate[:p], force[:p])
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size and self.sliding[c]:
                 force[self.contacts.tangents(c)] = s.slip[c, 0] * force[c] * self._way(c, z, rate)
@@ -150,7 +150,7 @@ class SceneIVP(SceneMethod):
         load, _, _ = self.acting(t)
         free, rate, force = self._felt(t, y)
         change = np.zeros(y.size)
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size:
                 speed = rate[self.contacts.tangents(c)]
@@ -167,7 +167,7 @@ class SceneIVP(SceneMethod):
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
-        for other in np.flatnonzero(self.contacts.closed):
+        for other in self.contacts.active:
             state = self.contacts.states[other]
             assert state is not None
             stiff[other] = self.laws[other].tangent(float(depth[other]), 0.0, state)[0]

@@ -50,7 +50,7 @@ class SceneMethod(ABC):
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
         self.system, self.laws = system, laws
         self.contacts = JointContacts(system, laws)
-        self.p = len(laws)
+        self.p, self.still = len(laws), np.zeros(len(system.beta))
         self.steps, self.highest = 0, 0.0
 
     @abstractmethod
@@ -67,13 +67,13 @@ class SceneMethod(ABC):
         force[0, : self.p] = s.pressed
         depth = s.beta @ s.q - s.offsets[0] - force @ s.R
         pieces = [Piece(np.zeros(1), force, depth, np.stack((s.q, s.v))[None])]
-        for c in np.flatnonzero(contacts.closed):
+        for c in contacts.active:
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
         answer = march.DONE
         while answer == march.DONE and duration - pieces[-1].time[-1] > ROUNDING * duration:
             time, force, _, states = pieces[-1]
             t, begin = float(time[-1]), states[-1]
-            if contacts.closed.any():
+            if contacts.active:
                 piece, answer = self.press(
                     t, begin, force[-1], duration, max_contacts, max_steps
                 )
@@ -95,9 +95,9 @@ class SceneMethod(ABC):
     def acting(self, t: float) -> tuple[Array, Array, Array]:
         """Modal loads (J,), gaps and their rates (m,) at time t."""
         s = self.system
-        k = int(np.clip(np.searchsorted(s.breaks, t, side="right") - 1, 0, s.breaks.size - 1))
+        k = 0 if s.breaks.size == 1 else max(int(np.searchsorted(s.breaks, t, side="right")) - 1, 0)
         if k + 1 == s.breaks.size:
-            return s.loads[k], s.offsets[k], np.zeros(len(s.beta))
+            return s.loads[k], s.offsets[k], self.still
         part = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
         drift = (s.offsets[k + 1] - s.offsets[k]) / (s.breaks[k + 1] - s.breaks[k])
         return (
@@ -155,4 +155,4 @@ class SceneMethod(ABC):
         reached = beyond >= beyond[coming].max() - ROUNDING * size
         for c in np.flatnonzero(coming & reached).tolist():
             self.contacts.touch(c, t, float(rate[c]), free)
-            self.touched(c, free, rate, np.zeros(len(free)))
+            self.touched(c, free, rate, self.still)

@@ -55,7 +55,8 @@ class SceneStep(SceneMethod):
     def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
         super().__init__(system, laws)
         self.step, self.square = step, system.omega**2
-        self.struck = np.any(system.beta != 0, axis=0)
+        #: 1 for the modes that contacts move: the energy of others would hide a growth
+        self.struck = np.any(system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
     def advance(self, start: Step, acting: Acting, h: float) -> Step:
@@ -74,27 +75,24 @@ class SceneStep(SceneMethod):
         node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
         nodes, times, answer, work = [node], [t], march.DONE, 0.0
         start = self._energy(node) + (s.given if t == 0.0 else 0.0)
-        while contacts.closed.any() and end - t > ROUNDING * end:
-            if self.steps >= max_steps:
-                answer = march.TOO_MANY_STEPS
-                break
-            if contacts.touches > max_contacts:
-                answer = march.TOO_MANY_CONTACTS
-                break
-            with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
+            while contacts.active and end - t > ROUNDING * end and answer == march.DONE:
+                if self.steps >= max_steps:
+                    answer = march.TOO_MANY_STEPS
+                    break
                 h, new, acting = self._step(node, t, min(self.step, end - t))
-                load = 0.5 * (acting.load + acting.load1)
-                work += float((load * (new.q - node.q))[self.struck].sum())
-                kick = 0.5 * float(np.sum((h * acting.load1[self.struck]) ** 2))
-                energy = self._energy(new)
-            self.highest = max(self.highest, start + work + kick)  # at rest, all that was given
-            if not energy <= BLOW_UP * self.highest:
-                answer = march.GREW
-                break
-            self.steps += 1
-            node, t = new, t + h
-            nodes.append(node)
-            times.append(t)
+                work += float(0.5 * (acting.load + acting.load1) * self.struck @ (new.q - node.q))
+                kick = 0.5 * float((h * acting.load1) ** 2 @ self.struck)
+                self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
+                if not self._energy(new) <= BLOW_UP * self.highest:
+                    answer = march.GREW
+                    break
+                if contacts.touches > max_contacts:
+                    answer = march.TOO_MANY_CONTACTS
+                self.steps += 1
+                node, t = new, t + h
+                nodes.append(node)
+                times.append(t)
         return _written(np.array(times), nodes), answer
 
     def slide(self, start: Step, end: Step) -> None:
@@ -102,9 +100,7 @@ class SceneStep(SceneMethod):
         self.contacts.slide(end.delta, end.force)
 
     def _energy(self, node: Step) -> float:
-        """Of the modes that contacts move: that of others would hide a growth."""
-        x = np.stack((node.q[self.struck], node.v[self.struck]))
-        return march.mechanical(x, self.system.omega[self.struck])
+        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.struck)
 
     def _acting(self, t: float, h: float) -> Acting:
         load1, gap1, _ = self.acting(t + h)
@@ -129,7 +125,7 @@ class SceneStep(SceneMethod):
             contacts.touch(c, t + part * h, float(speed), way)
         if touching:
             new = self.advance(node, acting, h)
-        closed = np.flatnonzero(contacts.closed).tolist()
+        closed = contacts.active
         ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
         if ended == closed:
             h, new, acting = self._release(node, t, h, new, closed)
@@ -305,7 +301,7 @@ class ConservingScene(SceneStep):
         """Mean forces (m,) over the step, by sweeps over the contacts."""
         contacts = self.contacts
         F = np.zeros_like(guess)
-        active = np.flatnonzero(contacts.closed)
+        active = contacts.active
         quotients = {}
         for c in active:
             state = contacts.states[c]
@@ -340,7 +336,7 @@ class ConservingScene(SceneStep):
     def _nodal(self, after: Array, rate: Array, mean: Array) -> Array:
         """Forces (m,) at the end of the step, by the laws."""
         force = np.zeros_like(mean)
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             state = self.contacts.states[c]
             assert state is not None
             r = float(self.system.R[c, c])
