@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.simulation.step_control import Refinement
 from scenes import HERTZ, case_two, random_model
 
 LAWS = {
@@ -248,3 +249,24 @@ def test_an_invalid_scene_is_named():
 def test_bad_sweep():
     with pytest.raises(ao.InputError, match="mass: 2, velocity: 3"):
         ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0, 2.0, 3.0])
+
+
+class TestRefinement:
+    """The control of the step, on sequences whose errors are known."""
+
+    @pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+    def test_estimates_the_error_of_the_finer_run(self, order):
+        control, h = Refinement(1e-6), 1.0
+        for _ in range(6):
+            finer = h / 2**control.halvings
+            control.update(h**order - finer**order, 0.0)
+            h = finer
+        assert control.error["force"] == pytest.approx(h**order, rel=0.05)
+
+    def test_aims_at_the_tolerance(self):
+        control, h = Refinement(1e-4), 1.0
+        while not control.reached:
+            finer = h / 2**control.halvings
+            control.update(h**2 - finer**2, 0.0)
+            h = finer
+        assert 0.3e-4 < h**2 <= 1e-4

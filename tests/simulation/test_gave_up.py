@@ -14,9 +14,9 @@ MASS, LAW = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
 @pytest.mark.parametrize(
     ("method", "limits", "words"),
     [
-        ("newmark", {"step": 1e-6, "max_steps": 40}, "more than 40 steps"),
-        ("leapfrog", {"step": 1e-6, "max_steps": 41}, "more than 41 steps"),
-        ("DOP853", {"max_steps": 40}, "more than 40 steps"),
+        ("newmark", {"step": 1e-6, "max_steps": 20}, "more than 20 steps"),
+        ("leapfrog", {"step": 1e-6, "max_steps": 21}, "more than 21 steps"),
+        ("DOP853", {"max_steps": 4}, "more than 4 steps"),
         ("DOP853", {"max_steps": 1}, "more than 1 steps"),
         ("exact", {"step": 1e-6, "max_steps": 30}, "more than 30 steps"),
     ],
@@ -27,19 +27,21 @@ def test_a_method_that_gives_up_says_why_and_where(method: str, limits: dict, wo
     assert hit.status == 2
     assert words in hit.message
     assert hit.message[0].isupper()
-    assert 0 <= hit.time[-1] < 1e-3
+    assert 2e-5 <= hit.time[-1] < 1e-4
     assert np.isfinite(hit.displacement).all()
     if "step" in limits and method != "exact":
         count = limits["max_steps"]
-        assert hit.time[-1] == pytest.approx(count * 1e-6, rel=1e-9)
+        assert hit.time[-1] == pytest.approx(2e-5 + count * 1e-6, rel=1e-9)
         assert hit.run.attempts == count
 
 
 def test_contacts_without_end_are_stopped() -> None:
-    with pytest.warns(ao.AccuracyWarning, match="more than 3 contacts"):
-        hit = ao.simulate(
-            ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[]), ao.RigidMass(0.1),
-            ao.HuntCrossley(1e9, 0.9), 0.3, gravity=9.81, gap=1e-3, max_contacts=3, step=2e-6,
-        )  # fmt: skip
-    assert len(hit.contacts) == 3
-    assert hit.status == 2
+    for method in ("exact", "newmark"):
+        with pytest.warns(ao.AccuracyWarning, match="more than 3 contacts"):
+            hit = ao.simulate(
+                ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[]), ao.RigidMass(0.1),
+                ao.HuntCrossley(1e9, 0.9), 0.3, method, gravity=9.81, gap=1e-3, max_contacts=3,
+                step=2e-6,
+            )  # fmt: skip
+        assert len(hit.contacts) == 3
+        assert hit.status == 2

@@ -80,11 +80,11 @@ def test_the_impulse_is_the_momentum_lost_whatever_the_masses(scale):
     assert lost > mass * 1e-2
 
 
-@pytest.mark.parametrize("n", [0, 5])
-def test_momentum_and_energy_of_a_free_body(rng, n):
-    model = random_model(rng, n, supported=False)
+@pytest.mark.parametrize("method", ["exact", "newmark", "conserving", "leapfrog", "DOP853"])
+def test_momentum_and_energy_of_a_free_body(rng, method):
+    model = random_model(rng, 5, supported=False)
     striker = ao.RigidMass(0.1, 2.0)
-    hit = ao.simulate(model, striker, ao.Hertz(1.5e8), 1e-2)
+    hit = ao.simulate(model, striker, ao.Hertz(1.5e8), 1e-2, method=method)
     assert len(hit.contacts) >= 1
     gained = model.m_st * _rigid_velocity(hit)
     assert gained == pytest.approx(hit.impulse, rel=1e-9)
@@ -101,7 +101,6 @@ def _rigid_velocity(hit: ao.History) -> float:
     return float(body.B[rigid, 0] @ v[0, : body.omega.size][rigid])
 
 
-@pytest.mark.slow
 def test_case_two_against_dop853():
     for n in (9, 30):
         model, striker = case_two(n)
@@ -270,7 +269,6 @@ class Blocked:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Blocked())
 import antiosc as ao
-from antiosc.simulation.convergence import difference
 model = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[1e3])
 hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
 assert hit.peak_force > 0

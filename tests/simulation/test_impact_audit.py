@@ -1,4 +1,4 @@
-"""Impacts of two bodies: motion, energies and impulses."""
+"""Impacts of two bodies by every method: motion, energies and impulses."""
 
 from __future__ import annotations
 
@@ -20,30 +20,41 @@ LAWS = {
     "plastic": ao.Thornton(1e9, 2e-6),
     "laminate": ao.YangSun(1e9, 1e-6),
 }
+FIXED = ["newmark", "conserving", "leapfrog"]
+METHODS = ["exact", *FIXED, "DOP853"]
 MASS, SPEED, GRAVITY, DURATION = 0.3, 1.5, -200.0, 1.5e-3
 
 
 @cache
-def impact(law: str, m0: float = 0.05) -> ao.History:
+def impact(law: str, method: str, m0: float = 0.05) -> ao.History:
     """A damped free structure is struck twice by a mass that falls on it."""
     model = ao.AntiOscillators(
         m0=m0, k0=0.0, m=[0.4, 0.1, 0.05], omega=[2e3, 7e3, 1.2e4],
         participation=[m0, 0.4, 0.1, 0.05], damping=ao.Damping(ratio=0.02, alpha=30.0),
     )  # fmt: skip
+    step = None if method == "exact" else 1e-5
     return ao.simulate(
-        model, ao.RigidMass(MASS, SPEED), LAWS[law], DURATION, tol=1e-4,
+        model, ao.RigidMass(MASS, SPEED), LAWS[law], DURATION, method, step=step, tol=1e-4,
         gravity=GRAVITY, gap=2e-5, initial_velocity=0.2,
     )  # fmt: skip
 
 
-every = pytest.mark.parametrize("law", LAWS)
+every = pytest.mark.parametrize(
+    ("law", "method"),
+    [
+        (law, method)
+        for law in LAWS
+        for method in METHODS
+        if method != "DOP853" or law in ("hertz", "laminate")
+    ],
+)
 
 
 @pytest.mark.sample
 @every
-def test_motion_between_the_nodes_follows_from_the_force(law: str) -> None:
+def test_motion_between_the_nodes_follows_from_the_force(law: str, method: str) -> None:
     """From each node on, under the parabola of force and gravity; at the nodes of the method."""
-    hit = impact(law)
+    hit = impact(law, method)
     p, t = hit.assembly.system, hit.time
     h = np.diff(t)[:, None]
     q, v = hit.states(t[:-1])
@@ -60,11 +71,14 @@ def test_motion_between_the_nodes_follows_from_the_force(law: str) -> None:
 
 
 @every
-def test_what_a_history_tells_fits_together(law: str) -> None:
-    hit = impact(law)
+def test_what_a_history_tells_fits_together(law: str, method: str) -> None:
+    """With a fixed step the middle of one is interpolated."""
+    hit = impact(law, method)
     p, t = hit.assembly.system, hit.time
     q, v = hit.states(t)
     size, force = hit.assembly.spans["structure"].stop, hit.force
+    node = np.arange(t.size) % (2 if method in FIXED else 1) == 0
+    node[-1] = False
     u, w = -q[:, :size] @ p.beta[0][:size], q[:, size:] @ p.beta[0][size:]
     for mine, exact in (
         (hit.displacement, u),
@@ -73,11 +87,12 @@ def test_what_a_history_tells_fits_together(law: str) -> None:
         (hit.impactor_velocity, v[:, size:] @ p.beta[0][size:]),
         (hit.indentation, w - u - 2e-5),
     ):
-        np.testing.assert_allclose(mine, exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+        atol = (4e-6 if method == "DOP853" else 1e-8) * np.abs(exact).max()
+        np.testing.assert_allclose(mine[node], exact[node], rtol=0, atol=atol)
     # forces are those of the law, and none between the contacts
     events = np.array(hit.contacts)
     assert len(events) >= 1
-    inside = np.any((t[:, None] > events[:, 0]) & (t[:, None] < events[:, 1]), axis=1)
+    inside = node & np.any((t[:, None] > events[:, 0]) & (t[:, None] < events[:, 1]), axis=1)
     outside = ~np.any((t[:, None] >= events[:, 0]) & (t[:, None] <= events[:, 1]), axis=1)
     assert not force[outside].any()
     if law in ("hertz", "spring"):
@@ -90,7 +105,8 @@ def test_what_a_history_tells_fits_together(law: str) -> None:
         for share, weight in zip((POINTS + 1) / 2, WEIGHTS / 2, strict=True)
     ]
     area = np.append(0.0, np.cumsum(np.sum(parts, axis=0)))
-    np.testing.assert_allclose(hit.cumulative_impulse, area, rtol=0, atol=1e-8 * area[-1])
+    atol = (1e-8 if method == "exact" else 3e-6) * area[-1]  # parabolas may fall below 0
+    np.testing.assert_allclose(hit.cumulative_impulse, area, rtol=0, atol=atol)
     given = MASS * GRAVITY * t[-1]
     lost = MASS * (SPEED - hit.impactor_velocity[-1]) + given
     assert hit.impulse == pytest.approx(lost, rel=1e-7)
@@ -100,16 +116,19 @@ def test_what_a_history_tells_fits_together(law: str) -> None:
 
 
 @every
-def test_energies_are_those_of_the_motion_and_the_contact(law: str) -> None:
-    hit = impact(law)
+def test_energies_are_those_of_the_motion_and_the_contact(law: str, method: str) -> None:
+    hit = impact(law, method)
     p, energy = hit.assembly.system, hit.energy
     q, v = hit.states(hit.time)
-    np.testing.assert_allclose(energy.kinetic, np.sum(v**2, axis=1) / 2, rtol=1e-12)
-    strain = np.sum((p.omega * q) ** 2, axis=1) / 2
-    np.testing.assert_allclose(energy.strain, strain, rtol=0, atol=1e-12 * strain.max())
-    np.testing.assert_allclose(energy.gravity, (q - q[0]) @ p.loads[0], rtol=0, atol=1e-12)
+    strain, work = np.sum((p.omega * q) ** 2, axis=1) / 2, (q - q[0]) @ p.loads[0]
+    for mine, exact in (
+        (energy.kinetic, np.sum(v**2, axis=1) / 2), (energy.strain, strain), (energy.gravity, work)
+    ):  # fmt: skip
+        atol = 1e-12 * np.abs(exact).max()
+        np.testing.assert_allclose(mine[:-1], exact[:-1], rtol=0, atol=atol)
     held = energy.kinetic + energy.strain + energy.contact
-    assert np.abs(energy.total - energy.total[0]).max() < 1e-3 * held.max()
+    limit = {"exact": 1e-3, "DOP853": 3e-3}.get(method, 2e-2)
+    assert np.abs(energy.total - energy.total[0]).max() < limit * held.max()
     assert energy.dissipated[-1] > 0.02 * held.max()
     if hit.restitution is not None:
         rigid = p.omega == 0

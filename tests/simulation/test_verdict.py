@@ -22,7 +22,7 @@ LAWS = [
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
-@pytest.mark.parametrize("method", ["exact", "newmark"])
+@pytest.mark.parametrize("method", ["exact", "newmark", "DOP853"])
 def test_a_run_that_ends_during_contact_says_so(law, method):
     with pytest.warns(ao.AccuracyWarning, match=CUT):
         hit = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), law, 5e-4, method, gap=1e-4)

@@ -22,7 +22,6 @@ MOST_RUNS = 24
 LONGEST = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
 TIGHTER = 1e-2  # relative tolerance of solve_ivp, of that of the forces
 SMALLEST = 3e-14  # one that rounding permits
-FINE = 1 / 4  # of a step: touches closer than this to a release belong to it
 
 
 def compared(
@@ -42,12 +41,12 @@ def compared(
     if method in IVP_METHODS:
         longest = step or LONGEST * assembly.lasting
         solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest)
-        found = solver.run(duration, FINE * longest, max_contacts, max_steps)
+        found = solver.run(duration, max_contacts, max_steps)
         return Converged(found, longest, 0.0, 0.0, duration)
     kind = SCENE_STEPS[method]
 
     def one(h: float) -> Run:
-        return kind(system, laws, h).run(duration, FINE * h, max_contacts, max_steps)
+        return kind(system, laws, h).run(duration, max_contacts, max_steps)
 
     if step is not None:
         return Converged(one(step), step, 0.0, 0.0, duration)

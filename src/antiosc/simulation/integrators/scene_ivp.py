@@ -48,8 +48,8 @@ class SceneIVP(SceneMethod):
                 f"{method} does not support a rate-dependent law at a massless contact point"
                 " (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
-        super().__init__(system, laws)
-        self.name, self.rtol, self.max_step = method, rtol, max_step
+        super().__init__(system, laws, max_step)
+        self.name, self.rtol = method, rtol
         self.size = system.omega.size
         self.sliding = np.zeros(self.p, dtype=bool)
         self.turning = np.full(self.p, -1.0)  # the way in which the indentation turns next
@@ -79,7 +79,7 @@ class SceneIVP(SceneMethod):
                         method=self.name,
                         rtol=self.rtol,
                         atol=atol,
-                        max_step=self.max_step,
+                        max_step=self.step,
                         events=[event for c in range(self.p) for event in self._events(c)],
                         dense_output=True,
                     )

@@ -23,6 +23,7 @@ from antiosc.simulation.system import System
 
 #: A time this short, relative to the run, is rounding; so is such a share of a distance.
 ROUNDING = 1e-13
+FINE = 1 / 4  # of a step: touches closer than this to a release belong to it
 
 
 class Piece(NamedTuple):
@@ -45,10 +46,13 @@ def joined(pieces: Sequence[Piece]) -> Piece:
 
 
 class SceneMethod(ABC):
-    """A method on a system of several contacts; subclasses integrate while one is closed."""
+    """A method on a system of several contacts; subclasses integrate while one is closed.
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
-        self.system, self.laws = system, laws
+    `step` [s] is the longest, or all.
+    """
+
+    def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
+        self.system, self.laws, self.step = system, laws, step
         self.contacts = JointContacts(system, laws)
         self.p, self.still = len(laws), np.zeros(len(system.beta))
         self.steps, self.highest = 0, 0.0
@@ -60,8 +64,8 @@ class SceneMethod(ABC):
         """From the states `begin` (2, J) at t, under `force` (m,), until all contacts have parted
         or to the `end`; with it why it stopped."""
 
-    def run(self, duration: float, fine: float, max_contacts: int, max_steps: int) -> Run:
-        """All of the scene; touches closer than `fine` [s] to a release belong to it."""
+    def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
+        """All of the scene."""
         s, contacts = self.system, self.contacts
         force = np.zeros((1, len(s.beta)))
         force[0, : self.p] = s.pressed
@@ -71,14 +75,11 @@ class SceneMethod(ABC):
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
         answer = march.DONE
         while answer == march.DONE and duration - pieces[-1].time[-1] > ROUNDING * duration:
-            time, force, _, states = pieces[-1]
-            t, begin = float(time[-1]), states[-1]
+            t, force, begin = float(pieces[-1].time[-1]), pieces[-1].force, pieces[-1].states[-1]
             if contacts.active:
-                piece, answer = self.press(
-                    t, begin, force[-1], duration, max_contacts, max_steps
-                )
+                piece, answer = self.press(t, begin, force[-1], duration, max_contacts, max_steps)
             else:
-                piece, answer = self._flight(t, begin, duration, fine, max_contacts)
+                piece, answer = self._flight(t, begin, duration, max_contacts)
             pieces.append(piece)
         whole = joined(pieces)
         return Run(
@@ -88,7 +89,6 @@ class SceneMethod(ABC):
             steps=self.steps,
             attempts=self.steps,
             touches=contacts.touches,
-            gained=np.inf,  # not known
             highest=max(self.highest, s.given + march.mechanical(whole.states[0], s.omega)),
         )
 
@@ -111,7 +111,7 @@ class SceneMethod(ABC):
         speeds and forces (m,) there."""
 
     def _flight(
-        self, t: float, begin: Array, duration: float, fine: float, max_contacts: int
+        self, t: float, begin: Array, duration: float, max_contacts: int
     ) -> tuple[Piece, int]:
         """The motion until the next touch, of which the contacts then know."""
         s = self.system
@@ -130,12 +130,11 @@ class SceneMethod(ABC):
             v=begin[1],
             pressed=np.zeros(self.p),
         )
-        found = run(ahead, duration - t, 1.0, fine=fine, max_contacts=0)
+        found = run(ahead, duration - t, 1.0, fine=FINE * self.step, max_contacts=0)
         ends = np.arange(found.time.size // 2 + 1)
-        states = starts(found, ahead, lambda at: between(at, ahead.breaks, ahead.loads), ends)
-        piece = Piece(
-            t + found.time, found.force, found.depth + origins, np.stack(states, axis=1)
-        )
+        moved = starts(found, ahead, lambda at: between(at, ahead.breaks, ahead.loads), ends)
+        depth = found.depth + origins
+        piece = Piece(t + found.time, found.force, depth, np.stack(moved, axis=1))
         if found.answer != march.TOO_MANY_CONTACTS:
             return piece, found.answer
         if self.contacts.touches >= max_contacts:

@@ -53,8 +53,8 @@ class SceneStep(SceneMethod):
     order: ClassVar[int] = 2
 
     def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
-        super().__init__(system, laws)
-        self.step, self.square = step, system.omega**2
+        super().__init__(system, laws, step)
+        self.square = system.omega**2
         #: 1 for the modes that contacts move: the energy of others would hide a growth
         self.struck = np.any(system.beta != 0, axis=0).astype(float)
 
@@ -347,7 +347,7 @@ class ConservingScene(SceneStep):
 
 
 def _written(times: Array, nodes: list[Step]) -> Piece:
-    """Between two nodes a parabola with the impulse of the step."""
+    """Between two nodes a parabola with the impulse of the step, and its work on a straight way."""
     n, m = len(nodes) - 1, len(nodes[0].force)
     time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
