@@ -37,16 +37,17 @@ def compared(
 
     Of `solve_ivp` the step is the longest.
     """
-    system, laws = assembly.system, assembly.laws
+    system, laws, scene = assembly.system, assembly.laws, assembly.scene
+    driven = bool(scene.loads) or scene.base is not None
     if method in IVP_METHODS:
         longest = step or LONGEST * assembly.lasting
-        solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest)
+        solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest, driven)
         found = solver.run(duration, max_contacts, max_steps)
         return Converged(found, longest, 0.0, 0.0, duration)
     kind = SCENE_STEPS[method]
 
     def one(h: float) -> Run:
-        return kind(system, laws, h).run(duration, max_contacts, max_steps)
+        return kind(system, laws, h, driven).run(duration, max_contacts, max_steps)
 
     if step is not None:
         return Converged(one(step), step, 0.0, 0.0, duration)

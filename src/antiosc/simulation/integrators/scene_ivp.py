@@ -35,7 +35,13 @@ class SceneIVP(SceneMethod):
     """
 
     def __init__(
-        self, method: str, rtol: float, system: System, laws: Sequence[ContactLaw], max_step: float
+        self,
+        method: str,
+        rtol: float,
+        system: System,
+        laws: Sequence[ContactLaw],
+        max_step: float,
+        driven: bool = False,
     ) -> None:
         rubs = system.tangents[:, 1] > 0
         if any(law.rate_dependent and rubs[c] for c, law in enumerate(laws)):
@@ -48,7 +54,7 @@ class SceneIVP(SceneMethod):
                 f"{method} does not support a rate-dependent law at a massless contact point"
                 " (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
-        super().__init__(system, laws, max_step)
+        super().__init__(system, laws, max_step, driven)
         self.name, self.rtol = method, rtol
         self.size = system.omega.size
         self.sliding = np.zeros(self.p, dtype=bool)
@@ -68,7 +74,7 @@ class SceneIVP(SceneMethod):
         pieces = [Piece(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
-        while answer == march.DONE and contacts.active and end - t > ROUNDING * end:
+        while answer == march.DONE and self.busy and end - t > ROUNDING * end:
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):

@@ -1,7 +1,8 @@
 """What the methods that the march is compared with share: flights, touches, and what they write.
 
 Flights are exact: the march finds the next touch. A method integrates from there until all
-contacts have parted.
+contacts have parted. What loads and a moving ground do is part of the comparison: a method
+integrates all of a scene that has them.
 """
 
 from __future__ import annotations
@@ -48,11 +49,13 @@ def joined(pieces: Sequence[Piece]) -> Piece:
 class SceneMethod(ABC):
     """A method on a system of several contacts; subclasses integrate while one is closed.
 
-    `step` [s] is the longest, or all.
+    `step` [s] is the longest, or all. A `driven` scene is integrated in flights too.
     """
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
-        self.system, self.laws, self.step = system, laws, step
+    def __init__(
+        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
+    ) -> None:
+        self.system, self.laws, self.step, self.driven = system, laws, step, driven
         self.contacts = JointContacts(system, laws)
         self.p, self.still = len(laws), np.zeros(len(system.beta))
         self.steps, self.highest = 0, 0.0
@@ -61,8 +64,13 @@ class SceneMethod(ABC):
     def press(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
     ) -> tuple[Piece, int]:
-        """From the states `begin` (2, J) at t, under `force` (m,), until all contacts have parted
-        or to the `end`; with it why it stopped."""
+        """From the states `begin` (2, J) at t, under `force` (m,), while it is `busy`, or to the
+        `end`; with it why it stopped."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether the motion is the method's: otherwise it is a flight."""
+        return self.driven or bool(self.contacts.active)
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
         """All of the scene."""
@@ -76,7 +84,7 @@ class SceneMethod(ABC):
         answer = march.DONE
         while answer == march.DONE and duration - pieces[-1].time[-1] > ROUNDING * duration:
             t, force, begin = float(pieces[-1].time[-1]), pieces[-1].force, pieces[-1].states[-1]
-            if contacts.active:
+            if self.busy:
                 piece, answer = self.press(t, begin, force[-1], duration, max_contacts, max_steps)
             else:
                 piece, answer = self._flight(t, begin, duration, max_contacts)

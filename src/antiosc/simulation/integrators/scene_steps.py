@@ -52,8 +52,10 @@ class SceneStep(SceneMethod):
     name: ClassVar[str]
     order: ClassVar[int] = 2
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
-        super().__init__(system, laws, step)
+    def __init__(
+        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
+    ) -> None:
+        super().__init__(system, laws, step, driven)
         self.square = system.omega**2
         #: 1 for the modes that contacts move: the energy of others would hide a growth
         self.struck = np.any(system.beta != 0, axis=0).astype(float)
@@ -76,7 +78,7 @@ class SceneStep(SceneMethod):
         nodes, times, answer, work = [node], [t], march.DONE, 0.0
         start = self._energy(node) + (s.given if t == 0.0 else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
-            while contacts.active and end - t > ROUNDING * end and answer == march.DONE:
+            while self.busy and end - t > ROUNDING * end and answer == march.DONE:
                 if self.steps >= max_steps:
                     answer = march.TOO_MANY_STEPS
                     break
@@ -127,7 +129,7 @@ class SceneStep(SceneMethod):
             new = self.advance(node, acting, h)
         closed = contacts.active
         ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
-        if ended == closed:
+        if ended == closed and not self.driven:
             h, new, acting = self._release(node, t, h, new, closed)
         self.slide(node, new)
         contacts.advance(new.delta, new.rate)
@@ -266,8 +268,10 @@ class ConservingScene(SceneStep):
 
     name = "conserving"
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw], step: float) -> None:
-        super().__init__(system, laws, step)
+    def __init__(
+        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
+    ) -> None:
+        super().__init__(system, laws, step, driven)
         p, R = self.p, system.R
         if np.any(R - np.diag(R.diagonal())) or np.any(R[p:, p:]):
             raise InputError(
