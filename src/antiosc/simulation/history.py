@@ -25,7 +25,7 @@ from antiosc.simulation.engine import Run
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.results import HistoryResults
 from antiosc.simulation.scene_energy import balance
-from antiosc.simulation.scene_history import BodyHistory, ContactHistory
+from antiosc.simulation.scene_history import BodyHistory, ContactHistory, Record
 from antiosc.simulation.scene_states import (
     blocks,
     forces,
@@ -33,7 +33,6 @@ from antiosc.simulation.scene_states import (
     located,
     node_states,
     states,
-    with_flights,
 )
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ class History(HistoryResults):
     def contact_histories(self) -> list[ContactHistory]:
         """All contacts in the order of the scene."""
         contacts = self.assembly.scene.contacts
-        return [ContactHistory((c.a, c.b), self, i) for i, c in enumerate(contacts)]
+        return [ContactHistory((c.a, c.b), self._record, i) for i, c in enumerate(contacts)]
 
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
@@ -313,9 +312,16 @@ class History(HistoryResults):
     # -- inside
 
     @cached_property
+    def _record(self) -> Record:
+        """What its contacts share with it, and not the history itself: it goes without a cycle.
+
+        The few flights of an impact have nodes for a picture; a scene may have many.
+        """
+        return Record(self.assembly, self.run, not self.named)
+
+    @property
     def _nodes(self) -> Run:
-        """The run with nodes in its flights."""
-        return with_flights(self.run, self.assembly.system, self.assembly.load)
+        return self._record.nodes
 
     @property
     def _contact(self) -> ContactHistory:
@@ -412,11 +418,6 @@ class SceneHistory(History):
     """History of `Scene.run`: its tables name every contact and body of the scene."""
 
     named = True
-
-    @property
-    def _nodes(self) -> Run:
-        """The run as it is: a scene may have many flights."""
-        return self.run
 
 
 def no_field(model: Any) -> str:

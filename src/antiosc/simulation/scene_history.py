@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,17 +12,35 @@ from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.main_impact import contact_time
-from antiosc.simulation.scene_states import Touches, starts, touches
-
-if TYPE_CHECKING:
-    from antiosc.simulation.history import History
+from antiosc.simulation.engine import Run
+from antiosc.simulation.scene_states import Touches, starts, touches, with_flights
 
 #: Change of a velocity, relative to it, below which it is rounding in part.
 ROUNDED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run of a scene, of which a history and its contacts are read.
+
+    `flights`: its nodes lie close in flights too.
+    """
+
+    assembly: Assembly
+    run: Run
+    flights: bool
+
+    @cached_property
+    def nodes(self) -> Run:
+        """The run at the nodes of the history."""
+        if not self.flights:
+            return self.run
+        return with_flights(self.run, self.assembly.system, self.assembly.load)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,30 +53,30 @@ class ContactHistory(Brief):
     """
 
     ends: tuple[str, str]
-    _history: History
+    _record: Record
     _row: int
 
     @property
     def time(self) -> Array:
         """Nodes [s] of the history, (n,)."""
-        return self._history.time
+        return self._record.nodes.time
 
     @cached_property
     def force(self) -> Array:
         """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
         # a release is located to a small share of the depth: a spring may pull by as little
-        return np.maximum(self._history._nodes.force[:, self._row], 0.0)
+        return np.maximum(self._record.nodes.force[:, self._row], 0.0)
 
     @property
     def indentation(self) -> Array:
         """Indentation [m], (n,); negative: distance."""
-        return self._history._nodes.depth[:, self._row]
+        return self._record.nodes.depth[:, self._row]
 
     @property
     def friction(self) -> Array:
         """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
-        first, count = self._history.assembly.system.tangents[self._row]
-        return self._history._nodes.force[:, first : first + count]
+        first, count = self._record.assembly.system.tangents[self._row]
+        return self._record.nodes.force[:, first : first + count]
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -87,7 +104,7 @@ class ContactHistory(Brief):
         """Newton's coefficient of the rigid-body motions; see `History`."""
         if not self.contacts or not self._touches.released:
             return None
-        system = self._history.assembly.system
+        system = self._record.assembly.system
         rigid = np.where(system.omega == 0, system.beta[self._row], 0.0)
         closing, *_, parting = (self._velocities @ rigid).tolist()
         return -parting / closing if closing > 0 else None
@@ -95,12 +112,12 @@ class ContactHistory(Brief):
     @cached_property
     def cumulative_impulse(self) -> Array:
         """Time integral of the force from the start up to each node [N s], (n,)."""
-        areas = impulses(self.time, self._history._nodes.force[:, [self._row]])
+        areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
         return np.append(0.0, np.cumsum(areas))
 
     def pulses(self) -> tuple[Array, Array]:
         """Nodes [s] and forces [N] of the contacts, one after the other."""
-        run = self._history.run
+        run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
         nodes += [np.arange(2 * a, 2 * b + 1) for a, b in self._touches.nodes.tolist()]
         at = np.concatenate(nodes)
@@ -110,19 +127,19 @@ class ContactHistory(Brief):
 
     @cached_property
     def _touches(self) -> Touches:
-        return touches(self._history.run, self._history.assembly.system, self._row)
+        return touches(self._record.run, self._record.assembly.system, self._row)
 
     @cached_property
     def _pulses(self) -> Array:
         """Integral [N s] of the parabolas and peak [N] of each contact, (C, 2)."""
-        run = self._history.run
+        run = self._record.run
         return march.pulses(run.time, run.force, self._row, self._touches.nodes)
 
     @cached_property
     def _velocities(self) -> Array:
         """Modal velocities (2 C, J) where the contacts begin and end."""
-        a = self._history.assembly
-        return starts(self._history.run, a.system, a.load, self._touches.nodes.ravel())[1]
+        a = self._record.assembly
+        return starts(self._record.run, a.system, a.load, self._touches.nodes.ravel())[1]
 
     @cached_property
     def _impulses(self) -> Array:
@@ -131,19 +148,31 @@ class ContactHistory(Brief):
         It is what a rigid mode has taken up, if there is one that only this contact moves: a force
         that jumps to 0, as a damped one may, has two values at a node, and the integral knows one.
         """
-        run, system, areas = self._history.run, self._history.assembly.system, self._pulses[:, 0]
-        moved = (system.omega == 0) & (system.decay == 0)
-        if len(system.beta) > 1:
-            moved &= np.count_nonzero(system.beta, axis=0) == 1
-        beta = np.where(moved, system.beta[self._row], 0.0)
-        j = int(np.argmax(abs(beta))) if beta.size else 0
-        if not areas.size or beta[j] == 0.0 or system.breaks.size > 1:
+        run, system, areas = self._record.run, self._record.assembly.system, self._pulses[:, 0]
+        j = self._freest
+        if not areas.size or j is None or system.breaks.size > 1:
             return areas
-        time, speed = run.time[2 * self._touches.nodes], self._velocities[:, j].reshape(-1, 2)
-        given = system.loads[0, j] * (time[:, 1] - time[:, 0])
-        change = given - (speed[:, 1] - speed[:, 0])
-        known = np.maximum(abs(speed).max(axis=1), abs(given))
-        return np.where(abs(change) > ROUNDED * known, change / beta[j], areas)
+        beta, load = float(system.beta[self._row, j]), float(system.loads[0, j])
+        times = run.time[2 * self._touches.nodes].tolist()
+        speeds = self._velocities[:, j].tolist()
+        found = areas.copy()
+        for c, (start, end) in enumerate(times):
+            before, after, given = speeds[2 * c], speeds[2 * c + 1], load * (end - start)
+            change = given - (after - before)
+            if abs(change) > ROUNDED * max(abs(before), abs(after), abs(given)):
+                found[c] = change / beta
+        return found
+
+    @property
+    def _freest(self) -> int | None:
+        """The undamped rigid mode that only this contact moves, and it most; None without one."""
+        system = self._record.assembly.system
+        found, most = None, 0.0
+        for j in np.flatnonzero(system.omega == 0).tolist():
+            rows = system.beta[:, j]
+            if abs(rows[self._row]) > most and system.decay[j] == 0 and np.count_nonzero(rows) == 1:
+                found, most = j, abs(rows[self._row])
+        return found
 
     def _facts(self) -> list[tuple[str, str]]:
         return [

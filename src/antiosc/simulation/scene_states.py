@@ -70,7 +70,7 @@ def touches(run: Run, system: System, c: int) -> Touches:
 def touching(run: Run, system: System) -> list[int]:
     """The contacts that touched during the run and go on at its end."""
     pieces: dict[int, list[int]] = {}
-    for _, which, piece, _ in run.events:
+    for _, which, piece, _ in run.events.tolist():
         pieces.setdefault(int(which), []).append(int(piece))
     return sorted(
         c
