@@ -132,16 +132,15 @@ class JointContacts:
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
         """The normal force of one contact, with the other forces as they are."""
-        state = self.states[c]
+        law, state = self.laws[c], self.states[c]
         assert state is not None
-        return self.laws[c].implicit(
-            float(free[c] - A[c] @ F + A[c, c] * F[c]),
-            float(A[c, c]),
-            float(rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c]),
-            float(A_rate[c, c]),
-            state,
-            float(F[c]),
-        )
+        free_rate, slowed = 0.0, 0.0
+        if law.rate_dependent:
+            slowed = float(A_rate[c, c])
+            free_rate = float(rate[c] - A_rate[c] @ F) + slowed * float(F[c])
+        held = float(A[c, c])
+        way = float(free[c] - A[c] @ F) + held * float(F[c])
+        return law.implicit(way, held, free_rate, slowed, state, float(F[c]))
 
     def _rub(self, c: int, free: Array, A: Array, F: Array) -> None:
         """Friction of one contact: its spring, within the cone."""

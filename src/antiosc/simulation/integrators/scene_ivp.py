@@ -21,7 +21,7 @@ from antiosc.simulation.system import System
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed
-EVALUATIONS = 12
+EVALUATIONS = 5
 #: events one after the other without any time in between
 IDLE = 200
 #: parabolas of the forces for each step of the solver
