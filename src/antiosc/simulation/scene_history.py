@@ -16,8 +16,8 @@ from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.contact_rows import along, find
-from antiosc.simulation.main_impact import contact_time
 from antiosc.simulation.engine import Run
+from antiosc.simulation.main_impact import contact_time
 from antiosc.simulation.scene_states import Touches, starts, touches, with_flights
 
 #: Change of a velocity, relative to it, below which it is rounding in part.

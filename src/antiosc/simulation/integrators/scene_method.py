@@ -147,7 +147,8 @@ class SceneMethod(ABC):
             return piece, found.answer
         if self.contacts.touches >= max_contacts:
             return piece, march.TOO_MANY_CONTACTS
-        self._touch(float(piece.time[-1]), *piece.states[-1], origins)
+        q, v = piece.states[-1]
+        self._touch(float(piece.time[-1]), q, v, origins)
         return piece, march.DONE
 
     def _touch(self, t: float, q: Array, v: Array, origins: Array) -> None:

@@ -116,9 +116,7 @@ class SceneStep(SceneMethod):
         contacts, acting = self.contacts, self._acting(t, h)
         new = self.advance(node, acting, h)
         touching = [
-            c
-            for c in range(self.p)
-            if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
+            c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
         for c in touching:
             part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
