@@ -59,7 +59,8 @@ class Scene(SceneParts):
             Relative error of all contact forces together in the L2 norm, and of their peak.
         method : str
             "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
-            `scipy.integrate.solve_ivp` such as "DOP853".
+            `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
+            no error. Flights are exact, unless loads or a base act: these are integrated too.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
             `tol` is met. Of `solve_ivp` it is the largest. "exact" halves it where it does not

@@ -74,15 +74,15 @@ def simulate(
         Time to simulate [s].
     method : str
         "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
-        `scipy.integrate.solve_ivp` such as "DOP853". These take much longer: they step through
-        flights too.
+        `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states no
+        error. Flights are exact with all of them.
     n : int or "auto", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
         `tol` (see `antiosc.simulation.truncation`).
     step : float, optional
-        Time step [s]: of "exact" during contact, of solve_ivp the largest, of the others all along.
-        By default the step is refined until the force history has converged.
+        Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
+        the force history has converged.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
     initial_velocity : float or Motion
