@@ -100,6 +100,7 @@ def test_some_nasty_arguments(name, data):
     assert not attempt(name, data.draw(changes(name, ANY)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CALLS if name in DEAR])
 @settings(QUICK, max_examples=5)
 @given(data=st.data())
