@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -52,13 +53,15 @@ class SceneStep(SceneMethod):
     name: ClassVar[str]
     order: ClassVar[int] = 2
 
-    def __init__(
-        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
-    ) -> None:
-        super().__init__(system, laws, step, driven)
-        self.square = system.omega**2
-        #: 1 for the modes that contacts move: the energy of others would hide a growth
-        self.struck = np.any(system.beta != 0, axis=0).astype(float)
+    @cached_property
+    def square(self) -> Array:
+        """omega^2 [rad^2/s^2]."""
+        return self.system.omega**2
+
+    @cached_property
+    def struck(self) -> Array:
+        """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
+        return np.any(self.system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
     def advance(self, start: Step, acting: Acting, h: float) -> Step:
