@@ -403,12 +403,6 @@ class History(HistoryResults):
             )
         return np.minimum(times, end)
 
-    def with_model(self, model: Any, **changes: Any) -> History:
-        """The same history with the structure's model told more of itself, and other `changes`."""
-        own = self._ends[0]
-        bodies = {**self.assembly.bodies, own.name: replace(own, body=model)}
-        return replace(self, assembly=replace(self.assembly, bodies=bodies), **changes)
-
     def __getstate__(self) -> dict[str, Any]:
         """The fields, for pickle; a structure stays behind."""
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}
@@ -418,6 +412,13 @@ class SceneHistory(History):
     """History of `Scene.run`: its tables name every contact and body of the scene."""
 
     named = True
+
+
+def with_model(hit: History, model: Any, **changes: Any) -> History:
+    """The same history with the structure's model told more of itself, and other `changes`."""
+    own = hit._ends[0]
+    bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
+    return replace(hit, assembly=replace(hit.assembly, bodies=bodies), **changes)
 
 
 def no_field(model: Any) -> str:
