@@ -17,6 +17,7 @@ from antiosc.studies.drops.episode import BODY
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
+from antiosc.studies.drops.rotation import free_rotation
 
 G = 9.81
 HALF = np.array([0.075, 0.035, 0.004])
@@ -150,6 +151,29 @@ def test_free_flight_is_exact() -> None:
     spin = [0.5 * L @ s.spin(body) for s in (start, end)]
     assert spin[1] == pytest.approx(spin[0], rel=1e-7)
     np.testing.assert_allclose(end.R @ end.R.T, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("moments", "handed"),
+    [([1.0, 2.0, 2.5], 1), ([1.0, 2.0, 2.5], -1), ([1.0, 1.0, 2.0], 1), ([1.0, 2.0, 2.0], -1),
+     ([1.0, 1.00001, 1.00003], 1)],
+)  # fmt: skip
+def test_a_tumbling_body_turns_as_eulers_equations_say(moments: list[float], handed: int) -> None:
+    """Slow and fast precession, symmetric bodies, a mirrored set of axes."""
+    axes = tilted(np.array([50.0, -20.0, 75.0])) * np.array([[1.0], [handed], [1.0]])
+    R = tilted(np.array([10.0, 130.0, 40.0]))
+    inverse = (axes.T / moments) @ axes
+    t = np.linspace(0.0, 5.0, 4)
+    for spin in ([2.0, 0.3, 0.5], [0.3, 0.1, 3.0], [0.5, -2.0, -0.4]):
+        L = R @ axes.T @ (np.array(moments) * spin)
+
+        def rate(_: float, y: np.ndarray, L: np.ndarray = L) -> np.ndarray:
+            own = y.reshape(3, 3)
+            return np.cross(own @ inverse @ own.T @ L, own.T).T.ravel()
+
+        known = solve_ivp(rate, (0, t[-1]), R.ravel(), "DOP853", t, rtol=1e-10, atol=1e-10)
+        found = free_rotation(np.array(moments), axes, R, L)(t)
+        np.testing.assert_allclose(found, known.y.T.reshape(-1, 3, 3), atol=2e-8)
 
 
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:

@@ -24,8 +24,9 @@ from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import Contact
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.flight import State, turned
+from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of
+from antiosc.studies.drops.rotation import turned
 
 #: Duration of a first run, over the expected time of contact.
 LONG = 6.0
@@ -73,6 +74,16 @@ class Episode:
     def duration(self) -> float:
         """Time from the first touch to the end [s]."""
         return self.end.time - self.start.time
+
+    @property
+    def stored(self) -> tuple[float, float]:
+        """Energy of the contacts at the start and at the end [J]: > 0 of those that go on."""
+        contact = self.history.energy.contact
+        return float(contact[0]), float(contact[self._node])
+
+    @property
+    def _node(self) -> int:
+        return int(np.argmin(np.abs(self.history.time - self.duration)))
 
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
@@ -140,7 +151,7 @@ def _contact_time(body: FreeBody, start: State, heights: Array, floor: Floor) ->
     mass = 1 / (1 / body.mass + turning @ np.linalg.solve(tensor, turning))
     speed = abs(float(start.velocity[2] + np.cross(spin, arm)[2])) + 1e-6
     low, high = 0.0, body.extent
-    for _ in range(60):
+    for _ in range(30):
         middle = 0.5 * (low + high)
         work = law.potential(middle, law.touch(speed))
         low, high = (low, middle) if work > 0.5 * mass * speed**2 else (middle, high)
@@ -294,11 +305,6 @@ def _end(body: FreeBody, history: SceneHistory, count: int) -> tuple[float, bool
     return last, True
 
 
-def _modal(history: SceneHistory, t: float, name: str) -> tuple[Array, Array]:
-    found = history.at([t])[name]
-    return found.q[0], found.v[0]
-
-
 def _handed_over(
     body: FreeBody,
     start: State,
@@ -310,8 +316,8 @@ def _handed_over(
     """The state at a time of the scene, the heights (n,) of its contacts, and the correction."""
     moments, axes = body.principal
     axes = axes @ start.R.T
-    q, v = _modal(history, t, BODY)
-    q0, _ = _modal(history, 0.0, BODY)
+    found = history.at([0.0, t])
+    (q0, q), v = found[BODY].q, found[BODY].v[1]
     moved = (q - q0)[:3] / np.sqrt(body.mass)
     angle = ((q - q0)[3:6] / np.sqrt(moments)) @ axes
     spin = (v[3:6] / np.sqrt(moments)) @ axes
@@ -321,7 +327,7 @@ def _handed_over(
     R, corrected = _of_equal_energy(body, start.R, turned(angle) @ start.R, L)
     floor = start.floor
     if floor.size:
-        floor = np.array(_modal(history, t, FLOOR))
+        floor = np.array([found[FLOOR].q[1], found[FLOOR].v[1]])
     state = State(
         start.time + t, start.centre + moved, v[:3] / np.sqrt(body.mass), R, L, q[6:], v[6:], floor
     )

@@ -181,14 +181,17 @@ class Fall(Brief):
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
 
     def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 3) [J] there.
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
 
-        Of the rigid motion, of the vibration, and of the height of the centre.
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
         """
-        states = [self.start, *(s for e in self.episodes for s in (e.start, e.end)), self.end]
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += zip((one.start, one.end), one.stored, strict=True)
+        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
         gravity = self.setting.gravity
-        energies = np.array([s.energies(self.body, gravity) for s in states])
-        return np.array([s.time for s in states]), energies
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
 
     # -- what a point feels
 
