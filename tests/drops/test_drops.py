@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.episode import BODY
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
@@ -207,15 +207,16 @@ def floating(body: FreeBody, start: State, k: float, until: float) -> list[float
 
 @pytest.mark.slow
 def test_a_bar_flies_as_in_a_floating_frame() -> None:
+    """The third peak swings by a fifth with the phase of the vibration, and by 3 % with 1e-4 rad."""
     body, k = bar(), 2e8
-    where = setting(ao.Hertz(k), impacts=2)
-    start = started(body, where, (0.0, 11.5, 0.0))
+    where = setting(ao.Hertz(k), impacts=3)
+    start = started(body, where, (0.0, 30.0, 0.0))
     fall = fallen(body, start, where)
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
-    until = fall.episodes[-1].end.time - touch.time + 1e-5
-    peaks = floating(body, touch, k, until)
-    mine = [float(one.forces()[1].sum(axis=1).max()) for one in fall.episodes]
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=2e-3)
+    peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
+    mine = fall.impacts.column("peak_force")
+    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-3)
+    assert mine[2] == pytest.approx(peaks[2], rel=0.03)
     assert mine[1] > 1.3 * mine[0]
 
 

@@ -18,7 +18,8 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.episode import BODY, Episode
+from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.studies.drops.flight import Flight, State, ringing
 
@@ -297,7 +298,7 @@ class Fall(Brief):
         return np.asarray(elastic @ phi.T + _carried(body, spin[None], np.zeros((1, 3)), arm))
 
     def _in_contact(self, one: Episode, t: Array, arm: Array, phi: Array) -> Array:
-        body, R = self.body, one.start.R
+        body, R = self.body, one.posed.R
         own = one.history.at(np.clip(t - one.start.time, 0.0, one.history.time[-1]))[BODY]
         moments, axes = body.principal
         linear = own.a[:, :3] / np.sqrt(body.mass) + [0.0, 0.0, self.setting.gravity]
