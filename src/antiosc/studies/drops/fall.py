@@ -67,12 +67,26 @@ class Impact:
     lost: float
 
 
+#: Scalars of an impact, and their units.
+UNITS = (
+    ("time", "s"), ("peak_force", "N"), ("impulse", "N s"), ("contact_time", "s"),
+    ("speed_before", "m/s"), ("speed_after", "m/s"), ("lost", "J"),
+)  # fmt: skip
+
+
 class Impacts(tuple[Impact, ...]):
     """The impacts of a fall; as text a table."""
 
     def column(self, name: str) -> Array:
         """One value of all impacts, (n,) or (n, 3)."""
         return np.array([getattr(one, name) for one in self])
+
+    def columns(self) -> dict[str, Array]:
+        """Name with unit -> (n,) values."""
+        place, spin = self.column("place").reshape(-1, 3), self.column("spin_after").reshape(-1, 3)
+        table = {f"{name.replace('_', ' ')} ({unit})": self.column(name) for name, unit in UNITS}
+        table |= {f"place {axis} (m)": place[:, k] for k, axis in enumerate("xyz")}
+        return table | {"spin after (rad/s)": np.linalg.norm(spin, axis=1)}
 
     def __str__(self) -> str:
         rows = [
@@ -370,11 +384,16 @@ class Fall(Brief):
         peak = float(np.linalg.norm(a, axis=1).max())
         return peak, float(np.pi * self.velocity_change(at, impact) / (2 * peak))
 
-    def worst(self, quantity: str = "von_mises", **options: Any) -> WorstField:
-        """The largest value at every node over all impacts, and its time; see `peak_field`."""
+    def worst(
+        self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
+    ) -> WorstField:
+        """The largest value at every node, and its time; options as of `peak_field`.
+
+        impacts: numbers from 0; default: all.
+        """
         from antiosc.studies.drops.worst import worst
 
-        return worst(self, quantity, **options)
+        return worst(self, quantity, impacts, **options)
 
     # -- how far it is predictable
 
