@@ -56,9 +56,10 @@ def drop(
 
     Parameters
     ----------
-    part : Structure, RigidBody or Sphere
+    part : Structure, RigidBody, Sphere or FreeBody
         Free in space, without supports: of a mesh, an assembly, or matrices with coordinates. Of a
-        RigidBody the sites are the points that may touch. z of its mesh points up.
+        RigidBody the sites are the points that may touch. z of its mesh points up. The `body` of
+        another fall has its modes, damping and corner_radius already.
     height : float
         Of the lowest point over the floor [m].
     tilt : (a, b, c)
