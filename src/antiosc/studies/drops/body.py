@@ -80,6 +80,11 @@ class FreeBody:
         moments, axes = np.linalg.eigh(self.tensor)
         return moments, np.asarray(axes.T)
 
+    @cached_property
+    def largest_shapes(self) -> Array:
+        """(J,) largest component of each mode at a point [kg^-1/2]."""
+        return np.asarray(np.abs(self.shapes).max(axis=(0, 2), initial=0.0))
+
     @property
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 of a rigid body."""
@@ -102,7 +107,8 @@ class FreeBody:
         """The same without its structure, all its sites known: for other processes."""
         self.sites(np.arange(len(self.points)))
         state = {**self.__dict__, "structure": None, "basis": None, "residual": None}
-        state.pop("principal", None)
+        for name in ("principal", "largest_shapes"):
+            state.pop(name, None)
         return FreeBody(**state)
 
 

@@ -26,11 +26,13 @@ COARSE, TURN = 0.25, 0.02
 #: Most looks at one flight.
 MOST_LOOKS = 1_000_000
 #: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
-LOOKS, SEEN = 12, 1e-8
+LOOKS, SEEN = 12, 1e-6
+#: A mode that moves all points by less than this share of the extent is left out of the heights.
+NEGLIGIBLE = 1e-14
 #: Most times at which heights are looked at together: of the rigid body, of the modes too.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
 #: Time of a touch is found to this share of the extent over the speed.
-TOUCH = 1e-12
+TOUCH = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +72,16 @@ class State:
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
     """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
+    c, s = _waves(omega, decay, t)
+    return c * q + s * (p + decay * q), c * p - s * (decay * p + omega**2 * q)
+
+
+def _waves(omega: Array, decay: Array, t: Array) -> tuple[Array, Array]:
+    """exp(-d t) cos(w t) and exp(-d t) sin(w t)/w (n, J), w the frequency of the damped mode."""
     fast = np.sqrt(np.maximum(omega**2 - decay**2, 0.0))
-    phase = t[:, None] * fast
-    fade, c = np.exp(-t[:, None] * decay), np.cos(phase)
-    s = np.where(fast > 0, np.sin(phase) / np.where(fast > 0, fast, 1.0), t[:, None])
-    x = fade * (c * q + s * (p + decay * q))
-    return x, fade * (c * p - s * (decay * p + omega**2 * q))
+    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
+    sine = np.where(fast > 0, np.sin(phase) / np.where(fast > 0, fast, 1.0), t[:, None])
+    return fade * np.cos(phase), fade * sine
 
 
 class Flight:
@@ -113,14 +119,17 @@ class Flight:
         )
 
     def heights(self, t: Array, which: IntArray) -> Array:
-        """Heights (n, k) [m] over the floor of points (k,) at times (n,) since the start."""
+        """Heights (n, k) [m] over the floor of points (k,) at times (n,), ascending from start."""
         body, s = self.body, self.start
         up = self.orientation(t)[:, 2]
         found = self._rigid(t, up, which)
-        if body.omega.size:
-            q, _ = ringing(body.omega, body.decay, s.q, s.p, t)
-            moved = q @ body.shapes[which].transpose(1, 0, 2).reshape(body.omega.size, -1)
-            found += np.einsum("nkd,nd->nk", moved.reshape(len(t), len(which), 3), up)
+        live = np.flatnonzero(self._moves(float(t[0])) > NEGLIGIBLE * body.extent)
+        if live.size:
+            c, sine = _waves(body.omega[live], body.decay[live], t)
+            q = c * s.q[live] + sine * (s.p + body.decay * s.q)[live]
+            shapes = body.shapes[np.ix_(which, live)].transpose(1, 0, 2).reshape(live.size, -1)
+            moved = (q @ shapes).reshape(len(t), len(which), 3)
+            found += np.einsum("nkd,nd->nk", moved, up)
         if self.floor is not None:
             found += (self._floor_at(t)[0] @ self.floor.b)[:, None]
         return found
@@ -228,12 +237,16 @@ class Flight:
             found = found + (swing @ np.abs(self.floor.b))[:, None]
         return np.asarray(found)
 
+    def _moves(self, start: float) -> Array:
+        """By how much the modes (J,) move a point from a time on, at most [m]."""
+        body, s = self.body, self.start
+        swing = _swing(body.omega, body.decay, s.q, s.p, np.array([start]))[0]
+        return np.asarray(body.largest_shapes * swing)
+
     def _resolved(self, start: float, span: float) -> float:
         """Time [s] between two looks that resolves the modes which move a point from a time on."""
-        body, s, t = self.body, self.start, np.array([start])
-        size = np.abs(body.shapes).max(axis=(0, 2), initial=0.0)
-        size = size * _swing(body.omega, body.decay, s.q, s.p, t)[0]
-        seen = body.omega[size > SEEN * body.extent]
+        body, s = self.body, self.start
+        seen = body.omega[self._moves(start) > SEEN * body.extent]
         fastest = [float(seen.max())] if seen.size else []
         if self.floor is not None and np.any(s.floor):
             fastest.append(float(self.floor.omega.max()))
