@@ -67,6 +67,7 @@ def test_a_fall_is_that_of_drop(folder: Path, capsys: pytest.CaptureFixture[str]
     assert found["fall"]["peak force (N)"] == pytest.approx([fall.peak_force])
     assert found["accelerometers"]["middle"]["g"] == pytest.approx(peak.g)
     assert found["worst"]["von_mises"] == pytest.approx(fall.worst().values.max())
+    assert found["fall"]["status"] == "1 impacts"
     row = next(csv.DictReader((folder / "out/fall.csv").read_text().splitlines()))
     assert float(row["place x (m)"]) == pytest.approx(0.12)
     for text in (printed, page):
@@ -81,6 +82,13 @@ def test_an_ensemble_has_quantiles(folder: Path, capsys: pytest.CaptureFixture[s
     k = table["quantile"].index(0.5)
     assert 0 < table["low"][k] < table["value"][k] < table["high"][k]
     assert "peak force (N)" in capsys.readouterr().out
+
+
+def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for face, code in (("-z", 0), ("top", 1)):
+        (folder / "drop.toml").write_text(f'{SCENE}face = "{face}"\n')
+        assert cli.main(["check", "drop.toml"]) == code
+    assert "drop.toml:16:" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -103,7 +111,8 @@ def test_mistakes(folder: Path, text: str, line: int, word: str) -> None:
     with pytest.raises(SceneFileError) as caught:
         compiled(read("wrong.toml"))
     assert any(
-        one.startswith(f"wrong.toml:{line}:") and word in one for one in str(caught.value).split("\n")
+        one.startswith(f"wrong.toml:{line}:") and word in one
+        for one in str(caught.value).split("\n")
     )
 
 

@@ -235,6 +235,8 @@ def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
         for key, table in data.get(section, {}).items()
     ]
     if not part:
+        face = str(data.get("drop", {}).get("face", ""))
+        ends.append((("drop", "face"), face if face[:1] not in ("", "+", "-") else None))
         yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
         return
     for i, table in enumerate(data.get("joints", ())):

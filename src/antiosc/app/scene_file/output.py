@@ -209,6 +209,7 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
     if found.fall is not None:
         content["fall"] = result_tables.fall_columns(found.fall)
+        content["fall"] |= {"status": getattr(found.fall, "status", "")}
         content["accelerometers"] = {
             n: vars(p) | {"g": p.g} for n, p in (found.peaks or {}).items()
         }
