@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 MODES = 60
 #: Damping ratio of the free modes where none is given.
 RATIO = 0.01
+#: Vertices of the hull up to which the patches of all of them are made with the modes.
+FEW = 16
 #: Poisson's ratio of a material without one, for the tangential compliance of its patch.
 UNKNOWN_NU = 0.3
 
@@ -199,7 +201,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
     centre = whole.centre
     balls = skin.balls[own]
     site = _Residual(structure, phi, omega, skin.points[own], skin.normals[own], skin, own)
-    return FreeBody(
+    body = FreeBody(
         mass=whole.mass,
         centre=centre,
         tensor=_about_centre(whole.matrix, whole.point - centre, whole.mass),
@@ -216,6 +218,9 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         basis=phi,
         residual=site,
     )
+    if len(own) <= FEW:  # all of them will touch, and together they cost less
+        body.sites(np.arange(len(own)))
+    return body
 
 
 def _about_centre(matrix: Array, arm: Array, mass: float) -> Array:
