@@ -14,6 +14,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Place
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
+from antiosc_decks.model.pieces import one_piece
 from antiosc_decks.model.properties import Material
 
 
@@ -27,32 +28,7 @@ def chosen_elements(deck: Deck) -> BoolArray:
             shown = ", ".join(map(repr, known[:20])) or "none"
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
         chosen[own] = True
-    return chosen if deck.piece is None else _piece(deck, chosen)
-
-
-def _piece(deck: Deck, chosen: BoolArray) -> BoolArray:
-    """Those of the chosen elements that nodes in common join to the piece of this rank by size."""
-    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
-    from scipy.sparse.csgraph import connected_components
-
-    first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
-    start, pairs = 0, []
-    for block in deck.blocks:
-        own = block.corners[chosen[start : start + len(block)]]
-        start += len(block)
-        pairs += [np.stack([own[:, 0], column]) for column in own.T]
-    size = len(deck.points)
-    ends = np.hstack(pairs)
-    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(size, size))
-    label = connected_components(graph, directed=False)[1][first]
-    pieces, count = np.unique(label[chosen], return_counts=True)
-    if not 1 <= (deck.piece or 0) <= len(pieces):
-        raise MeshError(
-            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
-            f"{deck.piece}."
-        )
-    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
-    return np.asarray(chosen & (label == wanted))
+    return chosen if deck.piece is None else one_piece(deck, chosen)
 
 
 def some_rows(block: Block, some: BoolArray) -> Block:

@@ -21,6 +21,7 @@ from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
 from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.pieces import held_apart
 from antiosc_decks.model.rods import join_rods, make_truss
 
 #: What may be joined in one structure.
@@ -52,6 +53,10 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
     joined = several or bool(builder.joints.every())
     if joined:
         _attach(builder)
+    plane = not builder.truss and not present <= JOINED
+    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
+    fixed_points = _fixed_points(builder, plane)
+    held = _held(builder, count, fixed_points)
     joints = builder.joints.finished(builder.units)
     groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
@@ -65,8 +70,6 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
                 name = f"{name} {number}"
             builder.deck.element_sets[name] = elements
         groups.append([name, family.kind, family.arguments, str(family.place)])
-    plane = not builder.truss and not present <= JOINED
-    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     return {
         "families": groups,
         "supports": _supports(builder, count),
@@ -78,8 +81,26 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         "joined": joined,
         "joints": joints,
         "apart": builder.apart,
-        "fixed_points": _fixed_points(builder, count == 2),
+        "fixed_points": fixed_points,
+        "held": held,
     }
+
+
+def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> bool:
+    """Whether the deck is of several pieces, each of which supports or springs hold."""
+    joints, nodes = builder.joints, len(builder.deck.points)
+    x = np.vstack([builder.deck.points, *joints.more])
+    moves, fixed = np.zeros((2, len(x), 6), dtype=bool)
+    moves[:nodes, :count] = True
+    moves[:nodes, 3:] &= builder.has_rotations[:, None]
+    fixed[:nodes] = builder.fixed
+    loose = joints.loose()
+    moves[loose] = True
+    for number, motions in fixed_points:
+        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
+    rows += [[(n, MOTIONS.index(name), 1.0)] for n, _, own in builder.springs for name in own]
+    return held_apart(builder.deck, x, moves, fixed, rows)
 
 
 def _drop_held_masses(builder: ModelBuilder) -> None:

@@ -111,6 +111,25 @@ def test_one_of_several_pieces(tmp_path):
         piece(3)
 
 
+@pytest.mark.parametrize(
+    ("given", "held"),
+    [
+        ("SPC1,1,123,1,2,3,11,12,13\n", True),
+        ("SPC1,1,123,1,2,3,11,12\n", False),  # it turns about the line from 11 to 12
+        ("SPC1,1,123,1,2,3,11,12\nCELAS2,9,5.,13,3\n", True),
+        ("SPC1,1,123,1,2,3\nRBE2,9,1,123456,11\n", False),  # one body
+        ("SPC1,1,123,1,2,3\nCELAS2,9,5.,11,1,1,1\n", False),
+        ("SPC1,1,123,1,2,3\n", False),
+    ],
+)
+def test_several_pieces_are_read_where_each_is_held(tmp_path, given, held):
+    more = "".join(
+        f"GRID,{k},,{x + 50}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(bdf.CORNERS, 11)
+    )
+    cubes = BLOCK + more + "CHEXA,2,7,11,12,13,14,15,16,\n,17,18\n"
+    assert bdf.read(tmp_path, cubes + given)[0]["held"] is held
+
+
 def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
     with pytest.raises(MeshError, match=r"line 1 of part\.inp.*Nastran"):
         inp.read(tmp_path, BLOCK)

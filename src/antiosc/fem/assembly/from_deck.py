@@ -176,9 +176,8 @@ def _reader(
         for dim, raw in found.items():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
-            found[dim] = sound(
-                flat, file.name, made_here=False, pieces=model["joined"], by=_choices(flat)
-            )
+            pieces = model["joined"] or model["held"]
+            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
         return found
 
     return work

@@ -1,0 +1,107 @@
+"""Pieces of a deck that nothing joins: one of them alone, or all where each is held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Deck
+
+#: Share of the largest eigenvalue below which no support resists a rigid motion; rounding: 1e-16.
+UNHELD = 1e-10
+
+
+def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
+    """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
+    first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
+    start, pairs = 0, []
+    for block in deck.blocks:
+        own = block.corners[chosen[start : start + len(block)]]
+        start += len(block)
+        pairs.append(_pairs(own))
+    label = _labels(pairs, len(deck.points))[first]
+    pieces, count = np.unique(label[chosen], return_counts=True)
+    if not 1 <= (deck.piece or 0) <= len(pieces):
+        raise MeshError(
+            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
+            f"{deck.piece}."
+        )
+    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
+    return np.asarray(chosen & (label == wanted))
+
+
+def held_apart(
+    deck: Deck,
+    x: Array,
+    moves: BoolArray,
+    fixed: BoolArray,
+    rows: Sequence[Sequence[tuple[int, int, float]]],
+) -> bool:
+    """Whether the deck falls into pieces that nothing joins, and each of them is held.
+
+    `x` (n, 3): nodes of the deck and further points; `moves`, `fixed` (n, 6): the motions that they
+    have, and those that supports hold; `rows`: sums of motions that constraints and springs resist.
+    """
+    pairs = [_pairs(np.hstack([block.corners, block.mids])) for block in deck.blocks]
+    pairs += [_pairs(np.array([[node for node, _, _ in terms]])) for terms in rows if terms]
+    acting = np.unique(np.hstack([np.zeros((2, 0), dtype=np.int64), *pairs]))
+    pieces = np.unique(_labels(pairs, len(x))[acting], return_inverse=True)[1]
+    count = int(pieces.max(initial=0)) + 1
+    if count < 2:
+        return False
+    piece = np.zeros(len(x), dtype=np.int64)
+    piece[acting] = pieces
+    centre = np.zeros((count, 3))
+    np.add.at(centre, pieces, x[acting])
+    r = x - (centre / np.bincount(pieces)[:, None])[piece]
+    r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
+    there = np.zeros(len(x), dtype=bool)
+    there[acting] = True
+    moved = _gram(*np.nonzero(moves & there[:, None]), r, piece, count)
+    resisted = _gram(*np.nonzero(fixed & moves & there[:, None]), r, piece, count)
+    for terms in filter(None, rows):
+        nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
+        row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
+        resisted[piece[nodes[0]]] += np.outer(row, row)
+    for against, motion in zip(resisted, moved, strict=True):
+        values, vectors = np.linalg.eigh(against)
+        free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
+        if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
+            return False
+    return True
+
+
+def _gram(nodes: IntArray, motions: IntArray, r: Array, piece: IntArray, count: int) -> Array:
+    """Sums of the squares of motions of nodes in the rigid motions of each piece (count, 6, 6)."""
+    result = np.zeros((count, 6, 6))
+    rows = _motion(r[nodes], motions)
+    np.add.at(result, piece[nodes], rows[:, :, None] * rows[:, None, :])
+    return result
+
+
+def _motion(r: Array, motions: IntArray) -> Array:
+    """Motions (0 to 5) of nodes at r (n, 3) in six rigid motions (n, 6): θ × r beside shifts."""
+    rows = np.eye(6)[motions]
+    x, y, z = r.T
+    none = np.zeros(len(r))
+    turns = np.stack([[none, z, -y], [-z, none, x], [y, -x, none], *np.zeros((3, 3, len(r)))])
+    rows[:, 3:] += turns[motions, :, np.arange(len(r))]
+    return rows
+
+
+def _pairs(nodes: IntArray) -> IntArray:
+    """The first node of each row with each of its nodes (2, n); those below 0 are none."""
+    pairs = np.stack([np.repeat(nodes[:, 0], nodes.shape[1]), nodes.ravel()])
+    return pairs[:, pairs[1] >= 0]
+
+
+def _labels(pairs: Iterable[IntArray], count: int) -> IntArray:
+    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
+    from scipy.sparse.csgraph import connected_components
+
+    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *pairs])
+    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
