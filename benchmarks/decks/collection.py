@@ -2,10 +2,11 @@
 
     python benchmarks/decks/collection.py FOLDER... --out results.jsonl [--pattern '*.bdf'] ...
 
-Each file is read (`read_model`) in a child process with limits of time and memory. Those whose
-materials have no density are read again with 7800. Files without nodes of their own (parts that
-others include, loads, sets) are counted apart. Results that the output file holds are kept, so that
-a run can be continued; `--again TEXT` repeats those whose sentence contains TEXT.
+Each file is read (`read_model`) in a child process with limits of time and memory. Where the error
+asks for an option, it is read again with that: a density, a unit, the largest piece. Files without
+nodes of their own (parts that others include, loads, sets) are counted apart. Results that the
+output file holds are kept, so that a run can be continued; `--again TEXT` repeats those whose
+sentence contains TEXT.
 """
 
 from __future__ import annotations
@@ -22,39 +23,63 @@ import sys
 import time
 import warnings
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 DENSITY = 7800.0
+#: Tried in this order where moduli and densities are implausible in SI units.
+UNITS = ("in", "mm", "cm", 1e3)
 #: Seconds and bytes that one file may take.
 PATIENCE, MEMORY = 120.0, 8 * 2**30
 #: What a file of nodes contains.
 NODES = re.compile(rb"^\s*(GRID[ *,]|\*\s*NODE\s*(,|$)|\*\s*INCLUDE|INCLUDE\s|\*PART)", re.I | re.M)
 
 
+def decks(
+    folders: list[Path], patterns: list[str], without: list[str]
+) -> tuple[list[Path], list[Path]]:
+    """(decks below some folders, files without nodes of their own)."""
+    patterns = patterns or ["*.inp", "*.bdf", "*.dat", "*.nas"]
+    paths = sorted(
+        path
+        for folder in folders
+        for path in folder.rglob("*")
+        if path.is_file()
+        and any(fnmatch.fnmatch(path.name.lower(), one) for one in patterns)
+        and not any(part in str(path) for part in without)
+    )
+    whole = {path for path in paths if NODES.search(path.read_bytes())}
+    return [p for p in paths if p in whole], [p for p in paths if p not in whole]
+
+
 def tried(path: Path) -> dict[str, Any]:
-    """What becomes of one file."""
+    """What becomes of one file, with the options that the errors ask for one after the other."""
     import antiosc as ao
 
-    result: dict[str, Any] = {}
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        for density in (None, DENSITY):
-            del told[:]
+    options: dict[str, Any] = {}
+    units = iter(UNITS)
+    while True:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
             try:
-                part = ao.read_model(path, density=density)
+                part = ao.read_model(path, **options)
             except ao.AntioscError as error:
-                result["refused"] = str(error)
-                if "density" not in str(error):
-                    break
-                continue
-            result = {"density": density, "mass": part.mass, "dofs": part.dofs}
-            break
-    result["told"] = [str(one.message) for one in told]
-    return result
+                text = str(error)
+            else:
+                found = {"options": options, "mass": part.mass, "dofs": part.dofs}
+                return found | {"told": [str(one.message) for one in told]}
+        if "no density" in text and "density" not in options:
+            options["density"] = DENSITY
+        elif "wave speed" in text and (unit := next(units, None)) is not None:
+            options["unit"] = unit
+        elif "piece=1" in text and "piece" not in options:
+            options["piece"] = 1
+        else:
+            return {"options": options, "refused": text}
 
 
-def work() -> None:
+def work(tried: Callable[[Path], dict[str, Any]]) -> None:
     """Answer each path on standard input by a line of JSON."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.nice(10)
@@ -69,15 +94,15 @@ def work() -> None:
         answers.flush()
 
 
-def read_all(paths: list[Path], done: dict[str, Any], out: Path) -> None:
-    """Results of all paths, each appended to the output file."""
+def read_all(paths: list[Path], done: dict[str, Any], out: Path, script: str = __file__) -> None:
+    """Results of all paths by the processes of a script, each appended to the output file."""
     process = None
     for k, path in enumerate(paths):
         if str(path) in done:
             continue
         if process is None:
             process = subprocess.Popen(
-                [sys.executable, __file__, "--work"],
+                [sys.executable, script, "--work"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -117,7 +142,7 @@ def table(results: list[dict[str, Any]], examples: int) -> str:
     classes: dict[str, list[str]] = defaultdict(list)
     for one in results:
         if "mass" in one:
-            label = "read" if one["density"] is None else "read with density="
+            label = " ".join(["read", *(f"{k}=" for k in sorted(one["options"]))])
         else:
             label = sentence(one.get("refused") or one["died"], Path(one["path"]).name)
             label = ("DIED " if "died" in one else "") + label
@@ -142,25 +167,19 @@ def main() -> int:
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.work:
-        work()
+        work(tried)
         return 0
-    patterns = given.pattern or ["*.inp", "*.bdf", "*.dat", "*.nas"]
-    paths = sorted(
-        path
-        for folder in given.folders
-        for path in folder.rglob("*")
-        if path.is_file()
-        and any(fnmatch.fnmatch(path.name.lower(), one) for one in patterns)
-        and not any(part in str(path) for part in given.without)
-    )
+    paths, fragments = decks(given.folders, given.pattern, given.without)
     done: dict[str, Any] = {}
     if given.out.exists():
         some = map(json.loads, given.out.read_text().splitlines())
         done = {one["path"]: one for one in some}
         if given.again is not None:
-            done = {k: v for k, v in done.items() if given.again not in v.get("refused", v.get("died", ""))}
-    fragments = [path for path in paths if not NODES.search(path.read_bytes())]
-    paths = [path for path in paths if path not in set(fragments)]
+            done = {
+                k: v
+                for k, v in done.items()
+                if given.again not in v.get("refused", v.get("died", ""))
+            }
     read_all(paths, done, given.out)
     print(table([done[str(path)] for path in paths], given.examples))
     print(f"{len(fragments)} files without nodes")

@@ -243,9 +243,12 @@ class Constraints:
 
     def every(self) -> list[list[Term]]:
         """The terms of all constraints, springs, dampers and masses."""
+        return [*self.resisting(), *(terms for terms, _ in self.dampers)]
+
+    def resisting(self) -> list[list[Term]]:
+        """The same without dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
-        both = [terms for terms, _ in (*self.springs, *self.dampers)]
-        return [*self.equations, *both, *masses]
+        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""

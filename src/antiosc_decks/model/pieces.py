@@ -17,12 +17,11 @@ UNHELD = 1e-10
 def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
     """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
     first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
-    start, pairs = 0, []
+    start, tables = 0, []
     for block in deck.blocks:
-        own = block.corners[chosen[start : start + len(block)]]
+        tables.append(block.corners[chosen[start : start + len(block)]])
         start += len(block)
-        pairs.append(_pairs(own))
-    label = _labels(pairs, len(deck.points))[first]
+    label = connected(tables, len(deck.points))[first]
     pieces, count = np.unique(label[chosen], return_counts=True)
     if not 1 <= (deck.piece or 0) <= len(pieces):
         raise MeshError(
@@ -39,19 +38,20 @@ def held_apart(
     moves: BoolArray,
     fixed: BoolArray,
     rows: Sequence[Sequence[tuple[int, int, float]]],
-) -> bool:
-    """Whether the deck falls into pieces that nothing joins, and each of them is held.
+) -> tuple[int, bool]:
+    """(pieces of the deck that nothing joins, whether they are several and each is held).
 
     `x` (n, 3): nodes of the deck and further points; `moves`, `fixed` (n, 6): the motions that they
     have, and those that supports hold; `rows`: sums of motions that constraints and springs resist.
     """
-    pairs = [_pairs(np.hstack([block.corners, block.mids])) for block in deck.blocks]
-    pairs += [_pairs(np.array([[node for node, _, _ in terms]])) for terms in rows if terms]
-    acting = np.unique(np.hstack([np.zeros((2, 0), dtype=np.int64), *pairs]))
-    pieces = np.unique(_labels(pairs, len(x))[acting], return_inverse=True)[1]
+    tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
+    tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
+    acting = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(t.ravel() for t in tables)]))
+    acting = acting[acting >= 0]
+    pieces = np.unique(connected(tables, len(x))[acting], return_inverse=True)[1]
     count = int(pieces.max(initial=0)) + 1
     if count < 2:
-        return False
+        return count, False
     piece = np.zeros(len(x), dtype=np.int64)
     piece[acting] = pieces
     centre = np.zeros((count, 3))
@@ -60,8 +60,8 @@ def held_apart(
     r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
     there = np.zeros(len(x), dtype=bool)
     there[acting] = True
-    moved = _gram(*np.nonzero(moves & there[:, None]), r, piece, count)
-    resisted = _gram(*np.nonzero(fixed & moves & there[:, None]), r, piece, count)
+    own = moves & there[:, None]
+    moved, resisted = (_gram(one, r, piece, count) for one in (own, own & fixed))
     for terms in filter(None, rows):
         nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
         row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
@@ -70,12 +70,13 @@ def held_apart(
         values, vectors = np.linalg.eigh(against)
         free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
         if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
-            return False
-    return True
+            return count, False
+    return count, True
 
 
-def _gram(nodes: IntArray, motions: IntArray, r: Array, piece: IntArray, count: int) -> Array:
-    """Sums of the squares of motions of nodes in the rigid motions of each piece (count, 6, 6)."""
+def _gram(which: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
+    """Sums of the squares of some motions (n, 6) in the rigid ones of each piece (count, 6, 6)."""
+    nodes, motions = np.nonzero(which)
     result = np.zeros((count, 6, 6))
     rows = _motion(r[nodes], motions)
     np.add.at(result, piece[nodes], rows[:, :, None] * rows[:, None, :])
@@ -92,16 +93,16 @@ def _motion(r: Array, motions: IntArray) -> Array:
     return rows
 
 
-def _pairs(nodes: IntArray) -> IntArray:
-    """The first node of each row with each of its nodes (2, n); those below 0 are none."""
-    pairs = np.stack([np.repeat(nodes[:, 0], nodes.shape[1]), nodes.ravel()])
-    return pairs[:, pairs[1] >= 0]
+def connected(tables: Iterable[IntArray], count: int) -> IntArray:
+    """The number of the piece of each of `count` nodes; rows of tables (n, k) hold nodes together.
 
-
-def _labels(pairs: Iterable[IntArray], count: int) -> IntArray:
+    Numbers below 0 are no nodes.
+    """
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 
-    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *pairs])
+    some = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
+    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *some])
+    ends = ends[:, ends[1] >= 0]
     graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])

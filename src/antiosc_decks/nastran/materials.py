@@ -26,7 +26,10 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             material.constants = isotropic(E, nu)
             material.density = entry.real(4) or None
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
-                ignored.append(f"G of MAT1 {number}, which does not follow from E and NU")
+                material.of_lines = E, G
+                ignored.append(
+                    f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
+                )
         elif entry.name == "MAT2":
             plane = _triangle([entry.real(k) for k in range(1, 7)])
             material.plane = plane
