@@ -18,7 +18,7 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
-    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9")
+    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9", "MAT11")
     for number, entry in defined_once(entries, "material").items():
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
@@ -40,6 +40,9 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             stiffness = _triangle([entry.real(k) for k in range(1, 22)])
             material.stiffness = stiffness[np.ix_(order, order)]
             material.density = entry.real(22) or None
+        elif entry.name == "MAT11":
+            material.constants = np.array([entry.real(k, None) for k in range(1, 10)])
+            material.density = entry.real(10) or None
         else:
             E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
@@ -89,7 +92,7 @@ class PropertyReader:
         number = entry.whole(k)
         if number not in self.materials:
             raise entry.place.error(
-                f"there is no MAT1, MAT2, MAT8 or MAT9 with the number {number}."
+                f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {number}."
             )
         return self.materials[number]
 

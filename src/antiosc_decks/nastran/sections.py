@@ -55,6 +55,8 @@ class Properties(PropertyReader):
             match entry.name:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
+                case "PCOMPS":
+                    self._layered(entry, str(number), elements)
                 case "PSHELL":
                     Shells(self).shell(entry, str(number), elements)
                 case "PCOMP" | "PCOMPG":
@@ -104,6 +106,14 @@ class Properties(PropertyReader):
         E, nu = self.builder.elastic(material, "solids")
         arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
         self.builder.add(name, elements, Family("Solid", arguments, entry.place))
+
+    def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """PCOMPS: layers of one isotropic material are a solid of it."""
+        numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
+        if len(numbers) != 1 or self.material(plain := Entry(
+                "PCOMPS", entry.place, [name, *numbers]), 1).isotropic is None:  # fmt: skip
+            raise entry.place.error("PCOMPS is read with layers of one isotropic material alone.")
+        self._solid(plain, name, elements)
 
     def _rods(self, entry: Entry, elements: IntArray, k: int) -> None:
         """PROD, PTUBE or CONROD, with the material in field k (from 0)."""

@@ -252,3 +252,27 @@ def test_plane_elements_with_the_thickness_of_a_shell(tmp_path):
     plane = inp.CUBE.split("*ELEMENT")[0] + "*ELEMENT,TYPE=CPS3,ELSET=ALL\n1,1,2,3\n" + inp.STEEL
     section = "*{} SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
     same(*(inp.read(tmp_path, plane + section.format(kind))[0] for kind in ("SOLID", "SHELL")))
+
+
+def test_orthotropic_solids_by_nine_constants(tmp_path):
+    """MAT11: E1 to G23 as stated; with those of an isotropic material it is MAT1."""
+    given = "MAT11,1,2.+5,2.+5,2.+5,.3,.3,.3,{0},\n,{0},{0},8.-9\n".format(repr(2e5 / 2.6))
+    same(*(bdf.read(tmp_path, BLOCK.replace(bdf.MAT1, text))[0] for text in (bdf.MAT1, given)))
+    skew = given.replace("2.+5", "1.+5", 1)
+    model, _ = bdf.read(
+        tmp_path, BLOCK.replace(bdf.MAT1, skew).replace("PSOLID,7,1", "PSOLID,7,1,0")
+    )
+    ((_, kind, arguments, _),) = model["families"]
+    assert kind == "AnisotropicSolid"
+    assert 1 / np.linalg.inv(arguments["stiffness"])[0, 0] == pytest.approx(1e11)
+
+
+def test_layers_of_one_material_are_a_solid(tmp_path):
+    layers = "PCOMPS,7\n,1,1,5.,0.\n,2,1,5.,90.\n"
+    same(
+        *(bdf.read(tmp_path, BLOCK.replace("PSOLID,7,1\n", p))[0] for p in ("PSOLID,7,1\n", layers))
+    )
+    with pytest.raises(MeshError, match="PCOMPS"):
+        bdf.read(
+            tmp_path, BLOCK.replace("PSOLID,7,1\n", layers + ",3,2,5.\nMAT1,2,1.+5,,.3,8.-9\n")
+        )
