@@ -52,7 +52,9 @@ def computed(deck: Path) -> tuple[np.ndarray, float]:
                 raise
             continue
         factor = unit if isinstance(unit, float) else 1.0
-        return np.array(ao.natural_modes(part, min(4 * COUNT, part.dofs)).frequency), part.mass * factor
+        return np.array(
+            ao.natural_modes(part, min(4 * COUNT, part.dofs)).frequency
+        ), part.mass * factor
     raise ValueError("no unit of length makes the speed of waves plausible")
 
 

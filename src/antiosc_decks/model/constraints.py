@@ -143,7 +143,9 @@ class Constraints:
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
         if rotation_node is not None and rotation_node != node:
             for c in range(3):
-                self.alias[rotation_node, c] = (point, 3 + c)
+                known = self.alias.setdefault((rotation_node, c), (point, 3 + c))
+                if known != (point, 3 + c):  # bodies that turn alike
+                    self.equations.append([(point, 3 + c, 1.0), (*known, -1.0)])
         return point
 
     def rigid(

@@ -276,3 +276,17 @@ def test_layers_of_one_material_are_a_solid(tmp_path):
         bdf.read(
             tmp_path, BLOCK.replace("PSOLID,7,1\n", layers + ",3,2,5.\nMAT1,2,1.+5,,.3,8.-9\n")
         )
+
+
+def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
+    """As hinges do: their displacements are free of each other."""
+    bodies = "*NODE\n99,0,0,0\n*NSET,NSET=P\n1,2,3\n*NSET,NSET=Q\n5,6,8\n"
+    bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
+    model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
+    equations = model["joints"]["equations"]
+    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
+    rows = np.zeros((len(equations), len(motions)))
+    for row, terms in zip(rows, equations, strict=True):
+        for node, motion, coefficient in terms:
+            row[motions.index((node, motion))] += coefficient
+    assert len(motions) - np.linalg.matrix_rank(rows) == 3 + 3 + 3
