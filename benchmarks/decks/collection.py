@@ -31,7 +31,7 @@ DENSITY = 7800.0
 #: Tried in this order where moduli and densities are implausible in SI units.
 UNITS = ("in", "mm", "cm", 1e3)
 #: Seconds and bytes that one file may take.
-PATIENCE, MEMORY = 120.0, 8 * 2**30
+PATIENCE, MEMORY = 300.0, 8 * 2**30
 #: What a file of nodes contains.
 NODES = re.compile(rb"^\s*(GRID[ *,]|\*\s*NODE\s*(,|$)|\*\s*INCLUDE|INCLUDE\s|\*PART)", re.I | re.M)
 
