@@ -7,6 +7,7 @@ stiffness of friction that is not given, for which the depth is found accurately
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
@@ -76,4 +77,5 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
     """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
-    return float(np.nan_to_num(max(slopes), posinf=0.0))
+    steepest = float(max(slopes))
+    return steepest if isfinite(steepest) else 0.0
