@@ -9,7 +9,9 @@ from typing import Any
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "model")
+CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
+#: Those that are told only of models that were measured.
+MEASURED = ("noise", "band")
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class ErrorBar:
     time : of the time integration.
     patch : of the radius of the site's patch.
     geometry : of flat faces that stand for a curved surface.
+    noise, band : of a measured model, of the noise and of the modes above the measured band.
     model : of the element family, such as a beam in place of a solid bar.
     """
 
@@ -33,12 +36,14 @@ class ErrorBar:
     time: float
     patch: float
     geometry: float = 0.0
+    noise: float = 0.0
+    band: float = 0.0
     model: float = 0.0
 
     @property
     def numerical(self) -> float:
         """Sum of all causes but the model, which no finer mesh changes."""
-        return self.mesh + self.truncation + self.time + self.patch + self.geometry
+        return sum(getattr(self, cause) for cause in CAUSES if cause != "model")
 
     @property
     def total(self) -> float:
@@ -98,7 +103,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name, bar in self.bars.items():
-            causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in CAUSES)
+            shares = {cause: getattr(bar, cause) for cause in CAUSES}
+            told = [c for c, share in shares.items() if share or c not in MEASURED]
+            causes = ", ".join(f"{cause} {_percent(shares[cause])}" for cause in told)
             value = f"{bar.value:.5g} {QUANTITIES[name]}"
             lines.append(f"{name} {value} ± {_percent(bar.total)} %: {causes}")
         return "\n".join([*lines, *self.notes])

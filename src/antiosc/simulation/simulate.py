@@ -45,6 +45,7 @@ from antiosc.simulation.integrators import (
     Problem,
     Trajectory,
 )
+from antiosc.simulation.measured_errors import warn_low_band
 from antiosc.simulation.modal_response import responses
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.two_bodies import LAW, assemble, check_span, without_patch
@@ -173,6 +174,7 @@ def simulate(
     verdict.tell()
     tell_rotation(*outcome.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
+    warn_low_band(history)
     return history
 
 
