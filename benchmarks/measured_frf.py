@@ -185,7 +185,7 @@ def measured(kind: str, noise: float, seed: int, low: bool) -> dict[str, Any]:
         "noise_bar": [budget[q].noise for q in QUANTITIES],
         "band_bar": [budget[q].band for q in QUANTITIES],
         "bars": [budget[q].total for q in QUANTITIES],
-        "said": any("product" in str(one.message) for one in told),
+        "said": any("half-sine" in str(one.message) for one in told),
         "passive": bool(power.min() >= -1e-9 * power.max()),
     }  # fmt: skip
 

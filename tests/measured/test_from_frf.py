@@ -176,13 +176,13 @@ def test_modes_above_the_band_may_come_from_a_mesh():
 @pytest.mark.parametrize(
     "change",
     [
-        {"frequency": F[::-1]}, {"values": part()[:10, 0, 0]}, {"kind": "impedance"},
+        {"frequency": F[::-1]}, {"values": part()[:10, 0, 0]}, {"quantity": "impedance"},
         {"coherence": np.full(F.size, 1.5)}, {"sigma": np.zeros(F.size)}, {"values": 0 * F},
         {"values": np.full(F.size, np.nan)}, {"sites": ("a", "a")}, {"averages": 0},
     ],
 )  # fmt: skip
 def test_unsound_measurements_are_refused(change):
-    sound = {"frequency": F, "values": part()[:, 0, 0], "kind": "receptance"}
+    sound = {"frequency": F, "values": part()[:, 0, 0], "quantity": "receptance"}
     with pytest.raises(ao.InputError):
         ao.FRF(**(sound | change))
 

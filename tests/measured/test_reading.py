@@ -37,16 +37,16 @@ def function(values, response=(12, 3), reference=(12, 3), data=12, label="m/s^2"
     return {key: empty[key] if value is None else value for key, value in made.items()}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("quantity", KINDS)
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves files open
 @pytest.mark.parametrize("binary", [0, 1])
-def test_kinds_of_universal_files(kind, binary, tmp_path):
-    data, label, power = KINDS[kind]
+def test_kinds_of_universal_files(quantity, binary, tmp_path):
+    data, label, power = KINDS[quantity]
     path = written(
         tmp_path / "a.uff", function(H * IW**power, data=data, label=label, binary=binary)
     )
     frf = ao.read_frf(path)
-    assert frf.kind == kind
+    assert frf.quantity == quantity
     assert np.allclose(frf.receptance, H, rtol=1e-6)
 
 
@@ -133,14 +133,14 @@ def test_tables(header, tmp_path):
         rows = [row.replace(".", ",") for row in rows]
     path = tmp_path / "a.csv"
     path.write_text("\n".join([header, *rows]))
-    assert np.allclose(ao.read_frf(path, kind="receptance").receptance, H)
-    with pytest.raises(ao.InputError, match="kind"):
+    assert np.allclose(ao.read_frf(path, quantity="receptance").receptance, H)
+    with pytest.raises(ao.InputError, match="quantity"):
         ao.read_frf(path)
 
 
 def test_arrays_in_a_file(tmp_path):
     path = tmp_path / "a.npz"
-    np.savez(path, frequency=F, values=H * IW, kind="mobility", coherence=np.full(F.size, 0.8))
+    np.savez(path, frequency=F, values=H * IW, quantity="mobility", coherence=np.full(F.size, 0.8))
     frf = ao.read_frf(path)
     assert np.allclose(frf.receptance, H)
     path.write_bytes(path.read_bytes()[:300])
@@ -157,4 +157,4 @@ def test_tables_that_are_damaged(content, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(content)
     with pytest.raises(ao.InputError):
-        ao.read_frf(path, kind="mobility")
+        ao.read_frf(path, quantity="mobility")

@@ -16,7 +16,7 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.charts.figures import finished, legend, panels
-from antiosc.measured.reading import table
+from antiosc.measured.reading import check_file, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,8 +157,7 @@ def _history(measured: Any) -> tuple[Array, Array]:
         given: Any = dict(zip(("time", "force"), measured, strict=True))
     else:
         path = checks.path("measured", measured)
-        if not path.is_file():
-            raise InputError(f"there is no regular file {os.fspath(path)!r}.")
+        check_file(path)
         given = table(path, ["time", "force"])
         if not {"time", "force"} <= set(given):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")

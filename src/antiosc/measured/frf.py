@@ -15,9 +15,9 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.measured.modes import Pairs
 
-Kind = Literal["receptance", "mobility", "accelerance"]
+Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.
-POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Kind))}
+POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
 #: Fewest lines of a measurement, and most values.
 FEWEST_LINES, MOST_VALUES = 16, 20_000_000
 #: Coherence that rounding leaves above 1, and the least that counts.
@@ -39,7 +39,7 @@ class FRF(Brief):
     values : array_like, complex, shape (K,), or (K, p, q)
         One driving point, or motions of p sites per force on q of them: m/N, m/(s N) or m/(s^2 N).
         With time as exp(iwt), motion and force of a site along one direction.
-    kind : "receptance", "mobility" or "accelerance"
+    quantity : "receptance", "mobility" or "accelerance"
         Displacement, velocity or acceleration per force.
     coherence : array_like, optional
         Of each value, 0 to 1: the noise of an average (H1) of `averages` blows follows from it.
@@ -60,7 +60,7 @@ class FRF(Brief):
 
     frequency: Array
     values: ComplexArray
-    kind: Kind
+    quantity: Quantity
     coherence: Array | None = None
     averages: int = AVERAGES
     sigma: Array | None = None
@@ -68,7 +68,7 @@ class FRF(Brief):
     references: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        checks.choice("kind", self.kind, get_args(Kind))
+        checks.choice("quantity", self.quantity, get_args(Quantity))
         f = checks.array("frequency", self.frequency, (None,))
         values = checks.spectrum("values", self.values).astype(complex)
         names = _names("sites", self.sites)
@@ -119,7 +119,7 @@ class FRF(Brief):
     def _facts(self) -> list[tuple[str, str]]:
         f = self.frequency
         facts = [
-            (self.kind, f"{f.size} lines, {f[0]:.5g} to {f[-1]:.5g} Hz"),
+            (self.quantity, f"{f.size} lines, {f[0]:.5g} to {f[-1]:.5g} Hz"),
             ("sites", ", ".join(self.sites)),
             ("noise", "sigma" if self.sigma is not None else "coherence" * (self.coherence is not None)),
         ]
@@ -155,7 +155,7 @@ class FRF(Brief):
     def _power(self) -> ComplexArray:
         """(iw)^power, of the dimensions of `values`."""
         iw = 2j * np.pi * self.frequency
-        return np.asarray((iw ** POWER[self.kind]).reshape(-1, *[1] * (self.values.ndim - 1)))
+        return np.asarray((iw ** POWER[self.quantity]).reshape(-1, *[1] * (self.values.ndim - 1)))
 
     def within(self, band: ArrayLike | None) -> FRF:
         """The lines within a band (low, high) [Hz]; InputError if it holds too few."""
@@ -172,7 +172,7 @@ class FRF(Brief):
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
         cut = {n: None if getattr(self, n) is None else getattr(self, n)[part] for n in ("coherence", "sigma")}
-        return FRF(f[part], self.values[part], self.kind, averages=self.averages, sites=self.sites,
+        return FRF(f[part], self.values[part], self.quantity, averages=self.averages, sites=self.sites,
                    references=self.references, **cut)  # fmt: skip
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
@@ -218,7 +218,7 @@ class FRF(Brief):
             sigma = np.sqrt(left @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
             sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
         values = (H @ inverse).reshape(self.values.shape) * self._power
-        return FRF(self.frequency, values, self.kind, sigma=sigma, averages=self.averages,
+        return FRF(self.frequency, values, self.quantity, sigma=sigma, averages=self.averages,
                    sites=self.sites, references=self.references)  # fmt: skip
 
 

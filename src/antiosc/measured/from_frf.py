@@ -108,7 +108,7 @@ def _data(frf: FRF) -> Measured:
         pairs=pairs,
         sites=size,
         sigma=None if sigma is None else sigma.reshape(len(w), -1),
-        power=POWER[frf.kind],
+        power=POWER[frf.quantity],
     )
 
 
@@ -146,7 +146,7 @@ def _check(data: Measured, fit: Fit) -> None:
     if off > UNFITTED:
         raise AccuracyError(
             f"no passive body explains the measurement: the best one is off by {off:.0%} in the"
-            " median; check that it is a driving point, its kind and its units."
+            " median; check that it is a driving point, its quantity and its units."
         )
     if off > ROUGH or fit.chi2 > POOR:
         warn(

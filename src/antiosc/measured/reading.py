@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.measured import uff
-from antiosc.measured.frf import AVERAGES, FRF, Kind
+from antiosc.measured.frf import AVERAGES, FRF, Quantity
 
 #: Largest file that is read, bytes.
 LARGEST_FILE = 500_000_000
@@ -33,7 +33,7 @@ def read_frf(
     path: str | os.PathLike[str],
     site: str | int | Mapping[str, str | int] | None = None,
     *,
-    kind: Kind | None = None,
+    quantity: Quantity | None = None,
     unit: float | None = None,
     averages: int = AVERAGES,
 ) -> FRF:
@@ -49,7 +49,7 @@ def read_frf(
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
         by names of one's own. None: the one driving point in the file.
-    kind : "receptance", "mobility" or "accelerance", optional
+    quantity : "receptance", "mobility" or "accelerance", optional
         Of tables and arrays; universal files tell it.
     unit : float, optional
         Factor of the values to m/N, m/(s N) or m/(s^2 N); default 1, in universal files what their
@@ -69,27 +69,27 @@ def read_frf(
         A universal file without pyuff.
     """
     where = checks.path("path", path)
-    if kind is not None:
-        checks.choice("kind", kind, get_args(Kind))
+    if quantity is not None:
+        checks.choice("quantity", quantity, get_args(Quantity))
     factor = 1.0 if unit is None else checks.positive("unit", unit)
     averages = checks.whole("averages", averages)
     ending = where.suffix.lower()
     try:
-        _check_file(where)
+        check_file(where)
         if ending in (".uff", ".unv", ".58"):
             found = uff.functions(where)
-            return uff.chosen(found, site, kind, unit, averages)
+            return uff.chosen(found, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
         columns = _arrays(where) if ending == ".npz" else table(where, DEFAULT)
-        return _of_columns(columns, kind, factor, averages)
+        return _of_columns(columns, quantity, factor, averages)
     except AntioscError as error:
         if where.name in str(error):
             raise
         raise type(error)(f"{where.name}: {error}") from error
 
 
-def _check_file(path: Path) -> None:
+def check_file(path: Path) -> None:
     try:
         if not path.is_file():
             raise InputError(f"there is no regular file {os.fspath(path)!r}.")
@@ -103,12 +103,12 @@ def _check_file(path: Path) -> None:
         )
 
 
-def _of_columns(columns: Mapping[str, Any], kind: Kind | None, factor: float, averages: int) -> FRF:
+def _of_columns(columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF of named arrays."""
-    kind = kind or columns.get("kind")
-    if kind is None:
+    quantity = quantity or columns.get("quantity")
+    if quantity is None:
         raise InputError(
-            'the file does not tell what was measured: give kind="accelerance", "mobility" or'
+            'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
             ' "receptance".'
         )
     known = set(columns)
@@ -130,7 +130,7 @@ def _of_columns(columns: Mapping[str, Any], kind: Kind | None, factor: float, av
     more = {name: columns[name] for name in ("coherence", "sigma") if name in known}
     if "sigma" in more:
         more["sigma"] = factor * more["sigma"]
-    return FRF(columns["frequency"], factor * values, kind, averages=averages, **more)
+    return FRF(columns["frequency"], factor * values, quantity, averages=averages, **more)
 
 
 def _arrays(path: Path) -> dict[str, Any]:
@@ -140,8 +140,8 @@ def _arrays(path: Path) -> dict[str, Any]:
             found: dict[str, Any] = {name: file[name] for name in file.files}
     except Exception as error:  # damaged archives raise what they like
         raise InputError(f"{path.name} is no sound NumPy file of arrays.") from error
-    if "kind" in found:
-        found["kind"] = str(found["kind"])
+    if "quantity" in found:
+        found["quantity"] = str(found["quantity"])
     return found
 
 

@@ -7,23 +7,23 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.measured.frf import FRF, Kind
+from antiosc.measured.frf import FRF, Quantity
 
 #: Function types of data set 58.
 RESPONSE, COHERENCE = 4, 6
 #: Data types of the ordinate: what was measured; those of a force below it, and unknown.
-MOTIONS: dict[int, Kind] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 FORCES = (0, 9, 13)
 AXES = "xyz"
 #: Units in labels, in SI, and what they measure.
-UNITS: dict[str, tuple[float, Kind | None]] = {
+UNITS: dict[str, tuple[float, Quantity | None]] = {
     **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
     **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
     **{name: (0.0254, "accelerance") for name in ("in/s2", "inch/s2")},
@@ -42,7 +42,7 @@ class Function:
     reference: tuple[str, int, int]
     sign: int
     coherence: bool
-    kind: Kind | None
+    quantity: Quantity | None
     factor: float | None
     label: str
     frequency: Array
@@ -62,8 +62,8 @@ def functions(path: Path) -> list[Function]:
         warnings.simplefilter("ignore")
         try:
             file = pyuff.UFF(str(path))
-            types = [int(kind) for kind in file.get_set_types()]
-            sets = [file.read_sets(i) for i, kind in enumerate(types) if kind in (58, 164)]
+            types = [int(number) for number in file.get_set_types()]
+            sets = [file.read_sets(i) for i, number in enumerate(types) if number in (58, 164)]
         except Exception as error:  # pyuff raises what it likes
             raise InputError(
                 f"{path.name} is damaged or no universal file: pyuff cannot read it"
@@ -77,7 +77,7 @@ def functions(path: Path) -> list[Function]:
     if not any(not one.coherence for one in found):
         raise InputError(
             f"{path.name} holds no frequency response (data set 58, function type 4); it has the"
-            f" data sets {', '.join(map(str, sorted(set(types)))) or 'of no kind'}."
+            f" data sets {', '.join(map(str, sorted(set(types)))) or 'of no number'}."
         )
     return found
 
@@ -120,7 +120,7 @@ def _function(one: Mapping[str, Any], scale: float) -> Function:
         reference=reference,
         sign=turn * other,
         coherence=coherence,
-        kind=MOTIONS.get(motion, by_label),
+        quantity=MOTIONS.get(motion, by_label),
         factor=factor,
         label=f"{numerator} / {denominator}",
         frequency=f,
@@ -142,8 +142,8 @@ def _label(given: Any) -> str:
     return "" if text in ("none", "unknown") else text
 
 
-def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | None, Kind | None]:
-    """Factor to SI, None for labels that are not known, and the kind that they tell."""
+def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | None, Quantity | None]:
+    """Factor to SI, None for labels that are not known, and the quantity that they tell."""
     for name in ("n", "kn", "mn", "lbf"):
         if not denominator and numerator.endswith(f"/{name}"):
             numerator, denominator = numerator.removesuffix(f"/{name}"), name
@@ -151,8 +151,8 @@ def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | Non
         return scale, None
     if numerator not in UNITS or UNITS.get(denominator or "n", (0.0, "mobility"))[1] is not None:
         return None, None
-    (top, kind), (below, _) = UNITS[numerator], UNITS[denominator or "n"]
-    return top / below, kind
+    (top, quantity), (below, _) = UNITS[numerator], UNITS[denominator or "n"]
+    return top / below, quantity
 
 
 # -- which of them
@@ -161,7 +161,7 @@ def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | Non
 def chosen(
     found: list[Function],
     site: Any,
-    kind: Kind | None,
+    quantity: Quantity | None,
     unit: float | None,
     averages: int,
 ) -> FRF:
@@ -169,12 +169,12 @@ def chosen(
     measured = [one for one in found if not one.coherence]
     if site is None or isinstance(site, str | int) and not isinstance(site, bool):
         end = _driving(measured) if site is None else _named(measured, site)
-        return _joined(found, {"": end}, kind, unit, averages)
+        return _joined(found, {"": end}, quantity, unit, averages)
     checks.instance("site", site, Mapping, "a name, a node, or a dict {name: name or node}")
     if not site:
         raise InputError("site names no site.")
     ends = {checks.text("the name of a site", name): _named(measured, one) for name, one in site.items()}
-    return _joined(found, ends, kind, unit, averages)
+    return _joined(found, ends, quantity, unit, averages)
 
 
 def _driving(measured: list[Function]) -> tuple[str, int, int]:
@@ -211,7 +211,7 @@ def _named(measured: list[Function], name: Any) -> tuple[str, int, int]:
 def _joined(
     found: list[Function],
     ends: Mapping[str, tuple[str, int, int]],
-    kind: Kind | None,
+    quantity: Quantity | None,
     unit: float | None,
     averages: int,
 ) -> FRF:
@@ -236,10 +236,11 @@ def _joined(
         )
     parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
     every = [one for row in parts for one in row]
-    kinds = {kind or one.kind for one in every}
-    if len(kinds) != 1 or None in kinds:
+    kinds = {quantity or one.quantity for one in every}
+    given = kinds.pop()
+    if kinds or given is None:
         raise InputError(
-            'the file does not tell one kind of response: give kind="accelerance", "mobility" or'
+            'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
             ' "receptance".'
         )
     f = every[0].frequency
@@ -257,7 +258,6 @@ def _joined(
     if all(one is not None and len(one.frequency) == len(f) for row in gamma for one in row):
         coherence = np.array([[one.values.real for one in row] for row in gamma])  # type: ignore[union-attr]
     one_site = list(ends) == [""]
-    given = get_args(Kind)[[k in kinds for k in get_args(Kind)].index(True)]
     return FRF(
         f,
         values[0, 0] if one_site else np.moveaxis(values, 2, 0),

@@ -19,10 +19,14 @@ from antiosc.models.model_info import info_of
 from antiosc.simulation.history import History
 from antiosc.simulation.quantities import differences, floored
 
-#: A bar in standard deviations.
-BAR = 2.0
+#: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
+BAR = 4.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
+
+#: Share of the energy of a force below the frequency to which its spectrum reaches; that frequency
+#: times the length of a half-sine; samples of the force, and its length with zeros behind.
+ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
 
 Shares = dict[str, float]
 
@@ -64,20 +68,22 @@ def low_band(hit: History) -> str:
     if top * pulse >= LEAST_PRODUCT:
         return ""
     return (
-        f"The measurement ends at {top:.4g} Hz, and the pulse of the force lasts {pulse:.3g} s: their"
+        f"The measurement ends at {top:.4g} Hz, and the force is as short as a half-sine of {pulse:.3g} s: their"
         f" product {top * pulse:.2g} is below {LEAST_PRODUCT:g}, and the force depends on modes that"
         " were not measured; measure to a higher frequency, or take a softer or heavier impactor."
     )
 
 
 def pulse_time(hit: History) -> float:
-    """Length [s] of a half-sine with the peak and the impulse of the contact with the peak force."""
-    time, force, impulse = hit.time, hit.force, hit.cumulative_impulse
-    parts = [np.searchsorted(time, (start, end)) for start, end in hit.contacts]
-    first, last = max(parts, key=lambda part: float(force[part[0] : part[1] + 1].max()))
-    last = min(int(last), time.size - 1)
-    peak = float(force[first : last + 1].max())
-    return np.pi / 2 * float(impulse[last] - impulse[first]) / peak if peak > 0 else 0.0
+    """Length [s] of a half-sine whose spectrum reaches as far as that of the force.
+
+    The spectrum of the main impact reaches to where `ENERGY` of its energy lie below.
+    """
+    start, end = hit.contacts[0][0], hit.contacts[-1][1]
+    time = np.linspace(start, end, SAMPLES)
+    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
+    reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
+    return HALF_SINE * PADDED * (end - start) / reach
 
 
 def warn_low_band(hit: History) -> None:
