@@ -20,9 +20,9 @@ from paths import BENCHMARKS, DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
+    *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export", "howto/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops"),
-    *("api/errors", "api/exports"),
+    *("api/errors", "api/exports", "api/measured"),
 }
 MESHED = {"howto/deck", "howto/units", "howto/drop"}
 SLOW = {

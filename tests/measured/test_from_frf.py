@@ -87,9 +87,9 @@ def test_the_impact_is_that_of_the_part_within_its_bars(model):
 
 def test_a_low_band_is_said(model):
     light, hard = ao.RigidMass(1e-4, velocity=1.0), ao.Hertz(1e10)
-    with pytest.warns(ao.AccuracyWarning, match="product"):
+    with pytest.warns(ao.AccuracyWarning, match="half-sine"):
         hit = ao.simulate(model, light, hard, 1e-3)
-    assert any("product" in note for note in hit.error_budget.notes)
+    assert any("half-sine" in note for note in hit.error_budget.notes)
 
 
 def test_the_bars_survive_a_file(model, tmp_path):
