@@ -2,9 +2,10 @@
 
 Random bars (Timoshenko), plates (Kirchhoff, supported) and solids (blocks of linear hexahedra) with
 random modal damping are struck by random masses with Hertz's law. Their accelerance at the struck
-point, with 1 % and 5 % noise, goes through `from_frf`; the same impact on the model is compared with
-that on the part with all its modes. Printed for each kind and noise: the difference of the force
-histories (L2), and how many of the errors of peak force, impulse and contact time the bars hold.
+point, with 1 % and 5 % noise, goes through `from_frf`; the same impact on the model is compared
+with that on the part with all its modes. Printed for each kind and noise: the difference of the
+force histories (L2), and how many of the errors of peak force, impulse and contact time the bars
+hold.
 
     .venv/bin/python benchmarks/measured_frf.py --help
 """
@@ -33,8 +34,8 @@ from antiosc.simulation.measured_errors import pulse_time
 E, NU, RHO = 210e9, 0.3, 7850.0
 #: Frequency lines of a measurement.
 LINES = 1600
-#: Band times the time of the pulse, from and to: where bars, solids and plates are compared with the aims,
-#: and a low band.
+#: Band times the time of the pulse, from and to: where bars, solids and plates are compared with
+#: the aims, and a low band.
 PRODUCTS = {"bar": (1.0, 3.0), "solid": (1.0, 3.0), "plate": (2.0, 4.0)}
 LOW = (0.3, 1.0)
 #: Aims of L2 at 1 % and 5 % noise.
@@ -42,9 +43,10 @@ AIMS = {"bar": (0.005, 0.02), "solid": (0.005, 0.02), "plate": (0.02, 0.02)}
 
 PAGE = """# Models from measured frequency responses
 
-Written by `benchmarks/measured_frf.py`. {count} random parts; the band times the time of the pulse is 1 to 3 (plates
-2 to 4), in the rows "low" 0.3 to 1. "L2" is the relative difference of the force histories; "held"
-the share of errors of peak force, impulse and contact time that are within their bars; "said" the
+Written by `benchmarks/measured_frf.py`. {count} random parts; the band times the time of the pulse
+is 1 to 3 (plates 2 to 4), in the rows "low" 0.3 to 1. The time of the pulse is that of a half-sine
+whose spectrum reaches as far. "L2" is the relative difference of the force histories; "held" the
+share of the errors of peak force, impulse and contact time that are within their bars; "said" the
 share of the impacts with an error above its bar in which a warning says that the band is low; "bar
 over error" the median for the peak force.
 
@@ -94,7 +96,9 @@ def plate(random: np.random.Generator) -> tuple[Array, Array, float]:
 def solid(random: np.random.Generator) -> tuple[Array, Array, float]:
     """The same of a free block, struck at a node of its upper side."""
     n = np.array([6, 4, 3])
-    size = random.uniform(0.03, 0.1) * np.array([2.0, random.uniform(0.7, 1.5), random.uniform(0.4, 1)])
+    size = random.uniform(0.03, 0.1) * np.array(
+        [2.0, random.uniform(0.7, 1.5), random.uniform(0.4, 1)]
+    )
     K, M, x = block(n, size / n)
     top = np.flatnonzero(np.isclose(x[:, 2], size[2]))
     site = 3 * int(random.choice(top)) + 2
@@ -125,7 +129,9 @@ def block(n: Array, h: Array) -> tuple[Array, Array, Array]:
         Ke += B.T @ C @ B * np.prod(h) / 8
         Me += RHO * np.outer(N, N) * np.prod(h) / 8
     size = n + 1
-    x = np.array([[i, j, k] for i in range(size[0]) for j in range(size[1]) for k in range(size[2])])
+    x = np.array(
+        [[i, j, k] for i in range(size[0]) for j in range(size[1]) for k in range(size[2])]
+    )
     number = np.arange(len(x)).reshape(size)
     K, M = np.zeros((3 * len(x), 3 * len(x))), np.zeros((3 * len(x), 3 * len(x)))
     for cell in np.ndindex(*n):
@@ -201,7 +207,7 @@ def row(name: str, cases: list[dict[str, Any]]) -> str:
     seconds = np.median([c["seconds"] for c in cases])
     return (
         f"| {name} | {len(cases)} | {np.median(L2):.2%} | {np.quantile(L2, 0.9):.2%} |"
-        f" {np.mean(L2 <= aims):.0%} | {np.mean(errors <= bars):.0%} | {ratio:.2g} | {said} |"
+        f" {np.mean(aims >= L2):.0%} | {np.mean(errors <= bars):.0%} | {ratio:.2g} | {said} |"
         f" {seconds:.1f} |"
     )
 
@@ -209,7 +215,15 @@ def row(name: str, cases: list[dict[str, Any]]) -> str:
 def main(
     parts: int = 100, kinds: Sequence[str] = tuple(KINDS), page: str = "", log: str = ""
 ) -> list[dict[str, Any]]:
-    """The parts of each kind at both noises, and half as many with a low band."""
+    """The parts of each kind at both noises, and half as many with a low band.
+
+    Parameters
+    ----------
+    parts : of each kind
+    kinds : of parts
+    page : Markdown to write
+    log : file to which all cases are appended, JSON lines
+    """
     warnings.simplefilter("ignore", ao.AntioscWarning)
     cases = []
     for seed in range(parts):
@@ -221,27 +235,32 @@ def main(
                     if log:
                         with Path(log).open("a") as file:
                             file.write(json.dumps(case) + "\n")
-    head = (
-        "| parts | impacts | L2, median | L2, 90 % | within the aim | held | bar over error |"
-        " said | s a fit |\n|---|---|---|---|---|---|---|---|---|"
-    )
-    rows = []
-    for low in (False, True):
-        for kind in kinds:
-            for noise in (0.01, 0.05):
-                part = [
-                    c for c in cases if (c["kind"], c["noise"], c["low"]) == (kind, noise, low)
-                ]
-                if part:
-                    rows.append(row(f"{kind}, {noise:.0%}{', low' * low}", part))
-    active = sum(not case["passive"] for case in cases)
-    text = PAGE.format(
-        count=parts * len(kinds), table="\n".join([head, *rows]), passive=len(cases), active=active
-    )
+    text = told(cases)
     print(text)
     if page:
         Path(page).write_text(text, encoding="utf-8")
     return cases
+
+
+def told(cases: list[dict[str, Any]]) -> str:
+    """The page."""
+    head = (
+        "| parts | impacts | L2, median | L2, 90 % | within the aim | held | bar over error |"
+        " said | s a fit |\n|---|---|---|---|---|---|---|---|---|"
+    )
+    groups: dict[tuple[bool, str, float], list[dict[str, Any]]] = {}
+    for case in cases:
+        groups.setdefault((case["low"], case["kind"], case["noise"]), []).append(case)
+    rows = [
+        row(f"{kind}, {noise:.0%}{', low' * low}", part)
+        for (low, kind, noise), part in sorted(groups.items())
+    ]
+    return PAGE.format(
+        count=len({(case["kind"], case["seed"]) for case in cases}),
+        table="\n".join([head, *rows]),
+        passive=len(cases),
+        active=sum(not case["passive"] for case in cases),
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """A hammer, an accelerometer and no mesh: a bar is measured, struck, and compared.
 
-The measurements are made here: accelerance at the struck point of a steel bar with all its modes, the
-mass of the sensor and noise included, and the force of a blow. The model knows the first file alone.
+The measurements are made here: accelerance at the struck point of a steel bar with all its modes,
+with the mass of the sensor and noise, and the force of a blow. The model knows the first file.
 
     .venv/bin/python demos/measured_part.py --help
 """

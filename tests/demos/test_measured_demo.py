@@ -29,9 +29,7 @@ def test_parts_of_the_benchmark(kind):
 
 @pytest.mark.slow
 def test_measured_frf(tmp_path):
-    (case,) = demo("measured_frf").main(
-        parts=1, kinds=("bar",), page=str(tmp_path / "page.md")
-    )[:1]
+    (case,) = demo("measured_frf").main(parts=1, kinds=("bar",), page=str(tmp_path / "page.md"))[:1]
     assert case["passive"]
     assert case["L2"] < 0.01
     assert "| bar, 1% |" in (tmp_path / "page.md").read_text()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.measured.fit import Measured, refined
+from antiosc.measured.gauss_newton import Measured, refined
 from antiosc.measured.modes import Modes, Tail
 
 F = np.linspace(5.0, 4000.0, 800)
@@ -137,9 +138,9 @@ def test_a_sensors_mass_is_removed_to_rounding():
     assert np.allclose(frf.without_sensor(m).receptance, H, rtol=1e-9)
     single = 1 / (1 / H[:, 0, 0] - m * W**2)
     assert np.allclose(ao.FRF(F, single, "receptance").without_sensor(m).receptance, H[:, 0, 0])
+    column = ao.FRF(F, loaded[:, :, :1], "receptance", sites=("a", "b"), references=("a",))
     with pytest.raises(ao.InputError, match="references"):
-        part_of = ao.FRF(F, loaded[:, :, :1], "receptance", sites=("a", "b"), references=("a",))
-        part_of.without_sensor(m)
+        column.without_sensor(m)
 
 
 def test_noise_follows_from_the_coherence():
@@ -154,12 +155,8 @@ def test_signs_and_places_that_are_no_driving_point_are_said():
     with pytest.warns(ao.AntioscWarning, match="sign"):
         turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"))
     assert turned.k0 > 0
-    with pytest.warns(ao.AntioscWarning, match="beside"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)
-        try:
-            ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"))
-        except ao.AccuracyError:
-            pass
+    with pytest.warns(ao.AntioscWarning, match="beside"), suppress(ao.AccuracyError):
+        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"))
 
 
 def test_modes_above_the_band_may_come_from_a_mesh():

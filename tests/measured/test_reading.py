@@ -38,7 +38,9 @@ def function(values, response=(12, 3), reference=(12, 3), data=12, label="m/s^2"
 
 
 @pytest.mark.parametrize("quantity", KINDS)
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves files open
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # pyuff leaves files open
 @pytest.mark.parametrize("binary", [0, 1])
 def test_kinds_of_universal_files(quantity, binary, tmp_path):
     data, label, power = KINDS[quantity]
@@ -52,7 +54,12 @@ def test_kinds_of_universal_files(quantity, binary, tmp_path):
 
 @pytest.mark.parametrize(
     ("label", "below", "factor"),
-    [("mm/s^2", "N", 1e-3), ("g", "N", 9.80665), ("(m/s2)/kN", "NONE", 1e-3), ("NONE", "NONE", 1.0)],
+    [
+        ("mm/s^2", "N", 1e-3),
+        ("g", "N", 9.80665),
+        ("(m/s2)/kN", "NONE", 1e-3),
+        ("NONE", "NONE", 1.0),
+    ],
 )
 def test_units_by_their_labels(label, below, factor, tmp_path):
     path = written(tmp_path / "a.uff", function(H * IW**2 / factor, label=label, below=below))
@@ -66,7 +73,9 @@ def test_units_of_data_set_164_and_of_the_caller(tmp_path):
         temp_offset=0.0, return_full_dict=True,
     )  # fmt: skip
     one = function(H * IW**2, label="NONE", below="NONE")  # mm per mN is m per N
-    assert np.allclose(ao.read_frf(written(tmp_path / "a.uff", units, one)).receptance, H, rtol=1e-6)
+    assert np.allclose(
+        ao.read_frf(written(tmp_path / "a.uff", units, one)).receptance, H, rtol=1e-6
+    )
     strange = written(tmp_path / "b.uff", function(H * IW**2, label="V"))
     with pytest.raises(ao.InputError, match="unit"):
         ao.read_frf(strange)
@@ -151,7 +160,8 @@ def test_arrays_in_a_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", ["", "f, re, im\n", "1, 2, 3\n2, 3\n", "1, 2, 3\nx, y, z\n", "a, b\n1, 2\n", "1 2\n" * 20]
+    "content",
+    ["", "f, re, im\n", "1, 2, 3\n2, 3\n", "1, 2, 3\nx, y, z\n", "a, b\n1, 2\n", "1 2\n" * 20],
 )
 def test_tables_that_are_damaged(content, tmp_path):
     path = tmp_path / "a.csv"

@@ -14,60 +14,39 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from antiosc.base._types import Array, BoolArray, ComplexArray
+from antiosc.measured.gauss_newton import (
+    FEW_STEPS,
+    LAST_STEPS,
+    MOST_DAMPED,
+    STEPS,
+    Measured,
+    covariance,
+    lifted,
+    noise,
+    refined,
+    residuals,
+    whitened,
+)
 from antiosc.measured.modes import Modes, Pairs, Tail, factors
 from antiosc.measured.poles import poles
+from antiosc.measured.tail import BEYOND, TYPICAL, drawn, expected_tail, with_tail
 
 #: A mode stands above the noise if its displacement is this many standard deviations from 0, and
 #: is added if its part in the residual is.
 STANDS, ADDED = 6.0, 5.5
 #: Rounds of adding and dropping modes; modes that are added in one.
 ROUNDS, AT_ONCE = 10, 12
-#: Modes are sought up to this share beyond the ends of the band.
-BEYOND = 0.02
-#: Largest and least damping ratio of a pole that is taken for a mode; ratio where none is seen.
-MOST_DAMPED, LEAST_DAMPED, TYPICAL = 0.4, 1e-6, 0.01
-#: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
-#: chi^2 that ends them.
-STEPS, LAST_STEPS, FEW_STEPS, CONVERGED = 8, 40, 8, 0.1
-#: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
-LONGEST = (3.0, 0.1, 1.0)
-#: Slope, squared and over the largest, of a parameter that the measurement does not see.
-FLAT = 1e-28
-#: Eigenvalue of a normal matrix of unit diagonal, over the largest, that rounding makes.
-UNSEEN = 1e-13
-#: Least residual terms at the start of Gauss-Newton over the receptance.
-LIFTED = 1e-3
+#: Least damping ratio of a pole that is taken for a mode.
+LEAST_DAMPED = 1e-6
 #: Peaks of the residual where a mode is sought, and its damping over the median.
 PLACES, WIDTHS = 40, (0.4, 1.0, 2.5)
-#: Modes above the band: the highest over its top, the least distance over the frequency, and the
-#: modes in the band whose mean distance and mean square go on.
-TAIL_END, TAIL_STEP, GOING_ON = 5.0, 0.15, 6
 #: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
 #: probability up to which a body counts, and bodies that always do.
 DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
-#: Standard deviations: of a frequency over the distance, of a square over the mean.
-SPREAD, DOUBT = 0.5, 1.0
-#: Variance of the relative mean square times the number of modes that it is taken of.
-FEW = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], and what is known of noise.
-
-    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power is what
-    was measured, so that its noise may be equal at all frequencies.
-    """
-
-    w: Array
-    H: ComplexArray
-    pairs: Pairs
-    sites: int
-    sigma: Array | None
-    power: int
+#: Ratio of the weights before and after a round below which the noise is known.
+SETTLED = 1.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +88,9 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
         modes = replace(modes, rigid=None)
     best = _finished(data, weight, modes)
     bodies = [best.modes, *_other_tails(data, best)]
-    best = min((_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]), key=_cost)
+    best = min(
+        (_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]), key=_cost
+    )
     if hysteretic is None:
         other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, other, key=_cost)
@@ -122,16 +103,19 @@ def _cost(fit: Fit) -> float:
 
 def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
     """The fit with the modes that were found."""
-    for _ in range(2):  # a term that was lifted finds its way
+    for _ in range(ROUNDS):
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
-        if data.sigma is None:
-            weight = 1 / noise(data, modes)
+        if data.sigma is not None:
+            break
+        before, weight = weight, 1 / noise(data, modes)
+        if np.median(weight / before) < SETTLED:
+            break
     return Fit(modes, weight, chi2, _unlikely(data, weight, modes))
 
 
 def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
     """Minus twice the logarithm of the probability of a body."""
-    residual = _residual(data, weight, modes)
+    residual = residuals(data, weight, modes)
     return float(residual @ residual - 4 * np.sum(np.log(weight)))
 
 
@@ -156,14 +140,14 @@ def _first(
     omega, zeta = omega[real], zeta[real]
     beyond = data.w[-1] * np.array([1.2, 1.6, 2.5])
     D = factors(data.w, np.append(omega, beyond), np.append(zeta, np.full(3, TYPICAL)), hysteretic)
-    basis = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
+    basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
     residues = np.zeros((len(omega) + 5, data.sites, data.sites))
     for column, (m, n) in enumerate(data.pairs):
-        A = weight[:, column, None] * basis
+        A: ComplexArray = weight[:, column, None] * basis
         size = np.linalg.norm(A, axis=0)
-        right = _real(weight[:, column] * data.H[:, column])
-        found = np.linalg.lstsq(_real(A) / size, right, rcond=None)[0] / size
+        right = whitened(weight[:, column] * data.H[:, column])
+        found = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
         residues[: len(found), m, n] = residues[: len(found), n, m] = found
     residues = _completed(residues, data.pairs)
     b = np.array([rank_one(each) for each in residues[: len(omega)]]).reshape(-1, data.sites)
@@ -203,166 +187,7 @@ def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
     return modes.omega, modes.zeta, modes.b
 
 
-# -- the modes above the band
-
-
-def expected_tail(modes: Modes, top: float) -> Tail:
-    """Modes that go on above `top` [rad/s] as the last ones in the band, in growing distances.
-
-    Where the distances grow beyond those of the part, each stands for several modes.
-    """
-    seen = modes.seen
-    omega, last = modes.omega[:seen], slice(max(seen - GOING_ON, 0), seen)
-    own = np.append(0.0, omega)[-GOING_ON - 1 :]
-    gap = max(float(own[-1] - own[0]) / max(len(own) - 1, 1), 0.01 * top) if seen else top
-    rigid = modes.root if modes.rigid is None else modes.rigid
-    least = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
-    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(seen, GOING_ON), 1)
-    b2 = np.maximum(mean, least) + np.finfo(float).tiny
-    at = [max((float(omega[-1]) if seen else 0.0) + gap, (1 + 2 * BEYOND) * top)]
-    steps = []
-    while at[-1] < TAIL_END * top or len(at) < 3:
-        steps.append(max(gap, TAIL_STEP * at[-1]))
-        at.append(at[-1] + steps[-1])
-    step = np.array([*steps, steps[-1]])
-    many = np.maximum(step / gap, 1.0)
-    doubt = np.sqrt(DOUBT**2 / many + FEW / max(seen, 0.5))
-    return Tail(np.array(at), SPREAD * step / np.array(at), many[:, None] * b2, doubt)
-
-
-def with_tail(modes: Modes, tail: Tail) -> Modes:
-    """The body with a tail as it is expected; the signs of its displacements are drawn."""
-    seen, U = modes.seen, len(tail.omega)
-    typical = float(np.median(modes.zeta[:seen])) if seen else TYPICAL
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
-    signs[:, 0] = 1.0
-    return replace(
-        modes,
-        omega=np.append(modes.omega[:seen], tail.omega),
-        zeta=np.append(modes.zeta[:seen], np.full(U, typical)),
-        b=np.vstack((modes.b[:seen], signs * np.sqrt(tail.b2))),
-        tail=tail,
-    )
-
-
-# -- Gauss-Newton
-
-
-def refined(
-    data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
-) -> tuple[Modes, Array, float]:
-    """The most probable body near `modes`, its normal matrix, and chi^2 over the freedom.
-
-    `shift`: added to all residuals, which are those of another measurement then.
-    """
-    damping, residual = 1e-6, _residual(data, weight, modes) + shift
-    cost = float(residual @ residual)
-    for _ in range(steps):
-        J = _jacobian(data, weight, modes)
-        normal, gradient = J.T @ J, J.T @ residual
-        diagonal = np.diag(normal)
-        size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
-        unit, slope = normal / size / size[:, None], -gradient / size
-        new = np.inf
-        while damping < 1e8 and not new < cost:
-            step = np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size
-            trial = modes.at(modes.values + _within(modes, step, float(data.w[-1]), LONGEST[0]))
-            residual = _residual(data, weight, trial) + shift
-            new = float(residual @ residual)
-            damping *= 1 / 80 if new < cost else 8
-        if not new < cost:
-            break
-        gain, cost, modes, damping = cost - new, new, trial, max(8 * damping, 1e-9)
-        if gain < CONVERGED:
-            break
-    J = _jacobian(data, weight, modes)
-    lines = 2 * data.H.size
-    residual = _residual(data, weight, modes)[:lines]
-    return modes, J.T @ J, float(residual @ residual) / max(lines - sum(modes.sizes), 1)
-
-
-def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
-    """The step, shortened where a mode leaves its neighbourhood, of so many widths of its peak."""
-    seen, count = modes.seen, len(modes.omega)
-    own = modes.zeta[:seen]
-    longest = np.minimum(widths * np.maximum(own, 1e-4), LONGEST[1])
-    step = step.copy()
-    step[:seen] = np.clip(step[:seen], -longest, longest)
-    lowest = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
-    step[seen:count] = np.clip(step[seen:count], lowest, 2 * LONGEST[1])
-    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / own))
-    step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], more)
-    return step
-
-
-def _residual(data: Measured, weight: Array, modes: Modes) -> Array:
-    """Weighted residuals: real parts, imaginary parts, then the tail's."""
-    off = weight * (modes.receptance(data.w, data.pairs) - data.H)
-    return np.append(_real(off.reshape(-1)), modes.expected()[0])
-
-
-def _jacobian(data: Measured, weight: Array, modes: Modes) -> Array:
-    """Derivatives of the residuals by `values`."""
-    J = modes.jacobian(data.w, data.pairs)
-    J *= weight[:, :, None]
-    return np.vstack((_real(J.reshape(-1, J.shape[2])), modes.expected()[1]))
-
-
-def _real(values: ComplexArray) -> Array:
-    """Real above imaginary parts; the variance of either is half that of the complex value."""
-    return np.sqrt(2) * np.concatenate((values.real, values.imag))
-
-
-def covariance(normal: Array) -> Array:
-    """The inverse of a normal matrix; what the measurement does not see has no variance."""
-    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(normal / size / size[:, None])
-    seen = values > UNSEEN * values[-1]
-    half = vectors[:, seen] / np.sqrt(values[seen])
-    return np.asarray(half @ half.T / size / size[:, None])
-
-
-# -- noise, and which modes there are
-
-
-def lifted(data: Measured, modes: Modes) -> Modes:
-    """The body whose residual terms are not zero, where the sum of squares has no slope."""
-    low = slice(len(data.w) // 8 + 1)
-    size = LIFTED * float(np.median(np.abs(data.H)))
-    mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
-    rigid, seen, b = modes.rigid, modes.seen, modes.b.copy()
-    least = np.sqrt(LIFTED * modes.tail.b2)
-    b[seen:] = np.where(np.abs(b[seen:]) < least, least, b[seen:])
-    return replace(
-        modes,
-        b=b,
-        rigid=None if rigid is None else _not_zero(rigid, mass),
-        root=_not_zero(modes.root, size),
-    )
-
-
-def _not_zero(root: Array, least: float) -> Array:
-    diagonal = np.diag(root)
-    small = diagonal**2 < least
-    return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
-
-
-def noise(data: Measured, modes: Modes) -> Array:
-    """Standard deviations (W, M): a share of |H| and a floor of what was measured, most likely."""
-    fit = modes.receptance(data.w, data.pairs)
-    off = np.abs(data.H - fit) ** 2
-    size = np.abs(fit) ** 2
-    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), off.shape)
-    scales = np.log([np.mean(off / size), np.mean(off / floor)])
-
-    def unlikely(x: Array) -> float:
-        variance = np.exp(x[0]) * size + np.exp(x[1]) * floor
-        return float(np.mean(np.log(variance) + off / variance))
-
-    starts = [scales + np.log([a, b]) for a, b in ((0.9, 0.01), (0.01, 0.9))]
-    runs = [minimize(unlikely, x, method="Nelder-Mead", options={"maxiter": 200}) for x in starts]
-    x = min(runs, key=lambda run: float(run.fun)).x
-    return np.asarray(np.sqrt(np.exp(x[0]) * size + np.exp(x[1]) * floor))
+# -- which modes there are
 
 
 def _standing(modes: Modes, spreads: Array) -> BoolArray:
@@ -393,12 +218,12 @@ def _missing(data: Measured, weight: Array, modes: Modes) -> Modes | None:
     score = np.full(len(omega), -np.inf)
     found = np.zeros((len(omega), data.sites, data.sites))
     for column, (m, n) in enumerate(data.pairs):
-        A = _real(J[:, column])
+        A = whitened(J[:, column])
         A = A[:, A.any(axis=0)]
-        G = _real(weight[:, column, None] * D)
+        G = whitened(weight[:, column, None] * D)
         G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
         size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
-        along = G.T @ _real(off[:, column])
+        along = G.T @ whitened(off[:, column])
         found[:, m, n] = found[:, n, m] = along / size**2
         if m == n:
             score = np.maximum(score, along / size)
@@ -439,18 +264,7 @@ def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
     random = np.random.default_rng(fit.modes.seen + len(fit.tails))
     found = []
     for _ in range(max(STARTS // data.sites, 1)):
-        tail = _drawn(fit.modes.tail, float(data.w[-1]), random)
+        tail = drawn(fit.modes.tail, float(data.w[-1]), random)
         start = lifted(data, with_tail(fit.modes, tail))
         found.append(refined(data, fit.weight, start, LAST_STEPS)[0])
     return found
-
-
-def _drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
-    """Another tail as probable: all its modes nearer or farther, then each."""
-    U = len(tail.omega)
-    stretch = np.exp(0.3 * random.standard_normal())
-    omega = top + stretch * (tail.omega - top)
-    omega = omega * np.exp(tail.spread * random.standard_normal(U))
-    b2 = stretch * tail.b2 * np.abs(1 + tail.doubt[:, None] * random.standard_normal(tail.b2.shape))
-    omega = np.maximum(np.sort(omega), (1 + BEYOND) * top)
-    return replace(tail, omega=omega, b2=np.maximum(b2, LIFTED * tail.b2))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -121,7 +121,10 @@ class FRF(Brief):
         facts = [
             (self.quantity, f"{f.size} lines, {f[0]:.5g} to {f[-1]:.5g} Hz"),
             ("sites", ", ".join(self.sites)),
-            ("noise", "sigma" if self.sigma is not None else "coherence" * (self.coherence is not None)),
+            (
+                "noise",
+                "sigma" if self.sigma is not None else "coherence" * (self.coherence is not None),
+            ),
         ]
         return [(name, text) for name, text in facts if text]
 
@@ -140,7 +143,9 @@ class FRF(Brief):
             return None
         # of a complex H1 estimate: (1 - gamma^2)/(gamma^2 n) of |H|^2 (Bendat and Piersol)
         gamma = np.clip(self.coherence, LEAST_COHERENCE, 1 - 1e-8)
-        return np.asarray(np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages))
+        return np.asarray(
+            np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages)
+        )
 
     @property
     def pairs(self) -> Pairs:
@@ -163,7 +168,9 @@ class FRF(Brief):
             return self
         low, high = checks.array("band", band, (2,))
         if not 0 <= low < high:
-            raise InputError(f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}.")
+            raise InputError(
+                f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}."
+            )
         f = self.frequency
         part = (f >= low) & (f <= high)
         if np.count_nonzero(part) < FEWEST_LINES:
@@ -171,9 +178,9 @@ class FRF(Brief):
                 f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(part)} of the lines from"
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
-        cut = {n: None if getattr(self, n) is None else getattr(self, n)[part] for n in ("coherence", "sigma")}
-        return FRF(f[part], self.values[part], self.quantity, averages=self.averages, sites=self.sites,
-                   references=self.references, **cut)  # fmt: skip
+        cut: dict[str, Any] = {name: None for name in ("coherence", "sigma")}
+        cut |= {name: value[part] for name in cut if (value := getattr(self, name)) is not None}
+        return replace(self, frequency=f[part], values=self.values[part], **cut)
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
         """The responses without the mass of the sensor at the site: Z + w^2 m in place of Z.
@@ -192,7 +199,9 @@ class FRF(Brief):
         if isinstance(mass, Mapping):
             if unknown := sorted(set(map(str, mass)) - set(self.sites)):
                 raise InputError(f"sensor_mass names {checks.shown(unknown)}, no site.")
-            m = np.array([checks.nonnegative("sensor_mass", mass.get(s, 0.0), "kg") for s in self.sites])
+            m = np.array(
+                [checks.nonnegative("sensor_mass", mass.get(s, 0.0), "kg") for s in self.sites]
+            )
         else:
             m = np.full(max(len(self.sites), 1), checks.nonnegative("sensor_mass", mass, "kg"))
         if not m.any():
@@ -218,8 +227,7 @@ class FRF(Brief):
             sigma = np.sqrt(left @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
             sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
         values = (H @ inverse).reshape(self.values.shape) * self._power
-        return FRF(self.frequency, values, self.quantity, sigma=sigma, averages=self.averages,
-                   sites=self.sites, references=self.references)  # fmt: skip
+        return replace(self, values=values, sigma=sigma, coherence=None)
 
 
 def _names(name: str, given: Sequence[str] | Any) -> tuple[str, ...]:

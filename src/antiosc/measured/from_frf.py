@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
-from antiosc.measured.fit import Fit, Measured, fitted, with_other_noise
+from antiosc.measured.fit import Fit, fitted, with_other_noise
 from antiosc.measured.frf import FRF, POWER
+from antiosc.measured.gauss_newton import Measured
 from antiosc.measured.modes import Modes, Pairs, Tail
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
@@ -30,8 +31,8 @@ LEAST_RIGID = 0.05
 LEAST_RESIDUAL, SHIFT = 1e-7, 0.1
 #: Most modes of a mesh above the band; their relative standard deviations of frequency and square.
 MOST_GIVEN, GIVEN_SPREAD, GIVEN_DOUBT = 30, 0.03, 0.3
-#: Share of the power at the driving points that flows out of the part: where the sign is turned, and
-#: above which the sensor lies beside the point.
+#: Share of the power at the driving points that flows out of the part: where the sign is turned,
+#: and above which the sensor lies beside the point.
 TURNED, BESIDE = 0.8, 0.2
 
 
@@ -140,8 +141,9 @@ def _check(data: Measured, fit: Fit) -> None:
     off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
     if (out := _outflow(data)) > BESIDE:
         warn(
-            f"at the driving point {out:.0%} of the power flows out of the part, which has none: the"
-            " sensor lies beside the struck point, or its phase is wrong; measure both at one place."
+            f"at the driving point {out:.0%} of the power flows out of the part, which has none:"
+            " the sensor lies beside the struck point, or its phase is wrong; measure both at one"
+            " place."
         )
     if off > UNFITTED:
         raise AccuracyError(
@@ -177,10 +179,15 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
 def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
     """Bodies that the measurement does not tell from the best one, in free modes."""
     noisy = with_other_noise(data, fit)
-    omega, decay, b, r = zip(*map(_free_modes, [*noisy, *fit.tails]), strict=True)
+    rows = [_free_modes(one) for one in (*noisy, *fit.tails)]
     return {
-        "top": float(data.w[-1]), "draws": len(noisy), "omega": omega, "decay": decay, "b": b, "r": r,
-    }  # fmt: skip
+        "top": float(data.w[-1]),
+        "draws": len(noisy),
+        "omega": [row[0] for row in rows],
+        "decay": [row[1] for row in rows],
+        "b": [row[2] for row in rows],
+        "r": [row[3] for row in rows],
+    }
 
 
 def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:

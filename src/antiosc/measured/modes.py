@@ -82,8 +82,8 @@ class Modes:
         # d(b_m b_n)/db_s = [m = s] b_n + [n = s] b_m, of every mode and site
         moved = np.zeros((len(pairs), len(self.omega), p))
         columns = np.arange(len(pairs))
-        np.add.at(moved, (columns, slice(None), m), self.b[:, n].T)
-        np.add.at(moved, (columns, slice(None), n), self.b[:, m].T)
+        moved[columns, :, m] += self.b[:, n].T
+        moved[columns, :, n] += self.b[:, m].T
         blocks.append((D[:, None, :, None] * moved).reshape(len(w), len(pairs), -1))
         for L, factor in ((self.rigid, -1 / at**2), (self.root, np.ones_like(at))):
             if L is not None:

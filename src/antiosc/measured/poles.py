@@ -57,10 +57,10 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     ones = np.ones((len(s), 1))
     own = np.hstack([basis, ones, 1 / s[:, None] ** 2])
     sigma = np.hstack([basis, ones])
-    rows = []
+    rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
         A = np.hstack([v[:, None] * own, -(v * h)[:, None] * sigma])
-        R = np.linalg.qr(np.vstack([A.real, A.imag]), mode="r")
+        R: Array = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
         rows.append(R[own.shape[1] :, own.shape[1] :])
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])

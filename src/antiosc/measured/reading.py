@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.measured import uff
 from antiosc.measured.frf import AVERAGES, FRF, Quantity
@@ -42,10 +42,11 @@ def read_frf(
     Parameters
     ----------
     path : str or Path
-        ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff). ``.npz``:
-        arrays `frequency`, `values`, and perhaps `coherence`, `sigma`. Anything else: a table of
-        columns in text, whose header names frequency, real and imag (or magnitude, and phase in
-        degrees or rad), and perhaps coherence; without a header in this order.
+        ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
+        ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
+        Anything else: a table of columns in text, whose header names frequency, real and imag (or
+        magnitude, and phase in degrees or rad), and perhaps coherence; without a header in this
+        order.
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
         by names of one's own. None: the one driving point in the file.
@@ -103,7 +104,9 @@ def check_file(path: Path) -> None:
         )
 
 
-def _of_columns(columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int) -> FRF:
+def _of_columns(
+    columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int
+) -> FRF:
     """An FRF of named arrays."""
     quantity = quantity or columns.get("quantity")
     if quantity is None:
@@ -112,8 +115,9 @@ def _of_columns(columns: Mapping[str, Any], quantity: Quantity | None, factor: f
             ' "receptance".'
         )
     known = set(columns)
+    values: ComplexArray
     if "values" in known:
-        values = checks.spectrum("values", columns["values"])
+        values = checks.spectrum("values", columns["values"]).astype(complex)
     elif {"real", "imag"} <= known:
         values = columns["real"] + 1j * columns["imag"]
     elif {"magnitude", "phase"} <= known:
@@ -158,7 +162,9 @@ def table(path: Path, default: list[str]) -> dict[str, Array]:
         cells = _cells(text)
         numbers = _numbers(cells)
         if numbers is None and rows and text and not text.startswith("#"):
-            raise InputError(f"line {number} of {path.name} is no row of numbers: {checks.shown(text)}.")
+            raise InputError(
+                f"line {number} of {path.name} is no row of numbers: {checks.shown(text)}."
+            )
         if numbers is None:
             header = _cells(text.lstrip("#%/ ")) or header
             continue

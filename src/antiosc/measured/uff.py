@@ -1,4 +1,4 @@
-"""Frequency responses of universal files: data sets 58 by pyuff, chosen by site, signs and units."""
+"""Frequency responses of universal files: data sets 58 by pyuff; sites, signs and units."""
 
 from __future__ import annotations
 
@@ -99,10 +99,14 @@ def _function(one: Mapping[str, Any], scale: float) -> Function:
         count, values = int(one["num_pts"]), np.asarray(one["data"])
         f = np.asarray(one["x"], dtype=float)
         ends = [_end(one, side) for side in ("rsp", "ref")]
-        numerator, denominator = (_label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab"))
+        numerator, denominator = (
+            _label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")
+        )
         motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError("a data set 58 lacks fields of its header: the file is damaged.") from error
+        raise InputError(
+            "a data set 58 lacks fields of its header: the file is damaged."
+        ) from error
     if values.ndim != 1 or len(values) != count or len(f) != count:
         raise InputError(
             f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
@@ -167,13 +171,15 @@ def chosen(
 ) -> FRF:
     """The responses between the sites that are asked for."""
     measured = [one for one in found if not one.coherence]
-    if site is None or isinstance(site, str | int) and not isinstance(site, bool):
+    if site is None or (isinstance(site, str | int) and not isinstance(site, bool)):
         end = _driving(measured) if site is None else _named(measured, site)
         return _joined(found, {"": end}, quantity, unit, averages)
     checks.instance("site", site, Mapping, "a name, a node, or a dict {name: name or node}")
     if not site:
         raise InputError("site names no site.")
-    ends = {checks.text("the name of a site", name): _named(measured, one) for name, one in site.items()}
+    ends = {
+        checks.text("the name of a site", name): _named(measured, one) for name, one in site.items()
+    }
     return _joined(found, ends, quantity, unit, averages)
 
 
@@ -183,9 +189,7 @@ def _driving(measured: list[Function]) -> tuple[str, int, int]:
         return ends.pop()
     names = sorted({_in_words(e) for one in measured for e in (one.response, one.reference)})
     several = "no driving point" if not ends else f"{len(ends)} driving points"
-    raise InputError(
-        f"the file has {several}; give site= one of {checks.shown(', '.join(names))}."
-    )
+    raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
 
 
 def _in_words(end: tuple[str, int, int]) -> str:
@@ -199,7 +203,7 @@ def _named(measured: list[Function], name: Any) -> tuple[str, int, int]:
     ends = {end for one in measured for end in (one.response, one.reference)}
     fits = [
         end for end in ends
-        if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])), _in_words(end).lower())
+        if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
     ]  # fmt: skip
     if len(fits) == 1:
         return fits[0]
@@ -248,22 +252,30 @@ def _joined(
         raise InputError("the responses have different frequencies: measure all with one set.")
     if unit is None and (unknown := next((one.label for one in every if one.factor is None), None)):
         raise InputError(
-            f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or m/(s^2 N)."
+            f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
+            " m/(s^2 N)."
         )
+    factors = [[unit or one.factor or 1.0 for one in row] for row in parts]
     values = np.array(
-        [[one.sign * (unit or one.factor) * one.values for one in row] for row in parts]
+        [
+            [one.sign * by * one.values for one, by in zip(row, own, strict=True)]
+            for row, own in zip(parts, factors, strict=True)
+        ]
     )
-    gamma = [[pairs.get((m, ends[n], True)) for n in forced] for m in places]
+    gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
+    known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
     coherence = None
-    if all(one is not None and len(one.frequency) == len(f) for row in gamma for one in row):
-        coherence = np.array([[one.values.real for one in row] for row in gamma])  # type: ignore[union-attr]
-    one_site = list(ends) == [""]
+    if len(known) == len(gamma):
+        coherence = np.reshape(known, values.shape)
+    if list(ends) == [""]:
+        coherence = None if coherence is None else coherence[0, 0]
+        return FRF(f, values[0, 0], given, coherence=coherence, averages=averages)
     return FRF(
         f,
-        values[0, 0] if one_site else np.moveaxis(values, 2, 0),
+        np.moveaxis(values, 2, 0),
         given,
-        coherence=None if coherence is None else coherence[0, 0] if one_site else np.moveaxis(coherence, 2, 0),
+        coherence=None if coherence is None else np.moveaxis(coherence, 2, 0),
         averages=averages,
-        sites=() if one_site else tuple(ends),
-        references=None if one_site else tuple(forced),
+        sites=tuple(ends),
+        references=tuple(forced),
     )

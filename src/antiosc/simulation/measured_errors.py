@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from antiosc.base.errors import AccuracyWarning, warn
-from antiosc.models.body import Body, LinearBody
+from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import info_of
 from antiosc.simulation.history import History
 from antiosc.simulation.quantities import differences, floored
 
 #: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
-BAR = 4.0
+BAR = 2.5
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
 
@@ -32,7 +32,7 @@ Shares = dict[str, float]
 
 
 def measured_errors(
-    model: Any, raw: History, again: Callable[[LinearBody, float], History], tol: float
+    model: Any, raw: History, again: Callable[[Any, float], History], tol: float
 ) -> tuple[Shares, Shares]:
     """The shares of noise and band of peak force, impulse and contact time."""
     facts = info_of(model).measured
@@ -40,7 +40,10 @@ def measured_errors(
     if facts is None:
         return none, none
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
-    off = [differences(raw, again(_InModes(ModalBody(omega, b, float(r), decay)), tol)) for omega, b, r, decay in bodies]
+    off = [
+        differences(raw, again(_InModes(ModalBody(omega, b, float(r), decay)), tol))
+        for omega, b, r, decay in bodies
+    ]
     drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
     noise, band = (
         {name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part]))) for name in none}
@@ -68,9 +71,10 @@ def low_band(hit: History) -> str:
     if top * pulse >= LEAST_PRODUCT:
         return ""
     return (
-        f"The measurement ends at {top:.4g} Hz, and the force is as short as a half-sine of {pulse:.3g} s: their"
-        f" product {top * pulse:.2g} is below {LEAST_PRODUCT:g}, and the force depends on modes that"
-        " were not measured; measure to a higher frequency, or take a softer or heavier impactor."
+        f"The measurement ends at {top:.4g} Hz, and the force is as short as a half-sine of"
+        f" {pulse:.3g} s: their product {top * pulse:.2g} is below {LEAST_PRODUCT:g}, and the force"
+        " depends on modes that were not measured; measure to a higher frequency, or take a softer"
+        " or heavier impactor."
     )
 
 

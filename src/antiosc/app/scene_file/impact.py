@@ -11,7 +11,7 @@ from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.parameters import resolved
 from antiosc.app.scene_file.problems import label
-from antiosc.app.scene_file.sections import KIND, LAWS, SECTIONS
+from antiosc.app.scene_file.sections import KIND, LAWS, MODELS, SECTIONS
 from antiosc.contact.base import ContactLaw
 
 #: The name of the structure among the bodies of a scene.

@@ -140,8 +140,8 @@ def _of(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
-#: Parameter, or function and parameter, -> the check of its value. A function checks its values when
-#: it runs, which is too late for a file that is only looked at.
+#: Parameter, or function and parameter, -> the check of its value. A function checks its values
+#: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
     **dict.fromkeys(("duration", "step", "timeout"), _of("s")),
     **dict.fromkeys(("size", "merge", "radius"), _of("m")),
