@@ -99,6 +99,7 @@ def test_bad_input(size, striker, material, words):
         advise(size, striker, **material)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
 def test_a_structure_knows_its_dimensions():

@@ -74,6 +74,7 @@ def test_bound_against_direct_extraction(steel, mapped):
     assert np.median(mapped.error) < 0.05
 
 
+@pytest.mark.slow
 def test_free_body():
     free = block(supported=False)
     with warnings.catch_warnings():
@@ -168,7 +169,7 @@ def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
     assert set(result.radius[inner]) == {4e-3, 8e-3}
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_given_points_of_a_sheet(cell):
     groups = {
@@ -350,6 +351,7 @@ def test_a_shell_map():
     assert error <= 1.02 * result.error[i]
 
 
+@pytest.mark.slow
 def test_shells_and_matrices_say_what_they_need(steel):
     matrices = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
     with pytest.raises(ao.InputError, match="mesh"):

@@ -76,6 +76,7 @@ def test_two_meshes_show_how_much_of_its_bar_the_error_is():
     assert left(0.02, 0.0, 2.0, 1100) == 0.02
 
 
+@pytest.mark.slow
 def test_a_structure_gets_a_bar_only():
     part = ao.Structure(coarse(), SHEET, HELD, order=1)
     hit = ao.strike(part, SITE, *IMPACT, tol=1e-4)

@@ -55,7 +55,7 @@ def test_pinned_free_beam_is_the_articles():
     )
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 def test_pinned_free_timoshenko_masses_of_both_spectra():
     """Masses by M(CR, i)²/M(i, i) of sin and cos; the shear mode at the cut-off holds rhoI/L."""
     beam, n, L = THICK, 150, THICK.length
@@ -127,7 +127,7 @@ def test_dynamic_stiffness_is_the_models(supports):
     assert error[0] < 1e-3
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_interlacing(supports):
     """Zeros and poles of Z alternate: none is missed, none is spurious."""
@@ -165,6 +165,7 @@ def test_no_lack_of_mass():
     np.testing.assert_allclose(np.log2(left[:-1] / left[1:]), 1, atol=0.05)
 
 
+@pytest.mark.slow
 def test_unobservable_modes_are_left_out():
     """At mid-span of a symmetric beam every second mode has a node there."""
     beam = pinned_pinned(SLENDER)
@@ -179,7 +180,7 @@ def test_site_near_a_node_counts_its_faint_modes():
     np.testing.assert_allclose(model.omega, pinned_pinned(SLENDER, 0.5003).antiresonances(10))
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_shapes_expand_the_static_shape(supports):
     """phi_st - Σ psi_i → 0 away from the site, and every psi_i vanishes at the site."""

@@ -115,7 +115,7 @@ def test_frequencies_against_the_spectral_beam(supports):
     )
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("supports", "corrected"),
     [(("clamped", "free", 0.6), True), (("free", "free", 0.3), False)],

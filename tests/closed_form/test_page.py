@@ -14,6 +14,7 @@ from paths import ROOT
 PAGE = (ROOT / "docs" / "closed_forms.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_example_runs(tmp_path, capsys):
     (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "program.py").write_text(program, encoding="utf-8")

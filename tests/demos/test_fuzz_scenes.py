@@ -31,6 +31,7 @@ def test_more_random_scenes() -> None:
     assert result["failures"] == []
 
 
+@pytest.mark.slow
 def test_every_kind_of_scene_is_drawn() -> None:
     scenes = [fuzz.draw(i) for i in range(300)]
     laws = {type(c.law) for s in scenes for c in s.contacts}

@@ -104,6 +104,7 @@ def test_every_public_name_stands_on_one_page_of_the_api(generated):
     assert [name for name in modules if not generated.api([name])] == []
 
 
+@pytest.mark.slow
 def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     generated.demo_pages(tmp_path / "demos")
     pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index"}
@@ -129,6 +130,7 @@ def light(monkeypatch):
     return importlib.import_module("light")
 
 
+@pytest.mark.slow
 def test_a_page_has_the_whole_script(light):
     for script in [*DEMOS.glob("*.py"), *BENCHMARKS.glob("*.py")]:
         source = script.read_text(encoding="utf-8")

@@ -207,6 +207,7 @@ def test_faces_edges_and_corners_hit_first(how: dict[str, str], count: int) -> N
     assert fall.start.centre[2] + low.min() == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_the_ends_of_a_fall() -> None:
     floor = ao.Floor(law=ao.HuntCrossley(1e8, 0.4), friction=0.4)
     fall = ao.drop(block(), 0.05, tilt=(4, 7, 0), floor=floor, tol=1e-2)
@@ -242,6 +243,7 @@ def test_channel_frequency_classes_are_those_of_j211() -> None:
         ao.cfc_filter(1e-3, t, "CFC180")
 
 
+@pytest.mark.slow
 def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
     from concurrent.futures import ThreadPoolExecutor
 
@@ -257,6 +259,7 @@ def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
     assert not many.failed
 
 
+@pytest.mark.slow
 def test_the_first_impact_can_be_predicted() -> None:
     fall = ao.drop(block(), 0.05, (10, 5, 0), ao.Floor(law=ao.Hertz(1e9)), until=3, tol=1e-2)
     assert fall.horizon(1e-6) >= fall.horizon(0.2)

@@ -61,6 +61,7 @@ def test_the_body_of_a_mesh(case: ao.Structure) -> None:
     assert (np.linalg.eigvalsh(few - left) >= -1e-3 * np.trace(few)).all()  # more modes, less left
 
 
+@pytest.mark.slow
 def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
     mesh = meshed(tmp_path, "Sphere(1) = {0, 0, 0, 0.02}", 0.006)
     part = ao.Structure(mesh, STEEL)

@@ -77,7 +77,7 @@ def volume(points: np.ndarray, cells: np.ndarray, shape: str, corners: int) -> f
     return float(np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1))).sum() / sides.shape[1])
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
 @pytest.mark.parametrize("name", list(PARTS))
 def test_nodes_and_cells_in_the_order_of_vtk(name):

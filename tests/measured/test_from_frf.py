@@ -12,7 +12,7 @@ import antiosc as ao
 from antiosc.measured.gauss_newton import Measured, refined
 from antiosc.measured.modes import Modes, Tail
 
-F = np.linspace(5.0, 4000.0, 800)
+F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F
 #: A supported part: modes in the band, some above it.
 OMEGA = 2 * np.pi * np.array([300.0, 900.0, 1900.0, 3100.0, 4900.0, 7000.0])
@@ -39,7 +39,8 @@ def accelerance(H: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def model() -> ao.AntiOscillators:
-    return ao.from_frf(ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance"))
+    frf = ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance")
+    return ao.from_frf(frf, damping="viscous")
 
 
 def test_derivatives_are_those_of_differences():
@@ -120,7 +121,7 @@ def test_several_sites_have_modes_of_rank_one():
     power = (1j * w[:, None, None] * found.site_modes().receptance(w)).real
     assert np.linalg.eigvalsh(power).min() >= -1e-9 * power.max()
     column = ao.FRF(F, values[:, :, :1], "accelerance", **sites, references=("tip",))
-    one = ao.from_frf(column, damping="viscous").site_modes().receptance(W)
+    one = ao.from_frf(column, damping="viscous", free=True).site_modes().receptance(W)
     assert np.median(np.abs(one[:, 1, 0] - exact[:, 1, 0]) / size) < 0.005
 
 
@@ -153,10 +154,10 @@ def test_noise_follows_from_the_coherence():
 def test_signs_and_places_that_are_no_driving_point_are_said():
     H = noisy(part())
     with pytest.warns(ao.AntioscWarning, match="sign"):
-        turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"))
+        turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
     assert turned.k0 > 0
     with pytest.warns(ao.AntioscWarning, match="beside"), suppress(ao.AccuracyError):
-        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"))
+        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 
 def test_modes_above_the_band_may_come_from_a_mesh():
@@ -164,7 +165,7 @@ def test_modes_above_the_band_may_come_from_a_mesh():
     C = float(np.sum(B[:, 0] ** 2 / OMEGA**2) + 1e-9)
     mesh = ao.from_free_modes(body.omega, body.b[:, 0], compliance=C)
     frf = ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance")
-    found = ao.from_frf(frf, above=mesh).modal()
+    found = ao.from_frf(frf, above=mesh, damping="viscous").modal()
     assert np.min(np.abs(found.omega / OMEGA[4] - 1)) < 0.05
     with pytest.raises(ao.InputError, match="no mode above"):
         ao.from_frf(frf, above=mesh.truncated(2))
@@ -190,7 +191,7 @@ def test_what_no_part_can_be_is_refused():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
         with pytest.raises(ao.AccuracyError, match="passive"):
-            ao.from_frf(ao.FRF(F, rubbish, "accelerance"))
+            ao.from_frf(ao.FRF(F, rubbish, "accelerance"), damping="viscous")
 
 
 def test_gauss_newton_meets_the_noise():

@@ -73,6 +73,7 @@ quantity = "stress"
 """
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
     pytest.importorskip("dolfinx")

@@ -86,6 +86,7 @@ def test_chatter_against_nine_stops_converges_with_the_tolerance() -> None:
     assert errors[2] < 1e-4
 
 
+@pytest.mark.slow
 def test_two_contacts_at_one_site_are_one_site_with_two_rows() -> None:
     omega, b = np.array([500.0]), np.array([[2.0]])
     body = ao.SiteModes(omega, b, ("tip",))
@@ -171,6 +172,7 @@ def test_residual_compliance_is_a_spring_in_series() -> None:
     assert hit.energy.drift < 1e-4
 
 
+@pytest.mark.slow
 def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
     """Four contacts that are coupled through a compliance without inertia, as stiff as they are."""
     coupling = 1e-7 * (np.eye(4) + 0.5)

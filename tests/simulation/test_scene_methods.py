@@ -109,6 +109,7 @@ def test_coupling_without_mass_and_a_preload(method: str) -> None:
         assert other.peak_force == pytest.approx(one.peak_force, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_ground_that_shakes() -> None:
     """The moving ground loads every mode, also in the other methods."""
     inertia = ao.Inertia(np.zeros(3), np.eye(6), np.array([[0, 0, 1.0, 0, 0, 0]]))

@@ -201,6 +201,7 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posed", SCENES)
 def test_sweeps_and_newtons_method_agree(
     posed: Callable[[], Posed], monkeypatch: pytest.MonkeyPatch

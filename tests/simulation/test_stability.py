@@ -201,7 +201,7 @@ class TestRuns:
         assert hit.status == TOUCHING
         assert hit.peak_force == pytest.approx(truth.peak_force, rel=6e-3)
 
-    @pytest.mark.sample
+    @pytest.mark.slow
     @pytest.mark.parametrize("speed", [0.3, 0.6, 0.8])
     def test_chosen_steps_keep_the_tolerance(self, speed):
         """Steps in a window show as an error of the force, and are refused."""

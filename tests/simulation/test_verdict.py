@@ -200,6 +200,7 @@ class TestChoiceOfN:
             )
         }
 
+    @pytest.mark.slow
     def test_a_massless_point_under_a_damped_law_is_left_to_the_exact_method(self):
         model, striker = case_two(12)
         law = ao.HuntCrossley(HERTZ, 0.7)

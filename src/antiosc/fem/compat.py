@@ -103,6 +103,22 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
     ]
 
 
+def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
+    """Name the coordinate element of a mesh as FFCx 0.5 does when it compiles its first form.
+
+    The name is part of the signature of a form. Named that late, the second form of a mesh would
+    have one signature in the process that compiles the first, and another one in the next process,
+    which would compile it again.
+    """
+    if DOLFINX < (0, 8):
+        domain = mesh.ufl_domain()
+        element = domain.ufl_coordinate_element()
+        if element.sub_elements()[0].variant() is None:
+            family, cell, degree = element.family(), element.cell(), element.degree()
+            points = ufl.FiniteElement(family, cell, degree, variant="equispaced")
+            domain._ufl_coordinate_element = ufl.VectorElement(points)
+
+
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     geometry = mesh.geometry

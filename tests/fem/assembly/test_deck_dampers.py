@@ -59,7 +59,7 @@ def structure(folder, text: str) -> ao.Structure:
     return ao.read_model(path, "mm" if text.startswith("*") else "m")
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("case", DECKS)
 def test_a_damper_to_the_ground_gives_its_ratios(case, tmp_path):
     text = DECKS[case]

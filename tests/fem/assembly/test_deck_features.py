@@ -65,7 +65,7 @@ BARS = [
 ]
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("name", table(BARS))
 def test_a_bar_is_as_stiff_as_its_elements_are_filled(name):
     check(name, 2 * RHO, E / 2, (0.0, 0.0, 2.0), (0, 0, 1))

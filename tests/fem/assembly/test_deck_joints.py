@@ -65,7 +65,7 @@ def test_equations_between_a_set_and_a_node_are_one_for_each(tmp_path):
     assert k0(part) == pytest.approx(E * A / L, rel=1e-9)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("turning", ["", ", ROT NODE=200"])
 def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
     nodes = "*NODE\n100, .5, .5, 3.\n200, 0., 0., 0.\n"
@@ -80,6 +80,7 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_rotation_node_is_held_by_its_displacements(tmp_path):
     """Held against turning, the end of a column without contraction shears as a guided beam."""
     nodes = "*NODE\n100, .5, .5, 2.\n200, 0., 0., 0.\n"
@@ -362,6 +363,7 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_a_rod_on_a_middle_node_is_in_series_with_the_solid(tmp_path):
     """Its end is a vertex of the rod and the middle of an edge of the brick."""

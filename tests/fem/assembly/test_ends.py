@@ -70,7 +70,7 @@ ENDS = {
 }
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(ENDS))
 def test_an_end_sees_rigid_motions(layout, name):
     end, place, has = ENDS[name]

@@ -52,7 +52,7 @@ def hits() -> list[ao.History]:
     ]
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration", "rotation", "stress"])
 @pytest.mark.parametrize(("point", "name"), [((0.03, 0.004, 0.018), "left"),
                                              ((0.163, 0.017, 0.003), "right")])  # fmt: skip

@@ -245,6 +245,7 @@ SHEET = (
 )
 
 
+@pytest.mark.slow
 def test_thicknesses_at_nodes_are_those_of_the_elements(tmp_path):
     nodal = "*NSET,NSET=N,GENERATE\n1,4\n*NODAL THICKNESS\nN,.02\n5,.04\n6,.04\n"
     match = "the variation of the thickness within 1 elements"

@@ -79,6 +79,7 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
     assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_hinged_beams_by_the_transfer_matrix():
     """A cantilever, a hinge at its end, and a beam to a pin: roots of a 4 × 4 determinant."""
     slender = ao.Beam(E, NU, 2700.0, BEAM.section, orientation=(0, 0, 1), shear=False)
@@ -185,6 +186,7 @@ def test_a_slider_and_a_ball_transmit_what_they_should():
         assert np.abs(u[inner.rows]).max() < 1e-9 * np.abs(u).max()
 
 
+@pytest.mark.slow
 def test_rigid_faces_and_means_of_faces():
     """A post between two plates' faces: RBE2 is stiffer than RBE3, by the strain of the face."""
     block = box((0, 0, 0), (0.1, 0.1, 0.05), (4, 4, 2))
@@ -269,6 +271,7 @@ def test_an_assembly_of_one_part_is_the_part():
     assert low == pytest.approx(same, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_bolt_is_a_beam():
     """A cantilever of which a piece is a Bolt: static stiffness exact, mass and low modes near."""
     inner = ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP])
@@ -299,6 +302,7 @@ def test_the_matrices_of_a_bolt_know_rigid_motions():
     assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_bushings_are_springs_in_series():
     """Two halves joined by springs: compliances add up at the joint."""
     stiffness = {"x": 1e5, "y": 2e4, "z": 3e4, "rx": 50.0, "ry": 80.0, "rz": 90.0}

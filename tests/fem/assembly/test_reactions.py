@@ -81,6 +81,7 @@ def test_supports_on_both_sides_of_a_joint():
     assert all(np.abs(f[:, 1]).max() > 0.1 * hit.peak_force for f in found.force.values())
 
 
+@pytest.mark.slow
 def test_a_turned_part_on_points_and_joints():
     """A bar that stands askew, on a hinge to ground, a spider and a bushing to a held point."""
     bar = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (6, 2, 2)), SOLID, order=1)

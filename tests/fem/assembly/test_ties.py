@@ -172,6 +172,7 @@ def test_a_bracket_cut_in_two_and_tied():
         assert abs(ours / theirs - 1) < max(abs(worse / theirs - 1), 2e-3)
 
 
+@pytest.mark.slow
 def test_a_gap_is_bridged_without_holding_rotations():
     """Two blocks 1 mm apart: the free pair has six rigid motions, and its mass."""
     left = ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.1), (2, 2, 2)), SOLID)

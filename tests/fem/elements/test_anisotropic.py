@@ -28,6 +28,7 @@ def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
     return ao.extract(part, ao.Site(point, direction), n=3).k0
 
 
+@pytest.mark.slow
 def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     mesh = parts.box()
     plain = ao.Structure(mesh, ao.Solid(E, NU, RHO), ao.Support("left"))

@@ -80,7 +80,7 @@ def test_order_of_convergence(name, order, rate):
             assert rates.max() < rate + 0.25, found
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_first_frequencies_of_the_classical_element(name):
     """Linear elements, as in the article: 50 of them are within 3 % on three anti-oscillators."""

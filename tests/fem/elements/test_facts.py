@@ -37,6 +37,7 @@ def arc() -> ao.Mesh:
     return ao.read_mesh(mesh)
 
 
+@pytest.mark.slow
 def test_boxes_and_thicknesses():
     block = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
     assert block.dimensions == pytest.approx((0.3, 0.2, 0.1))
@@ -64,6 +65,7 @@ def test_widths_of_beams_and_bars_are_those_of_rectangles():
     assert truss.dimensions == pytest.approx((1.0, 0.02, 0.02))
 
 
+@pytest.mark.slow
 def test_constants_are_those_of_the_first_material():
     soft = ao.Solid(1e9, 0.4, 1000.0)
     mesh = halves(box((2, 1, 1), (0.2, 0.1, 0.1)), 0.1)

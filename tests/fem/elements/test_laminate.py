@@ -116,7 +116,7 @@ PLATES = [
 ]
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("angles", "supports"), PLATES)
 @pytest.mark.parametrize("h", [pytest.param(0.1, marks=pytest.mark.slow), 0.01])
 @pytest.mark.parametrize("cell", CELLS)
@@ -161,7 +161,7 @@ def test_isotropic_layers_are_a_shell(cell):
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS)
 def test_angles_count_from_the_axis_about_the_normal(cell):
     """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
@@ -249,6 +249,7 @@ def test_sides_end_where_three_sheets_meet():
     assert part.rigid_modes.shape[1] == 6
 
 
+@pytest.mark.slow
 def test_an_axis_as_a_function():
     """Around a cylinder, which no vector is, 0° is what 90° (or −90°) is from the axis along it."""
     mesh = sheet((2, 6), lambda s, v: (s, np.sin(2 * v), np.cos(2 * v)))

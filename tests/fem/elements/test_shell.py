@@ -127,6 +127,7 @@ def test_frequencies_converge_with_the_fourth_order(cell, t):
     assert fine < 1.5e-3
 
 
+@pytest.mark.slow
 def test_a_plane_mesh_and_one_in_space_make_the_same_plate():
     flat, space = plate(5, 1e-2, gdim=2), plate(5, 1e-2)
     assert frequencies(flat, 3) == pytest.approx(frequencies(space, 3), rel=1e-9)
@@ -142,7 +143,7 @@ def test_clamped_square_deflects_as_timoshenkos(cell):
     assert y[dof(structure, (0.5, 0.5, 0), "z")] * D == pytest.approx(0.001265, rel=5e-3)
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [0.2, 1e-3])
 def test_clamped_circle_under_pressure(t, tmp_path):
     """Mindlin: q R⁴/64D + q R²/4κGt at the centre; a curved mesh of a quarter."""
@@ -225,7 +226,7 @@ def test_scordelis_lo_roof(cell, order):
 
 
 # The benchmark has units of its own.
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*units are SI")
 @pytest.mark.parametrize(("cell", "order"), SHELLS)
 def test_pinched_cylinder(cell, order):
@@ -248,7 +249,7 @@ def test_pinched_cylinder(cell, order):
     assert loaded(structure, {place: 0.25})[place] == pytest.approx(1.8248e-5, rel=2e-2)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize(("cell", "order"), [(cell, 2) for cell in CELLS])
 def test_hemisphere_with_a_hole(cell, order):
     """Alternating loads at the equator: 0.094 (MacNeal & Harder 1985), 0.0935 in later work."""
@@ -291,7 +292,7 @@ def fluegge(m, n, R, L, t):
     return np.sqrt(value * E / (RHO * (1 - NU**2))) / R
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize(("cell", "order"), [("triangle", 2), ("quadrilateral", 2)])
 def test_cylinder_between_diaphragms(cell, order):
     """A quarter cylinder panel, its straight edges held as nodal lines of n = 2, 4, …"""

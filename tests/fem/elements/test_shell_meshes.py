@@ -224,6 +224,7 @@ def test_patch_compliance_is_mindlins(n, radius):
     assert found == pytest.approx(exact, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_the_default_radius_is_the_thickness():
     structure = plate(12, 0.1)
     site = ao.Site((0.45, 0.4, 0), (0, 0, 1))
@@ -287,7 +288,7 @@ def test_thin_plate_anti_oscillators_are_kirchhoffs(point, cell):
     assert model.m == pytest.approx(exact.m, rel=5e-3)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.35, 0.3)])
 def test_constraint_modes_are_counted(point):
     """A mode that the site does not see, or the rest of a repeated one, is a constraint mode too.

@@ -108,7 +108,7 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
 
 
 @pytest.mark.parametrize("p", [1, 2])
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [0, 1])
 def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     K, M = loose_chains((80,), held, rng)

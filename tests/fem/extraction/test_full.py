@@ -69,7 +69,7 @@ def test_full_is_the_direct_solution(plate):
     np.testing.assert_allclose(model.dynamic_stiffness(omega) * H.real, 1, rtol=1e-5)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 def test_static_correction_makes_the_rest_static(plate):
     """With it the receptance errs as ω² beyond the modes kept; without, by a constant."""
     part, site = plate

@@ -221,7 +221,7 @@ def called_directly():
     return results()
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize("change", REASONS)
 def test_a_library_that_is_not_as_known_is_left_to_petsc(
     change, called_directly, monkeypatch, forgotten

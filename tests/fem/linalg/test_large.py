@@ -49,6 +49,7 @@ def test_iterative_and_direct_agree(supports):
     np.testing.assert_allclose(b.omega, a.omega, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
     part = block(n=(10, 6, 4))
     plan = solver_choice.Plan(part.K)

@@ -58,7 +58,7 @@ def test_a_closed_surface_is_filled(tmp_path):
     assert (sheet.cell, sheet.n_cells) == ("triangle", 12)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".geo", ".brep"])
 def test_geometries_without_a_unit_of_their_own_take_one(tmp_path, suffix):
     """A cube of 10 mm, refined at a corner, in gmsh's script and in OpenCASCADE's own format."""

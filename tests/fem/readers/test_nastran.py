@@ -134,6 +134,7 @@ def test_what_would_change_the_answer_is_refused(tmp_path, case):
         ao.read_model(path)
 
 
+@pytest.mark.slow
 def test_a_layered_plate_is_the_laminate(tmp_path):
     text = (
         GRIDS

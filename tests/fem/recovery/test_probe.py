@@ -120,6 +120,7 @@ def test_a_superposition_gives_them_too(sheet):
     assert max(worst.values()) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_body_of_a_scene(sheet):
     part, times, solved = sheet
     scene = ao.Scene(
@@ -230,7 +231,7 @@ def test_section_forces_of_a_plane_beam():
     np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*patch")
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_a_stiffener_takes_its_share_of_the_moment(cell):

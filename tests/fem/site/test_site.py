@@ -81,7 +81,7 @@ def test_displacement_of_any_point_in_the_plane(cell):
         assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_curved_cells(tmp_path, cell):
     """On cells of order 2 a linear field is exact at every point of the bent cube."""

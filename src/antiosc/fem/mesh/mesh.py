@@ -40,6 +40,7 @@ class Mesh(Brief):
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
         instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
         instance("name", self.name, str, "a text")
+        compat.name_coordinates(self.dolfinx)
 
     @property
     def comm(self) -> MPI.Comm:
