@@ -91,6 +91,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return replace(self, bars=bars)
 
     @property
+    def causes(self) -> tuple[str, ...]:
+        """Those that are told: noise and band of a measured model alone."""
+        bars = self.bars.values()
+        return tuple(c for c in CAUSES if c not in MEASURED or any(getattr(b, c) for b in bars))
+
+    @property
     def worst(self) -> float:
         """Largest total of the three quantities."""
         return max(bar.total for bar in self.bars.values())
@@ -103,9 +109,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name, bar in self.bars.items():
-            shares = {cause: getattr(bar, cause) for cause in CAUSES}
-            told = [c for c, share in shares.items() if share or c not in MEASURED]
-            causes = ", ".join(f"{cause} {_percent(shares[cause])}" for cause in told)
+            causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in self.causes)
             value = f"{bar.value:.5g} {QUANTITIES[name]}"
             lines.append(f"{name} {value} ± {_percent(bar.total)} %: {causes}")
         return "\n".join([*lines, *self.notes])
