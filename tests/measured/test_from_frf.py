@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.measured.from_frf import anti_oscillators
 from antiosc.measured.gauss_newton import Measured, refined
 from antiosc.measured.modes import Modes, Tail
+from antiosc.models.model_info import ModelInfo
 
 F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F
@@ -202,3 +204,28 @@ def test_gauss_newton_meets_the_noise():
     data = Measured(W, H[:, None], [(0, 0)], 1, np.abs(H[:, None]) * 0.01, 0)
     _, _, chi2 = refined(data, 1 / data.sigma, true, 20)
     assert chi2 == pytest.approx(1.0, abs=0.15)
+
+
+def test_fitted_bodies_become_passive_models():
+    """Of one site and of two, supported and free: the model has the receptance of the body."""
+    random = np.random.default_rng(0)
+    for k in range(24):
+        p, J = 1 + k % 2, int(random.integers(1, 12))
+        omega = np.sort(10 ** random.uniform(2, 4, J))
+        body = Modes(
+            omega,
+            10 ** random.uniform(-2.5, -1, J),
+            random.standard_normal((J, p)),
+            Tail(np.zeros(0), np.zeros(0), np.zeros((0, p)), np.zeros(0)),
+            np.tril(random.uniform(0.5, 1.0, (p, p))) * 1e-5,
+            np.tril(random.uniform(0.5, 1.0, (p, p))) if k % 3 == 0 else None,
+        )
+        made = anti_oscillators(body, ("a", "b")[:p] if p > 1 else (), ModelInfo())
+        modes = made.site_modes() if p > 1 else made.modal()
+        w = np.geomspace(1e-2, 100.0, 300) * omega[-1]
+        H = modes.receptance(w).reshape(-1, p, p)
+        pairs = [(m, n) for m in range(p) for n in range(p)]
+        exact = body.receptance(w, pairs).reshape(-1, p, p)
+        assert np.abs(H - exact).max() < 1e-5 * np.abs(exact).max()
+        power = (1j * w[:, None, None] * H).real
+        assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()

@@ -232,12 +232,12 @@ def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOs
     values, vectors = np.linalg.eigh(r)
     values = np.maximum(values, LEAST_RESIDUAL * float(np.abs(r).max()))
     stiff = (vectors / values) @ vectors.T
-    X = np.diag(omega**2)
-    held = X + b @ stiff @ b.T
-    x, shapes = np.linalg.eigh(held)
-    S = shapes @ (shapes.T @ (b @ stiff) / x[:, None])
+    # singular values of a root of the stiffness: its eigenvalues would lose the low modes
+    root = np.hstack((np.diag(omega), b @ (vectors / np.sqrt(values))))
+    shapes, own, _ = np.linalg.svd(root, full_matrices=False)
+    S = shapes @ (shapes.T @ (b @ stiff) / own[:, None] ** 2)
     left = np.eye(len(r)) - b.T @ S
-    k0 = S.T @ X @ S + left.T @ stiff @ left
+    k0 = S.T @ (omega[:, None] ** 2 * S) + left.T @ stiff @ left
     return AntiOscillators(
-        m0=np.zeros_like(r), k0=(k0 + k0.T) / 2, P=S.T @ shapes, omega=np.sqrt(x), sites=sites
+        m0=np.zeros_like(r), k0=(k0 + k0.T) / 2, P=S.T @ shapes, omega=own, sites=sites
     )
