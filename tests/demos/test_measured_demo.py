@@ -10,6 +10,7 @@ from paths import demo
 pytest.importorskip("matplotlib")
 
 
+@pytest.mark.slow
 def test_measured_part(tmp_path):
     found = demo("measured_part").main(top=6e3, lines=500, out=tmp_path)
     assert abs(found["peak error"]) < 0.02
