@@ -66,6 +66,7 @@ RESULTS = {
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
     "ForceComparison",
+    *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -269,6 +270,14 @@ def many_falls() -> Any:
     return fall(ensemble=ao.Tilts(height=0.01), n=2)
 
 
+def square(x: float) -> float:
+    return x * x
+
+
+def spread() -> Any:
+    return ao.monte_carlo(square, {"x": ao.normal(0.0, 1.0)}, 60)
+
+
 def scene() -> Any:
     block = ao.RigidBody(0.1, np.full(3, 1e-4), {"foot": ((0, 0, 0.01), (0, 0, -1))})
     return ao.Scene(
@@ -444,6 +453,11 @@ OWN: dict[str, dict[str, Any]] = {
     "contact_at": {"part": part, "point": (0.05, 0.05, 0.02), "radius": 0.01},
     "Tilts": {"sigma": 2.0},
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
+    "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
+    "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
+    "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
+    "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},
+    "Sample.exceedance": {"quantity": "value", "limit": 0.5}, "Sample.plot": {"quantity": "value"},
     "Fall.acceleration": {"times": [0.0, 0.01]},
     "Drops.quantile": {"quantity": "peak_force", "q": 0.5},
     "ModalState": {"displacements": [0.0, 1e-6], "velocities": [1.0, 0.0]},
@@ -521,7 +535,8 @@ SELVES: dict[str, Callable[[], Any]] = {
         history(), (history().time, history().force)
     ),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
-    "Fall": fall, "Drops": many_falls,
+    "Fall": fall, "Drops": many_falls, "Sample": spread,
+    "Sensitivity": lambda: spread().sensitivity("value"),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

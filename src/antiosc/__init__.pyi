@@ -252,6 +252,21 @@ from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
 )
+from antiosc.studies.chance.inputs import (
+    lognormal as lognormal,
+    normal as normal,
+    uniform as uniform,
+)
+from antiosc.studies.chance.monte_carlo import (
+    monte_carlo as monte_carlo,
+)
+from antiosc.studies.chance.quantiles import (
+    Quantile as Quantile,
+)
+from antiosc.studies.chance.sample import (
+    Sample as Sample,
+    Sensitivity as Sensitivity,
+)
 from antiosc.studies.drops.drop import (
     drop as drop,
 )
