@@ -187,6 +187,12 @@ def test_unsound_measurements_are_refused(change):
         ao.FRF(**(sound | change))
 
 
+def test_more_lines_than_can_be_fitted_are_refused():
+    many = ao.FRF(np.arange(1.0, 100_002.0), np.ones(100_001) + 0j, "mobility")
+    with pytest.raises(ao.InputError, match="band"):
+        ao.from_frf(many)
+
+
 def test_what_no_part_can_be_is_refused():
     random = np.random.default_rng(0)
     rubbish = random.standard_normal((F.size, 2)) @ [1, 1j]

@@ -21,6 +21,8 @@ from antiosc.models.modal import Damping
 from antiosc.models.model_info import MeasuredBand, ModelInfo
 
 DampingForm = Literal["viscous", "hysteretic"]
+#: Most values that are fitted.
+MOST_FITTED = 100_000
 #: chi^2 over the degrees of freedom above which a warning says that the fit is poor.
 POOR = 2.0
 #: Median |H - fit| over |H| above which a measurement is refused, and from which it is told.
@@ -99,6 +101,11 @@ def from_frf(
 def _data(frf: FRF) -> Measured:
     """The measurement as it is fitted."""
     size, w = max(len(frf.sites), 1), 2 * np.pi * frf.frequency
+    if frf.values.size > MOST_FITTED:
+        raise InputError(
+            f"the band holds {frf.values.size} values, more than the {MOST_FITTED} that can be"
+            " fitted: take a narrower band, fewer sites, or every second line."
+        )
     pairs: Pairs = frf.pairs
     if not any(m == n for m, n in pairs):
         raise InputError("no reference is among the sites: one driving point is needed.")

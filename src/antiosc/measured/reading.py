@@ -17,7 +17,7 @@ from antiosc.measured import uff
 from antiosc.measured.frf import AVERAGES, FRF, Quantity
 
 #: Largest file that is read, bytes.
-LARGEST_FILE = 500_000_000
+LARGEST_FILE = 100_000_000
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
     "f": "frequency", "re": "real", "im": "imag", "mag": "magnitude", "abs": "magnitude",
