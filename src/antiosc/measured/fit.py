@@ -261,7 +261,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
 
 def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
     """Bodies with other tails among those expected; seeded by the number of modes."""
-    random = np.random.default_rng(fit.modes.seen + len(fit.tails))
+    random = np.random.default_rng(fit.modes.seen)
     found = []
     for _ in range(max(STARTS // data.sites, 1)):
         tail = drawn(fit.modes.tail, float(data.w[-1]), random)
