@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
@@ -107,4 +108,5 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
     """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
-    return float(np.nan_to_num(max(slopes), posinf=0.0))
+    steepest = float(max(slopes))
+    return steepest if isfinite(steepest) else 0.0

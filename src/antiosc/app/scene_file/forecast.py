@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi
+from collections.abc import Mapping
+from math import pi, sqrt
 from typing import Any
 
 from antiosc.app.scene_file.group_names import outlines
@@ -15,6 +16,8 @@ from antiosc.simulation.compared_impact import COARSEST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL
 from antiosc.studies.advice import advise
+from antiosc.studies.drops.body import MODES
+from antiosc.studies.drops.drop import GRAVITY
 
 
 def text(scene: Compiled) -> str:
@@ -25,6 +28,8 @@ def text(scene: Compiled) -> str:
         rows += _of_structure(found)
     rows += [(f"box of {one.name}", one.text()) for one in outlines(scene)]
     rows += _of_model(scene, found)
+    if scene.fall is not None:
+        rows += _of_fall(scene.fall.arguments)
     if found.impactor is not None and found.contact is not None:
         rows += _of_impact(scene, found)
     rows += [("warning", sentence) for sentence in found.warnings]
@@ -72,6 +77,18 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
+
+
+def _of_fall(asked: Mapping[str, Any]) -> list[tuple[str, str]]:
+    height, gravity = asked["height"], asked.get("gravity", GRAVITY)
+    rows = [
+        ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
+        ("first touch", f"after {sqrt(2 * height / gravity):.4g} s"),
+        ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
+    ]
+    if "ensemble" in asked:
+        rows.append(("falls", f"{asked.get('n', 100)}"))
+    return rows
 
 
 def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:

@@ -162,8 +162,11 @@ def write(found: Results, target: Path) -> list[Path]:
             paths.append(target / "model.npz")
         if found.map is not None and wanted.fields:
             paths.append(found.map.write(target / "map.vtu"))
+        if found.worst is not None and wanted.fields:
+            paths.append(found.worst.write(target / "worst.vtu"))
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
+            shown |= {"fall": found.fall, "worst": found.worst}
             for name, one in shown.items():
                 if hasattr(one, "plot"):
                     paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
@@ -181,6 +184,8 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
     for k, (at, columns) in enumerate(probe_columns(found) if found.probes else ()):
         name = f"probes_{k + 1}.csv" if k else "probes.csv"
         tables.append((name, {"time (s)": at, **columns}))
+    if found.fall is not None:
+        tables.append(("fall.csv", result_tables.fall_columns(found.fall)))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
     if found.map is not None:
@@ -201,6 +206,14 @@ def _numbers_of(found: Results) -> dict[str, Any]:
     if found.history is not None:
         content["result"] = numbers(found.history)
         content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
+    if found.fall is not None:
+        content["fall"] = result_tables.fall_columns(found.fall)
+        content["fall"] |= {"status": getattr(found.fall, "status", "")}
+        content["accelerometers"] = {
+            n: vars(p) | {"g": p.g} for n, p in (found.peaks or {}).items()
+        }
+    if found.worst is not None:
+        content["worst"] = {found.worst.quantity: float(found.worst.values.max())}
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
     if found.map is not None:

@@ -71,6 +71,9 @@ def _sections(found: Results) -> list[tuple[str, list[Block]]]:
     hit, sections = found.history, []
     if hit is not None:
         sections.append(("Results", [*_results(hit), tables.probe_rows(found)]))
+    if found.fall is not None:
+        blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
+        sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
     if found.batch is not None:
         sections.append(("Sweep", [tables.sweep_columns(found)]))
     if found.map is not None:

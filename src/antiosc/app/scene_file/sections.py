@@ -145,6 +145,21 @@ SECTIONS: dict[str, Section] = {
         "the same impact at many points of the surface",
         given="structure impactor contact",
     ),
+    "drop": Section(
+        "table",
+        "drop",
+        "the fall of the structure from a height onto a floor, in place of an impact",
+        given="part executor",
+    ),
+    "accelerometers": Section(
+        "named",
+        "Fall.peak",
+        "points of a fall whose peak acceleration is told",
+        given="self quantity",
+    ),
+    "worst": Section(
+        "table", "Fall.worst", "the largest stress of a fall at every node", given="self"
+    ),
     "probes": Section("named", "probe", "points whose motion is written", given="structure"),
     "output": Section("table", "output", "the files that are written"),
 }

@@ -18,7 +18,8 @@ from antiosc.simulation.executors import returned
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.flight import State, turned
+from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.rotation import turned
 
 if TYPE_CHECKING:
     from antiosc.studies.drops.fall import Fall
