@@ -65,6 +65,7 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
+    "ForceComparison",
     *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -238,6 +239,24 @@ def part() -> Any:
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
 
 
+def frf_values() -> Any:
+    iw = 2j * np.pi * np.arange(1.0, 41.0)
+    return 1 / (1e4 + 4.0 * iw + iw**2)
+
+
+@functools.cache
+def frf() -> Any:
+    return ao.FRF(np.arange(1.0, 41.0), frf_values(), "receptance")
+
+
+@functools.cache
+def frf_file() -> str:
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.csv")
+    H = frf_values()
+    np.savetxt(path, np.column_stack([np.arange(1.0, 41.0), H.real, H.imag]))
+    return path
+
+
 def inertia() -> Any:
     return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
 
@@ -391,6 +410,14 @@ OWN: dict[str, dict[str, Any]] = {
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
+    "FRF": {
+        "frequency": np.arange(1.0, 41.0), "values": frf_values, "quantity": "receptance",
+    },
+    "FRF.within": {"band": (5.0, 35.0)}, "FRF.without_sensor": {"mass": 1e-3},
+    "from_frf": {"frf": frf, "damping": "viscous"},
+    "read_frf": {"path": frf_file, "quantity": "receptance"},
+    "compare": {"hit": history, "measured": lambda: (history().time + 0.1, history().force)},
+    "ForceComparison.plot": {"path": "over.png"},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0},
     "resolved_frequency": {
@@ -506,6 +533,9 @@ SELVES: dict[str, Callable[[], Any]] = {
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "SiteModes": lambda: two_sites().site_modes(),
     "ReducedMatrices": lambda: model().to_matrices(),
+    "FRF": frf, "ForceComparison": lambda: ao.compare(
+        history(), (history().time, history().force)
+    ),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
     "Fall": fall, "Drops": many_falls, "Sample": spread,
     "Sensitivity": lambda: spread().sensitivity("value"),

@@ -123,6 +123,19 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
+from antiosc.measured.compare import (
+    ForceComparison as ForceComparison,
+    compare as compare,
+)
+from antiosc.measured.frf import (
+    FRF as FRF,
+)
+from antiosc.measured.from_frf import (
+    from_frf as from_frf,
+)
+from antiosc.measured.reading import (
+    read_frf as read_frf,
+)
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
 )

@@ -31,6 +31,7 @@ from antiosc.simulation.coupled_dampers import refuse_coupling
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.history import History
+from antiosc.simulation.measured_errors import warn_low_band
 from antiosc.simulation.refinement import check_range, solved
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.two_bodies import LAW, check_span, pose
@@ -133,6 +134,7 @@ def simulate(
     verdict.tell()
     tell_rotation(*history.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
+    warn_low_band(history)
     return history
 
 

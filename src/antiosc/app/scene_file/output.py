@@ -20,7 +20,6 @@ from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models.body import places_of
-from antiosc.simulation.error_bars import CAUSES
 from antiosc.simulation.history import SceneHistory
 
 
@@ -102,7 +101,7 @@ def numbers(history: Any) -> dict[str, Any]:
     """The results of one run as JSON values; SI units."""
     budget = result_tables.error_budget(history)
     bars = {
-        name: {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
+        name: {cause: getattr(bar, cause) for cause in (*budget.causes, "total")}
         for name, bar in budget.items()
     }
     return history.numbers() | ({"error_budget": bars} if bars else {})

@@ -63,7 +63,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
             needed = given.default is given.empty
             default = None if needed else given.default
-            check = CHECKS.get(name) if checked else None
+            check = CHECKS.get(f"{function}.{name}", CHECKS.get(name)) if checked else None
             about = described.get(name, "")
             found[name] = Parameter(name, kinds, needed, default, about, check)
     return found
@@ -156,8 +156,8 @@ def _of(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
-#: Parameter of a function -> the check of its value. A function checks its values when it runs,
-#: which is too late for a file that is only looked at.
+#: Parameter, or function and parameter, -> the check of its value. A function checks its values
+#: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
     **dict.fromkeys(("duration", "step", "timeout"), _of("s")),
     **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _of("m")),
@@ -175,5 +175,11 @@ CHECKS: dict[str, Check] = {
     "times": checks.filled,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _unit,
+    "from_frf.band": functools.partial(checks.array, shape=(2,)),
+    "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
+    "read_frf.quantity": functools.partial(
+        checks.choice, options=("receptance", "mobility", "accelerance")
+    ),
+    "read_frf.unit": checks.positive,
     "until": _until,
 }

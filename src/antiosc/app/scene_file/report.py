@@ -18,7 +18,7 @@ from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError
-from antiosc.simulation.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.results import covers
 from antiosc.studies.advice import advise
 
@@ -117,7 +117,7 @@ def _errors(history: Any) -> list[Block]:
         return [rows]
     columns: dict[str, Any] = {"Error budget": [name.replace("_", " ") for name in budget]}
     columns["value"] = [f"{bar.value:.5g} {QUANTITIES[name]}" for name, bar in budget.items()]
-    for cause in (*CAUSES, "total"):
+    for cause in (*budget.causes, "total"):
         columns[cause] = [f"{100 * getattr(bar, cause):.2g} %" for bar in budget.values()]
     return [rows, columns, *budget.notes]
 

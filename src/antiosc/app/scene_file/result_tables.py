@@ -104,7 +104,7 @@ def model_rows(model: Any) -> Rows:
     return [*rows, ("antiresonances", f"{first or 'none'}{more} Hz")]
 
 
-def error_budget(history: Any) -> Mapping[str, Any]:
+def error_budget(history: Any) -> Any:
     """The error budget of a history; empty where it has none."""
     try:
         budget = getattr(history, "error_budget", None)

@@ -23,6 +23,7 @@ DOING = {
         ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
     ),
     **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
+    "from_frf": "fitting the measurement",
     **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
     "simulate_many": "simulating the sweep",
     "impact_map": "mapping the surface",

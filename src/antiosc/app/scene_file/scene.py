@@ -13,7 +13,7 @@ from typing import Any
 from antiosc.app.scene_file import fall, impact, struck, studies
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.read import Document
-from antiosc.app.scene_file.sections import SECTIONS
+from antiosc.app.scene_file.sections import MODELS, SECTIONS
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def compiled(document: Document) -> Compiled:
         of_probes = Call(_structure, {"history": history})
     probes = build.named("probes", {"structure": of_probes, "history": history})
     if "probes" in build.data and (
-        source in ("", "model") or not {"simulate", "run", "strike"} & set(build.data)
+        source in ("", *MODELS) or not {"simulate", "run", "strike"} & set(build.data)
     ):
         build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
     batch = studies.sweep(build, model, impactor, contact)

@@ -107,6 +107,8 @@ SECTIONS: dict[str, Section] = {
         given="parts joints at points supports attached",
     ),
     "model": Section("table", "AntiOscillators.load", "a reduced model that antiosc has saved"),
+    "frf": Section("table", "read_frf", "measured frequency responses in place of a structure"),
+    "from_frf": Section("table", "from_frf", "the model of a measurement", given="frf"),
     "sites": Section("named", "Site", "where the structure is struck"),
     "extract": Section("table", "extract", "the reduction to a model", given="structure site"),
     "impactor": Section("table", IMPACTORS, "what strikes the structure"),
@@ -162,6 +164,8 @@ SECTIONS: dict[str, Section] = {
     "output": Section("table", "output", "the files that are written"),
 }
 #: Sections of which exactly one says what is struck.
-SOURCES = ("geometry", "deck", "matrices", "parts", "model")
+SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
+#: Those that have no structure: their model has its own sites.
+MODELS = ("model", "frf")
 #: Sections whose values a sweep may vary.
 VARIED = ("impactor", "contact", "simulate")
