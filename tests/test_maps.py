@@ -60,6 +60,7 @@ def at(structure: ao.Structure, where: str, i: int, **options) -> ao.Site:
     return ao.Site(vector=sites.loads[:, i].toarray()[:, 0])
 
 
+@pytest.mark.slow
 def test_bound_against_direct_extraction(steel, mapped):
     sites = range(0, len(mapped), 5)
     direct = ao.extract(steel, [at(steel, "top", i) for i in sites], n=60)

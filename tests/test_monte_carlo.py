@@ -42,6 +42,7 @@ def test_the_force_of_a_blow_is_lognormal():
     assert "400" in repr(many)
 
 
+@pytest.mark.slow
 def test_bars_of_quantiles_and_probabilities_cover():
     rng = np.random.default_rng(1)
     inside = []

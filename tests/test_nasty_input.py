@@ -42,7 +42,7 @@ QUICK = settings(
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )
-LARGE = settings(QUICK, max_examples=50)
+LARGE = settings(QUICK, max_examples=25)
 
 
 @pytest.fixture(autouse=True)

@@ -38,7 +38,7 @@ def coarse(cell: str = "triangle") -> ao.Mesh:
     return plate((6, 2), (0.3, 0.1), cell)
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "tol"), [(1, 0.005), (2, 0.001)])
 def test_the_tolerance_is_met(order, tol, true):
     hit = ao.strike(coarse(), SITE, *IMPACT, tol=tol, material=SHEET, supports=HELD, order=order)

@@ -29,6 +29,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> ao.Structure:
     return ao.Structure(mesh, ALUMINIUM)
 
 
+@pytest.mark.slow
 def test_the_trial_job(case: ao.Structure, tmp_path: Path) -> None:
     floor = ao.Floor(ao.Solid(E=30e9, nu=0.2, rho=2400.0), friction=0.3)
     fall = ao.drop(case, height=1.0, tilt=(10, 5, 0), floor=floor, until=2, modes=12)

@@ -242,6 +242,7 @@ def test_mpcs_hold_unless_a_case_control_selects_others(tmp_path):
     assert k0(free) < 0.9 * E * A / L
 
 
+@pytest.mark.slow
 def test_an_rbe2_is_a_rigid_body(tmp_path):
     reference = "*NODE\n100, .5, .5, 3.\n*NSET, NSET=TOP\n9,10,11,12\n"
     rigid = reference + "*RIGID BODY, NSET=TOP, REF NODE=100\n"

@@ -39,7 +39,7 @@ def table(supports: list[ao.Support]) -> ao.Structure:
     )
 
 
-@pytest.mark.sample(-1)
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
 def test_it_is_the_same_structure(monkeypatch, supports):
     dense = table(supports)

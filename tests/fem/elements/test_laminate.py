@@ -152,7 +152,7 @@ def test_an_isotropic_section_stands_for_its_own_thickness():
 # --- axes, angles and sides -------------------------------------------------------------------
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS)
 def test_isotropic_layers_are_a_shell(cell):
     thirds = [ao.Layer.isotropic(E, NU, RHO, t) for t in (2e-3, 5e-3, 3e-3)]

@@ -153,7 +153,7 @@ def test_massless_dofs_are_a_compliance():
     assert full.weight is None
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 def test_same_impact_from_both_routes(plate):
     part, site = plate
     full = ao.full(part, site)
