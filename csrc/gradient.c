@@ -125,7 +125,7 @@ static void to_load(int J, const double *restrict R, const double *restrict by_q
     }
 }
 
-/* From derivatives by the state after t to those by the state at the start, by omega and decay. */
+/* From derivatives by the state after t to those by the state at the start, by omega^2 and decay. */
 static void to_start(const adjoint *a, const double *restrict R, const double *restrict D,
                      const double *restrict q0, const double *restrict v0,
                      const double *restrict by_q, const double *restrict by_v) {
@@ -133,7 +133,7 @@ static void to_start(const adjoint *a, const double *restrict R, const double *r
     const double *restrict omega = a->st->system.omega, *restrict decay = a->st->system.decay;
     const double *restrict g = a->load;
     double *restrict to_q = a->q0, *restrict to_v = a->v0;
-    double *restrict to_omega = a->out->omega, *restrict to_decay = a->out->decay;
+    double *restrict to_square = a->out->square, *restrict to_decay = a->out->decay;
     for (int j = 0; j < J; j++) {
         double Q = by_q[j], V = by_v[j], x = omega[j] * omega[j], d = decay[j], S = R[2 * J + j];
         double q = q0[j], v = v0[j], g0 = g[j], g1 = g[J + j], g2 = g[2 * J + j], slope[2];
@@ -148,7 +148,7 @@ static void to_start(const adjoint *a, const double *restrict R, const double *r
             slope[k] = Q * (P * q + s * v + j0 * g0 + j1 * g1 + j2 * g2) +
                        V * (W * v - back * q + s * g0 + j0 * g1 + j1 * g2);
         }
-        to_omega[j] += 2.0 * omega[j] * slope[0];
+        to_square[j] += slope[0];
         to_decay[j] += slope[1];
     }
 }
@@ -495,6 +495,28 @@ static void undo_touch(adjoint *a, const aom_exit *e, const double *state) {
     a->out->grazing = smaller(a->out->grazing, fabs(rate) / a->fastest);
 }
 
+/* The branch and the memory of a contact before an exit. */
+static void restore(aom_stepper *st, const aom_exit *e) {
+    contact_state *contact = st->contacts + (int)e->contact;
+    contact->branch = (int)e->before[0];
+    memcpy(contact->memory, e->before + 1, 3 * sizeof(double));
+}
+
+/* The last step that a goal depends on, or -1. */
+static int64_t last_step(const aom_record *run, const aom_goal *goal, int m) {
+    int64_t k = run->n_nodes / 2 - 1, r = goal->n_readings;
+    int64_t read = r > 0 ? goal->readings[r - 1].step : -1;
+    for (; k > read && goal->time[k + 1] == 0.0; k--) {
+        const double *f = goal->force + (2 * k + 1) * m;
+        int i = 0;
+        while (i < 2 * m && f[i] == 0.0)
+            i++;
+        if (i < 2 * m)
+            break;
+    }
+    return k;
+}
+
 /* Undo the exits at the start of step k; the one that ended the step before, or NULL. */
 static const aom_exit *undo_exits(adjoint *a, int64_t k) {
     aom_stepper *st = a->st;
@@ -502,13 +524,11 @@ static const aom_exit *undo_exits(adjoint *a, int64_t k) {
     for (; a->exits > 0 && a->run->exits[a->exits - 1].step >= (double)k; a->exits--) {
         const aom_exit *e = a->run->exits + a->exits - 1;
         int c = (int)e->contact;
-        contact_state *contact = st->contacts + c;
         if (!pressing((int)e->after[0]))
             a->now.force[c] = 0.0;
         undo_branch(&st->system.contacts[c].law, e, st->system.contacts[c].slowest, a->laws + c,
                     a->now.depth + c, a->now.rate + c);
-        contact->branch = (int)e->before[0];
-        memcpy(contact->memory, e->before + 1, 3 * sizeof(double));
+        restore(st, e);
         if (e->kind == 2.0)
             undo_touch(a, e, a->run->states + 2 * k * st->system.n_modes);
         if (e->kind == 1.0)
@@ -609,7 +629,10 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
         memcpy(contact->memory, e->after + 1, 3 * sizeof(double));
         a.fastest = larger(a.fastest, fabs(e->speed));
     }
-    for (int64_t k = run->n_nodes / 2 - 1; k >= 0; k--)
+    int64_t last = last_step(run, goal, m);
+    for (; a.exits > 0 && run->exits[a.exits - 1].step > (double)(last + 1); a.exits--)
+        restore(st, run->exits + a.exits - 1);
+    for (int64_t k = last; k >= 0; k--)
         if (!undo_step(&a, k))
             return AOM_STUCK;
     finish(&a);

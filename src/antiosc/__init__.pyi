@@ -13,6 +13,7 @@ from antiosc.base.errors import (
     MeshError as MeshError,
     MissingDependencyError as MissingDependencyError,
     NotConvergedError as NotConvergedError,
+    NotDifferentiableError as NotDifferentiableError,
     OutOfMemoryError as OutOfMemoryError,
 )
 from antiosc.base.stresses import (
@@ -256,6 +257,10 @@ from antiosc.studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
     contact_at as contact_at,
+)
+from antiosc.studies.gradients.gradient import (
+    Gradient as Gradient,
+    gradient as gradient,
 )
 from antiosc.studies.map_results import (
     ImpactMap as ImpactMap,

@@ -123,7 +123,7 @@ class Slopes(Structure):
     """`aom_slopes`"""
 
     _fields_ = [
-        *((name, c_void_p) for name in ("omega", "decay", "beta", "residual", "loads", "offsets")),
+        *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
         *((name, c_void_p) for name in ("laws", "q", "v")),
         ("grazing", c_double),
     ]

@@ -275,11 +275,11 @@ def run(
 class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
-    `laws` (p, 3): by the first parameters of the laws; `grazing`: the least speed at which a
+    `square` (J,): by omega^2. `laws` (p, 3): by the first parameters of the laws; `grazing`: the least speed at which a
     contact touches or parts, over the largest.
     """
 
-    omega: Array
+    square: Array
     decay: Array
     beta: Array
     residual: Array

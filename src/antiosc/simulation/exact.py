@@ -117,6 +117,7 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
         contacts,
         evaluations=found.attempts,
         diverged=found.answer == march.GREW,
+        march=(system, found),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,8 @@ class Trajectory:
     evaluations: int = 0
     failure: str = ""
     diverged: bool = False
+    #: the System and Run of the exact method
+    march: Any = None
 
     @cached_property
     def segments(self) -> list[Segment]:
