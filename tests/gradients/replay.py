@@ -141,7 +141,8 @@ def force(s: Inputs, branch: int, d: complex, rate: complex, memory: np.ndarray)
         whole = p[0] * np.exp(n * np.log(d))
         return whole * (1 + memory[0] * rate) if kind == march.DAMPED else whole
     deepest, turn = memory[:2]
-    if branch == march.FORWARD and d.real >= deepest.real:
+    elastic = kind == march.TABLE and p[0] == 1
+    if branch == march.FORWARD and (elastic or d.real >= deepest.real):
         return _loading(kind, p, d)
     low = _permanent(kind, p, deepest)
     if d.real <= low.real:
