@@ -64,7 +64,7 @@ RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
-    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
+    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops", "Gradient"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -393,6 +393,7 @@ OWN: dict[str, dict[str, Any]] = {
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},
     "strain_gauge": {"point": (0.05, 0.05, 0.02), "direction": (1, 0, 0), "length": 0.01},
+    "gradient": {"hit": history, "goal": "impulse", "contact": ("structure", "impactor")},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
     "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},

@@ -56,7 +56,9 @@ def _tables(s: Inputs) -> Tables:
     def of(t: complex) -> np.ndarray:
         name = f"{t.real:.11e} {t.imag:.17e}"  # times are differences
         if name not in kept:
-            kept[name] = np.array([_responses(w, d, t) for w, d in zip(s.omega, s.decay)])
+            kept[name] = np.array(
+                [_responses(w, d, t) for w, d in zip(s.omega, s.decay, strict=True)]
+            )
         return kept[name]
 
     return of
@@ -205,6 +207,7 @@ def replay(s: Inputs, run: Run, rated: bool) -> Steps:
     n, q, v, f0 = edges.size - 1, s.q.astype(complex), s.v.astype(complex), 0j
     branch, memory = march.APART, np.zeros(3, dtype=complex)
     out, t, exits = Steps(q, v, [0j], [0j]), 0j, list(run.exits)
+    at_end = (0j, 0j)
     for k in range(n + 1):
         d, rate = s.beta @ q - s.gap - s.R * f0, s.beta @ v
         if k > 0:
@@ -230,9 +233,7 @@ def replay(s: Inputs, run: Run, rated: bool) -> Steps:
             h = edges[-1] - t
         forces = run.force[2 * k + 1 : 2 * k + 3, 0].astype(complex)
         if ended is None:
-            forces, state, motion = _solved(
-                s, tables, h, q, v, f0, forces, branch, memory, rated
-            )
+            forces, state, motion = _solved(s, tables, h, q, v, f0, forces, branch, memory, rated)
         else:
             which, given = int(int(ended[2]) >= SLOW), (q, v, f0, forces, branch, memory, rated)
             ahead, behind = (

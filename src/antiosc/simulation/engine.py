@@ -275,8 +275,8 @@ def run(
 class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
-    `square` (J,): by omega^2. `laws` (p, 3): by the first parameters of the laws; `grazing`: the least speed at which a
-    contact touches or parts, over the largest.
+    `square` (J,): by omega^2; `laws` (p, 3): by the first parameters of the laws; `grazing`: the
+    least speed at which a contact touches or parts, over the largest.
     """
 
     square: Array
@@ -306,7 +306,7 @@ def gradient(
     ----------
     states : (n + 1, 2, J) at the edges of all steps of the run.
     readings, weights : of `march.READING`, and (., 2 J + m): `aom_goal`.
-    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at the nodes, by the edges' times.
+    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at nodes and the times of edges.
     """
     given, (m, size) = system.packed, system.beta.shape
     key = (len(system.laws), m, size, given.bodies)
@@ -330,4 +330,4 @@ def gradient(
         space.stepper, byref(run), byref(goal), byref(slopes), march.address(work), work.nbytes
     )
     _keep(key, space)
-    return Slopes(*out, slopes.grazing), answer
+    return Slopes(*out, grazing=slopes.grazing), answer

@@ -19,6 +19,8 @@ from antiosc.studies.gradients.recorded import Recorded
 EQUAL = 1e-9
 #: Times of a run, besides the edges of its steps, at which the largest displacement is sought.
 TIMES = 1024
+#: Times that the place of the largest displacement is sought, each time in a 16th of the interval.
+REFINED = 6
 
 
 @dataclass(eq=False)
@@ -204,33 +206,16 @@ def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: flo
 
 
 def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
-    from scipy.optimize import minimize_scalar  # loaded where it is used: it takes long
-
-    h = np.diff(found.edges)
-    count = 1 + (TIMES * h / found.edges[-1]).astype(int)
-    step = np.repeat(np.arange(h.size), count)
-    within = np.arange(step.size) - np.repeat(np.cumsum(count) - count, count)
-    since = within * (h / count)[step]
-    own = _side(found, c)
-
-    def moved(step: Array, since: Array) -> Array:
+    edges, own = found.edges, _side(found, c)
+    t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
+    for _ in range(REFINED):
+        step, since = located(found.run, t)
         q, _ = states(found.run, found.system, found.load, step, since)
         pushed = -(forces(found.run, step, since) @ found.G)
-        return np.asarray(q @ (found.B @ own) + pushed @ (found.r @ own))
-
-    sizes = np.abs(moved(step, since))
-    best = int(np.argmax(sizes))
-    t = np.append(found.edges[step] + since, found.edges[-1])
-    low, high = t[max(best - 1, 0)], t[best + 1]
-
-    def height(at: float) -> float:
-        return -abs(float(moved(*located(found.run, np.array([at])))[0]))
-
-    top = minimize_scalar(height, bounds=(low, high), method="bounded", options={"xatol": 1e-14})
-    last = found.edges[-1]  # the motion may go on there
-    at = last if height(last) <= top.fun else float(top.x)
-    where, after = located(found.run, np.array([at]))
-    _read_displacement(found, c, to, int(where[0]), float(after[0]))
+        best = int(np.argmax(np.abs(q @ (found.B @ own) + pushed @ (found.r @ own))))
+        where = int(step[best]), float(since[best])
+        t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 33)
+    _read_displacement(found, c, to, *where)
     if to.value < 0:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r

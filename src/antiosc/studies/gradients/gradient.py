@@ -49,10 +49,14 @@ class Gradient(Brief):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        holders = [each for each in (*self.bodies.values(), *self.contacts.values()) if name in each]
+        holders = [
+            each for each in (*self.bodies.values(), *self.contacts.values()) if name in each
+        ]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted({n for each in (*self.bodies.values(), *self.contacts.values()) for n in each})
+        known = sorted(
+            {n for each in (*self.bodies.values(), *self.contacts.values()) for n in each}
+        )
         why = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
@@ -120,9 +124,7 @@ def gradient(
             f"a contact grazes: it touches or parts at {max(slopes.grazing, 0.0):.1g} of the"
             f" fastest speed, and {goal} has no derivative there; change an input slightly."
         )
-    return Gradient(
-        goal, wanted.value, _bodies(found, wanted, slopes), _contacts(found, slopes)
-    )
+    return Gradient(goal, wanted.value, _bodies(found, wanted, slopes), _contacts(found, slopes))
 
 
 def _refuse(found: Recorded) -> None:
@@ -145,10 +147,11 @@ def _refuse(found: Recorded) -> None:
 def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
     if contact is None and len(found.ends) == 1:
         return 0
-    if contact not in found.ends:
-        listed = ", ".join(map(str, found.ends))
-        raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
-    return found.ends.index(contact)
+    for i, ends in enumerate(found.ends):
+        if isinstance(contact, tuple | list) and [*ends] == [str(end) for end in contact]:
+            return i
+    listed = ", ".join(map(str, found.ends))
+    raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
 def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
