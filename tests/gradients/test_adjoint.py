@@ -86,7 +86,7 @@ def test_complex_steps(law: ao.ContactLaw) -> None:
     weights = np.append(np.append(1e3 * rng.normal(size=size), rng.normal(size=size)), 0.0)
     by_force, by_time = 1e-4 * rng.normal(size=(2 * n + 1, 1)), rng.normal(size=n + 1)
     by_force[0] = by_time[-1] = 0.0
-    found, answer = engine.gradient(s, run, run.states, places, weights[None], by_force, by_time)
+    found, _, answer = engine.gradient(s, run, run.states, places, weights[None], by_force, by_time)
     assert answer == march.DONE
 
     def goal(steps: Steps) -> complex:

@@ -165,6 +165,64 @@ def test_random_blows_against_differences(first: int) -> None:
             assert abs(sum(parts) - expected) <= 1e-3 * size, (seed, goal, sum(parts), expected)
 
 
+def random_row(seed: int) -> tuple[Callable[[float, float], ao.SceneHistory], Callable[..., Any]]:
+    """A structure and balls in a row, the last of which strikes the others, as `random_blow`."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    k = 10 ** rng.uniform(8, 9.5)
+    kinds = [ao.Hertz(k), ao.Thornton(k, 1e-5), ao.HuntCrossley(k, 0.7), ao.Linear(k / 100)]
+    laws = [kinds[i] for i in rng.integers(0, 4, count)]
+    masses, gaps = rng.uniform(0.05, 0.5, count), rng.uniform(1e-6, 5e-5, count)
+    speed = rng.uniform(0.5, 2.0)
+    m, omega = rng.uniform(0.05, 0.5, 2), np.sort(10 ** rng.uniform(3, 4.3, 2))
+    w = rng.uniform(-1, 1, (4, count))
+    names = ["part", *(f"ball{i}" for i in range(count))]
+    ends = list(zip(names[:-1], names[1:], strict=True))
+
+    def run(change: float, tol: float) -> ao.SceneHistory:
+        f = 1 + change * w
+        bodies: dict[str, Any] = {
+            "part": ao.AntiOscillators(m0=0.05, k0=1e5, m=m * f[3, 0], omega=omega)
+        }
+        for i, mass in enumerate(masses * f[0]):
+            moving = speed if i == count - 1 else 0.0
+            bodies[names[1 + i]] = ao.RigidMass(mass, moving)
+        contacts = [
+            ao.Contact(a, b, replace(law, stiffness=law.stiffness * f[1, i]), gap=gaps[i] * f[2, i])
+            for i, ((a, b), law) in enumerate(zip(ends, laws, strict=True))
+        ]
+        return ao.Scene(bodies, contacts).run(3e-3, tol=tol)
+
+    def along(g: ao.Gradient) -> list[float]:
+        parts = [float(g.bodies["part"]["m"] @ m) * w[3, 0]]
+        for i in range(count):
+            contact = g.contacts[ends[i]]
+            parts.append(g.bodies[names[1 + i]]["mass"] * masses[i] * w[0, i])
+            parts.append(contact["stiffness"] * laws[i].stiffness * w[1, i])
+            parts.append(contact["gap"] * gaps[i] * w[2, i])
+        return parts
+
+    return run, along
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("first", range(0, 200, 10))
+@pytest.mark.filterwarnings("ignore")
+def test_random_scenes_against_differences(first: int) -> None:
+    """The impulse of the first contact of a row, within 1e-3 of the largest part."""
+    for seed in range(first, first + 10):
+        run, along = random_row(seed)
+        h = 1e-5
+        below, at, above = run(-h, 1e-8), run(0.0, 1e-5), run(h, 1e-8)
+        ends = "part", "ball0"
+        if not at[ends].contacts:
+            continue
+        parts = along(ao.gradient(at, "impulse", contact=ends))
+        expected = (above[ends].impulse - below[ends].impulse) / (2 * h)
+        size = max(map(abs, parts))
+        assert abs(sum(parts) - expected) <= 1e-3 * size, (seed, sum(parts), expected)
+
+
 def test_what_has_no_gradient() -> None:
     away = ao.simulate(
         ao.AntiOscillators(**MODEL), ao.RigidMass(0.5, 1.0), ao.Hertz(1e8), 1e-6, gap=1.0

@@ -275,8 +275,7 @@ def run(
 class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
-    `square` (J,): by omega^2; `laws` (p, 3): by the first parameters of the laws; `grazing`: the
-    least speed at which a contact touches or parts, over the largest.
+    `square` (J,): by omega^2; `laws` (p, 3): by the first parameters of the laws.
     """
 
     square: Array
@@ -288,7 +287,6 @@ class Slopes:
     laws: Array
     q: Array
     v: Array
-    grazing: float = np.inf
 
 
 def gradient(
@@ -299,8 +297,10 @@ def gradient(
     weights: Array,
     force: Array,
     time: Array,
-) -> tuple[Slopes, int]:
-    """Derivatives of a goal by all numbers of a system, and the status of `aom_gradient`.
+) -> tuple[Slopes, float, int]:
+    """Derivatives of a goal by all numbers of a system, the grazing, and the status of the march.
+
+    The grazing is the least speed at which a contact touches or parts, over the largest.
 
     Parameters
     ----------
@@ -330,4 +330,4 @@ def gradient(
         space.stepper, byref(run), byref(goal), byref(slopes), march.address(work), work.nbytes
     )
     _keep(key, space)
-    return Slopes(*out, grazing=slopes.grazing), answer
+    return Slopes(*out), slopes.grazing, answer

@@ -116,12 +116,12 @@ def gradient(
     wanted = seeds(found, goal, chosen, time)
     s = found.system
     places, weights = wanted.arrays(2 * s.omega.size + len(s.beta))
-    slopes, answer = engine.gradient(
+    slopes, grazing, answer = engine.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
-    if answer != march.DONE or not slopes.grazing > GRAZING:
+    if answer != march.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
-            f"a contact grazes: it touches or parts at {max(slopes.grazing, 0.0):.1g} of the"
+            f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and {goal} has no derivative there; change an input slightly."
         )
     return Gradient(goal, wanted.value, _bodies(found, wanted, slopes), _contacts(found, slopes))
