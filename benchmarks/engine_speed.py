@@ -30,7 +30,6 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.convergence import converge
-from antiosc.simulation.exact import of_problem
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 HERTZ, DURATION, TOL = 1.55e10, 4e-3, 1e-3
@@ -131,10 +130,8 @@ def draw(result: dict[str, Any], path: Path) -> None:
 
 def engine(hit: ao.History) -> Callable[[], Any]:
     """The runs of an impact that error control makes, without the rest of `simulate`."""
-    problem = hit.problem
-    system = of_problem(problem)
-    lasting = 3 * problem.depth / problem.speed
-    return lambda: converge(system, lasting, DURATION, TOL, 10_000, 1_000_000)
+    made = hit.assembly
+    return lambda: converge(made.system, made.lasting, DURATION, TOL, 10_000, 1_000_000)
 
 
 def ms(work: Callable[[], Any], repeats: int) -> list[float]:

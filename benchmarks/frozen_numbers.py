@@ -100,12 +100,6 @@ def _harvest(value: Any) -> dict[str, list[float]]:
         return {"": _numbers(value)}
     if hasattr(value, "omega") and hasattr(value, "m_st"):
         return {name: _numbers(getattr(value, name, None)) for name in MODEL}
-    if hasattr(value, "bodies") and hasattr(value, "contacts") and hasattr(value, "at"):
-        return {
-            f"{pair}.{name}": _numbers(getattr(value[pair], name))
-            for pair in value.contacts
-            for name in ("peak_force", "impulse")
-        }
     if hasattr(value, "peak_force"):
         return {name: _numbers(getattr(value, name, None)) for name in ONE_CONTACT}
     return {}

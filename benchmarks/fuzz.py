@@ -100,16 +100,17 @@ def check(hit: ao.History, scene: dict[str, Any]) -> tuple[str, float]:
 
 def balance(hit: ao.History) -> tuple[str, float]:
     """Momentum of every undamped rigid-body mode against the impulse and gravity."""
-    problem = hit.problem
-    rigid = (problem.omega == 0) & (problem.beta != 0) & (problem.decay == 0)
+    system = hit.assembly.system
+    beta, load = system.beta[0], system.loads[0]
+    rigid = (system.omega == 0) & (beta != 0) & (system.decay == 0)
     if not np.any(rigid) or hit.impulse == 0.0:
         return "", 0.0
     _, v = hit.states(hit.time[[0, -1]])
     span = hit.time[-1]
     # mass-normalised: v' = load - beta F
-    gained = (v[1] - v[0] - problem.load * span)[rigid]
-    pushed = -problem.beta[rigid] * hit.impulse
-    known = np.abs(v).max(axis=0)[rigid] + np.abs(problem.load[rigid]) * span
+    gained = (v[1] - v[0] - load * span)[rigid]
+    pushed = -beta[rigid] * hit.impulse
+    known = np.abs(v).max(axis=0)[rigid] + np.abs(load[rigid]) * span
     rounding = EPS * known * (100 + hit.time.size)
     error = np.abs(gained - pushed)
     worst = float(np.max((error - rounding) / np.abs(pushed)))

@@ -33,12 +33,12 @@ from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import files
+from antiosc.base import files, march
 from antiosc.closed_form import pinned_pinned
-from antiosc.simulation.compared_impact import force_difference
-from antiosc.simulation.expected import scaled, stiffness_of
+from antiosc.simulation.convergence import difference
+from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.stability import margin
-from antiosc.simulation.two_bodies import assemble
+from antiosc.simulation.two_bodies import pose
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.
@@ -108,11 +108,11 @@ def attempt(scene: Scene, truth: ao.History, method: str, h: float) -> dict[str,
     began = time.perf_counter()
     hit = scene.run(method, step=h)
     seconds = time.perf_counter() - began
-    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    error = difference(hit.run, truth.run, np.inf)[0]
     drift = hit.energy.drift
-    top = float(hit.problem.omega.max())
+    top = float(hit.assembly.system.omega.max())
     kind = "good"
-    if hit.trajectory.diverged:
+    if hit.run.answer == march.GREW:
         kind = "diverged"
     elif not error <= 0.1:
         kind = "wrong"
@@ -142,7 +142,7 @@ def adaptive(scene: Scene, method: str) -> dict[str, Any]:
         "kind": "good" if hit.status == 0 else f"status {hit.status}",
         "drift": hit.energy.drift,
         "contacts": len(hit.contacts),
-        "evaluations": hit.trajectory.evaluations,
+        "evaluations": hit.run.attempts,
         "seconds": time.perf_counter() - began,
     }
 
@@ -151,14 +151,13 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
     """The fixed-step methods over `count` steps about the exact method's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
     scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
-    problem, bodies = assemble(scene.model, scene.impactor, scene.law)
-    problem, _ = scaled(problem, bodies, scene.duration)
+    system = pose(scene.model, scene.impactor, scene.law, scene.duration).system
     y = np.linspace(1.0, 8.0, count)
-    times = y / problem.omega.max()
-    stiffness, soft = np.array([stiffness_of(problem)]), np.array([[problem.r]])
-    rooms = np.array(
-        [margin(problem.omega, problem.beta[None], soft, stiffness, float(h)) for h in times]
-    )
+    times = y / system.omega.max()
+    deepest, fastest = float(system.depth[0]), float(system.speed[0])
+    stiffness = np.array([stiffness_at(scene.law, deepest, scene.law.touch(fastest))])
+    modes = system.omega, system.beta, system.R
+    rooms = np.array([margin(*modes, stiffness, float(h)) for h in times])
     rows = survey(scene, times)
     for row in rows:
         row["margin"] = float(min(rooms[int(np.argmin(np.abs(times - row["step"])))], 1e9))

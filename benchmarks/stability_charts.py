@@ -11,9 +11,9 @@ from stability_scenes import Scene, stable_steps
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.simulation.integrators import FIXED_STEP
+from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 
-METHODS = ("exact", *FIXED_STEP)
+METHODS = ("exact", *SCENE_STEPS)
 CLASSES = ("good", "energy", "wrong", "diverged")
 COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
 

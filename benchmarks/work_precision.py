@@ -35,14 +35,14 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.simulation.compared_impact import force_difference
-from antiosc.simulation.integrators import FIXED_STEP
+from antiosc.simulation.convergence import difference
+from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 STRIKER = ao.RigidMass(0.24, 0.01)
 HERTZ = 1.55e10
-METHODS = ("exact", *FIXED_STEP)
+METHODS = ("exact", *SCENE_STEPS)
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
 CONTACTS = (1, 2, 3, 4, 6)
 CASE_TWO = 4e-3  # s
@@ -142,7 +142,7 @@ def measure(
     scene: Scene, truth: ao.History, method: str, how: dict[str, float], repeats: int
 ) -> dict[str, Any]:
     hit, seconds = timed(lambda: scene.run(method, **how), repeats)
-    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    error = difference(hit.run, truth.run, np.inf)[0]
     failed = hit.status == 2
     return {
         "scene": scene.name,
@@ -150,7 +150,7 @@ def measure(
         **how,
         "error": float("inf") if failed else error,
         "seconds": seconds,
-        "evaluations": hit.trajectory.evaluations,
+        "evaluations": hit.run.attempts,
     }
 
 
@@ -170,7 +170,7 @@ def default_run(model: ao.AntiOscillators, n: int, speed: float, repeats: int) -
     model.modal()
     hit, seconds = timed(lambda: ao.simulate(model, striker, law, CASE_TWO), 20 * repeats)
     truth = ao.simulate(model, striker, law, CASE_TWO, "DOP853", tol=1e-5)
-    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    error = difference(hit.run, truth.run, np.inf)[0]
     return {
         "n": n,
         "speed": speed,

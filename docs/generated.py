@@ -22,6 +22,7 @@ PICTURES = {
         "impact_map": ["bracket_map.png"],
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "machine_guard": ["machine_guard.png"],
+        "measured_part": ["measured_part.png"],
         "oblique_blow": ["oblique_blow.png"],
         "plate_impact": ["plate_impact.png"],
         "stiffened_panel": ["stiffened_panel.png"],

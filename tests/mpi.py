@@ -24,6 +24,8 @@ ENVIRONMENT = {
     # More ranks than cores, for Open MPI 4 and 5.
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    # A rank that waits leaves its core to those that work: there are more ranks than cores.
+    "OMPI_MCA_mpi_yield_when_idle": "1",
     # Containers often forbid one process to read another's memory.
     "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
     "UCX_LOG_LEVEL": "fatal",

@@ -64,7 +64,9 @@ RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
-    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops", "Gradient"),
+    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
+    *("ForceComparison", "Gradient"),
+    *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -237,6 +239,24 @@ def part() -> Any:
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
 
 
+def frf_values() -> Any:
+    iw = 2j * np.pi * np.arange(1.0, 41.0)
+    return 1 / (1e4 + 4.0 * iw + iw**2)
+
+
+@functools.cache
+def frf() -> Any:
+    return ao.FRF(np.arange(1.0, 41.0), frf_values(), "receptance")
+
+
+@functools.cache
+def frf_file() -> str:
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.csv")
+    H = frf_values()
+    np.savetxt(path, np.column_stack([np.arange(1.0, 41.0), H.real, H.imag]))
+    return path
+
+
 def inertia() -> Any:
     return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
 
@@ -248,6 +268,14 @@ def fall(**more: Any) -> Any:
 
 def many_falls() -> Any:
     return fall(ensemble=ao.Tilts(height=0.01), n=2)
+
+
+def square(x: float) -> float:
+    return x * x
+
+
+def spread() -> Any:
+    return ao.monte_carlo(square, {"x": ao.normal(0.0, 1.0)}, 60)
 
 
 def scene() -> Any:
@@ -382,6 +410,14 @@ OWN: dict[str, dict[str, Any]] = {
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
+    "FRF": {
+        "frequency": np.arange(1.0, 41.0), "values": frf_values, "quantity": "receptance",
+    },
+    "FRF.within": {"band": (5.0, 35.0)}, "FRF.without_sensor": {"mass": 1e-3},
+    "from_frf": {"frf": frf, "damping": "viscous"},
+    "read_frf": {"path": frf_file, "quantity": "receptance"},
+    "compare": {"hit": history, "measured": lambda: (history().time + 0.1, history().force)},
+    "ForceComparison.plot": {"path": "over.png"},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0},
     "resolved_frequency": {
@@ -399,6 +435,7 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},
     "AntiOscillators.site_modes": {"self": two_sites},
     "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "History.of": {"body": "impactor"},
+    "History.at": {"times": [0.0, 1e-5]}, "History.name_of": {"body": "impactor"},
     "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
     "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
     "Inertia.rotation": {"amplitudes": np.ones((2, 3))},
@@ -418,6 +455,11 @@ OWN: dict[str, dict[str, Any]] = {
     "contact_at": {"part": part, "point": (0.05, 0.05, 0.02), "radius": 0.01},
     "Tilts": {"sigma": 2.0},
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
+    "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
+    "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
+    "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
+    "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},
+    "Sample.exceedance": {"quantity": "value", "limit": 0.5}, "Sample.plot": {"quantity": "value"},
     "Fall.acceleration": {"times": [0.0, 0.01]},
     "Drops.quantile": {"quantity": "peak_force", "q": 0.5},
     "ModalState": {"displacements": [0.0, 1e-6], "velocities": [1.0, 0.0]},
@@ -468,6 +510,7 @@ OWN: dict[str, dict[str, Any]] = {
     "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
     "plotting.plot_deformed": {"history": struck_part, "path": "part.png"},
     "plotting.plot_history": {"path": "hit.png"}, "History.plot": {"path": "hit.png"},
+    "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
     "plotting.plot_map": {"found": surface_map, "quantity": "k0", "path": "map.png"},
     "zener.restitution": {}, "TanSun": {"slope": 0.4}, "Power": {"stiffness": 1e6},
@@ -491,8 +534,12 @@ SELVES: dict[str, Callable[[], Any]] = {
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "SiteModes": lambda: two_sites().site_modes(),
     "ReducedMatrices": lambda: model().to_matrices(),
+    "FRF": frf, "ForceComparison": lambda: ao.compare(
+        history(), (history().time, history().force)
+    ),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
-    "Fall": fall, "Drops": many_falls,
+    "Fall": fall, "Drops": many_falls, "Sample": spread,
+    "Sensitivity": lambda: spread().sensitivity("value"),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

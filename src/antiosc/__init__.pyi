@@ -124,6 +124,19 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
+from antiosc.measured.compare import (
+    ForceComparison as ForceComparison,
+    compare as compare,
+)
+from antiosc.measured.frf import (
+    FRF as FRF,
+)
+from antiosc.measured.from_frf import (
+    from_frf as from_frf,
+)
+from antiosc.measured.reading import (
+    read_frf as read_frf,
+)
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
 )
@@ -198,6 +211,7 @@ from antiosc.simulation.energy import (
 )
 from antiosc.simulation.history import (
     History as History,
+    SceneHistory as SceneHistory,
 )
 from antiosc.simulation.impact_band import (
     impact_band as impact_band,
@@ -222,7 +236,6 @@ from antiosc.simulation.scene import (
 from antiosc.simulation.scene_history import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
-    SceneHistory as SceneHistory,
 )
 from antiosc.simulation.scene_parts import (
     Base as Base,
@@ -239,6 +252,21 @@ from antiosc.simulation.truncation import (
 from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
+)
+from antiosc.studies.chance.inputs import (
+    lognormal as lognormal,
+    normal as normal,
+    uniform as uniform,
+)
+from antiosc.studies.chance.monte_carlo import (
+    monte_carlo as monte_carlo,
+)
+from antiosc.studies.chance.quantiles import (
+    Quantile as Quantile,
+)
+from antiosc.studies.chance.sample import (
+    Sample as Sample,
+    Sensitivity as Sensitivity,
 )
 from antiosc.studies.drops.drop import (
     drop as drop,

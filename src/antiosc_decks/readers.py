@@ -18,17 +18,23 @@ from antiosc_decks.sources import BULK as _BULK
 
 
 def _reader(
-    read: Callable[[Path, str, Callable[[int], None]], Any], model_of: Callable[..., dict[str, Any]]
+    read: Callable[..., Any], model_of: Callable[..., dict[str, Any]]
 ) -> Callable[[Request], FileMesh]:
     """The reader of a dialect, from that of its mesh and that of its model."""
 
     def reader(ask: Request) -> FileMesh:
         # the time limit grows with the files that a deck includes
-        found = read(Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size))
+        options = ask.model or {}
+        found = read(
+            Path(ask.path),
+            ask.name,
+            lambda size: ask.allow(30 + 3e-5 * size),
+            options.get("root"),
+        )
         deck: Deck = found.deck
         if ask.model is not None:
-            deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
-            deck.model = model_of(found, UnitSystem(*ask.unit), ask.model.get("density"))
+            deck.wanted, deck.piece = options.get("parts"), options.get("piece")
+            deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))
         if not deck.n_elements:
             left = f": it has {listed(deck.left)}" if deck.left else ""
             raise MeshError(f"{deck.name} has no elements that are cells of a mesh{left}.")

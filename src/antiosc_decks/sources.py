@@ -1,4 +1,4 @@
-"""Lines of a deck and of the files that it includes, from its folder or the one above."""
+"""Lines of a deck and of the files that it includes, from its folder or another that is given."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ LARGEST_DECK = 4 * 2**30
 class Sources:
     """The files of a deck, each read where it is included."""
 
-    def __init__(self, path: Path, name: str, on_size: Callable[[int], None]) -> None:
+    def __init__(
+        self, path: Path, name: str, on_size: Callable[[int], None], root: str | None = None
+    ) -> None:
         self.path = path
         self.name = name
         self.folder = path.resolve().parent
-        self.root = _root(path)
+        self.root = _root(path) if root is None else Path(root)
         self.size = 0
         self._open: list[Path] = []
         self._on_size = on_size
@@ -73,9 +75,8 @@ class Sources:
             inside, found = True, False
         if not inside:
             raise at.error(
-                f"{named[:80]!r} lies outside the folder of {self.name}; a deck may include "
-                "files of its own folder, and of the one above where both are the user's: copy it "
-                "there."
+                f"{named[:80]!r} lies outside the folder {_shown(self.root)}, from which "
+                f"{self.name} may include files; name the folder that holds them all by root=."
             )
         if not found:
             raise at.error(f"there is no file {named[:80]!r} beside {self.name}.")
@@ -89,6 +90,11 @@ class Sources:
     def leave(self) -> None:
         """Leave the file that was entered last."""
         self._open.pop()
+
+
+def _shown(folder: Path) -> str:
+    """A folder in messages, by its last two names."""
+    return repr("/".join(folder.parts[-2:]))
 
 
 def _root(path: Path) -> Path:

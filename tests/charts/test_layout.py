@@ -31,13 +31,12 @@ def pulses(*spans: tuple[float, float, float], end: float = 0.2, **error: float)
     for a, b, peak in spans:
         during = (time >= a) & (time <= b)
         force[during] = peak * np.sin(np.pi * (time[during] - a) / (b - a))
-    contacts = [
-        SimpleNamespace(start=a, end=b, impulse=2 / np.pi * peak * (b - a)) for a, b, peak in spans
-    ]
+    areas = np.diff(time) * (force[1:] + force[:-1]) / 2
     return SimpleNamespace(
         time=time, force=force, displacement=1e-5 * force, impactor_displacement=0.3 * time - 0.01,
         peak_force=max((peak for _, _, peak in spans), default=0.0), error=error,
-        contacts=[(a, b) for a, b, _ in spans], trajectory=SimpleNamespace(contacts=contacts),
+        contacts=[(a, b) for a, b, _ in spans],
+        cumulative_impulse=np.append(0.0, np.cumsum(areas)),
     )  # fmt: skip
 
 

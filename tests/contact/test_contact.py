@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
@@ -181,13 +183,15 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
     assert "was subtracted" in a.message
     twice = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3)
     assert twice.peak_force < 0.98 * a.peak_force
-    assert "was not subtracted" in twice.message
+    assert "stays in" in twice.message
 
 
 def test_patch_too_small_for_the_force():
     model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[], omega=[], local_compliance=2e-8, radius=1e-3)
-    with pytest.raises(ao.AccuracyError, match=r"site radius of at least .* \(now 0.001 m\)"):
-        ao.simulate(model, ao.RigidMass(1.0, 30.0), ao.Hertz(1e9), 1e-2)
+    foreign = SimpleNamespace(modal=model.modal, local_compliance=2e-8, radius=1e-3)
+    for one in (model, foreign):
+        with pytest.raises(ao.AccuracyError, match=r"site radius of at least .* \(now 0.001 m\)"):
+            ao.simulate(one, ao.RigidMass(1.0, 30.0), ao.Hertz(1e9), 1e-2)
 
 
 def test_radius_named_in_the_error_is_enough():

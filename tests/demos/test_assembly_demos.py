@@ -54,7 +54,7 @@ def test_machine_guard(tmp_path: Path) -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name", ["machine_guard"])
 def test_two_ranks_find_the_same(name: str, tmp_path: Path) -> None:
     script = f"""
     import json, sys

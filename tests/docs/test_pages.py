@@ -20,9 +20,10 @@ from paths import BENCHMARKS, DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
-    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops"),
-    *("api/errors", "api/exports"),
+    *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
+    "howto/measured",
+    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
+    *("api/errors", "api/exports", "api/measured"),
 }
 MESHED = {"howto/deck", "howto/units", "howto/drop"}
 SLOW = {

@@ -12,11 +12,12 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.episode import BODY
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
+from antiosc.studies.drops.rotation import free_rotation
 
 G = 9.81
 HALF = np.array([0.075, 0.035, 0.004])
@@ -110,6 +111,35 @@ def test_a_rigid_blocks_first_two_impacts_are_those_of_impulses() -> None:
     assert second > J
 
 
+@pytest.mark.parametrize("e", [1.0, 0.6])
+def test_a_rod_clatters(e: float) -> None:
+    """A thin rod that lands almost flat: its ends strike in turn, with closed-form velocities.
+
+    An end that arrives with the velocity a < 0 leaves with -e a; the other end's velocity changes
+    by (1 + e) a/2, as 1/m + l^2/(4 I) = 4/m and 1/m - l^2/(4 I) = -2/m.
+    """
+    length, mass = 0.2, 0.1
+    inertia = mass * length**2 / 12
+    sites = {s: ((x, 0, 0), (0, 0, 1)) for s, x in (("a", -length / 2), ("b", length / 2))}
+    rod = ao.RigidBody(mass, [1e-6, inertia, inertia], sites)
+    floor = ao.Floor(law=ao.HuntCrossley(1e13, e) if e < 1 else ao.Hertz(1e13))
+    fall = ao.drop(rod, 1.0, tilt=(0, 0.5, 0), floor=floor, until=3)
+    e = restitution_of(1.5 * (1 - e))
+    ends, own = np.full(2, -np.sqrt(2 * G)), 1  # a positive turn about y lowers +x
+    before, after = [], []
+    for _ in range(3):
+        before.append(-ends[own])
+        ends[1 - own] += (1 + e) / 2 * ends[own]
+        ends[own] *= -e
+        after.append(ends[own])
+        own = 1 - own
+    np.testing.assert_allclose(fall.impacts.column("speed_before"), before, rtol=0.02)
+    np.testing.assert_allclose(fall.impacts.column("speed_after"), after, rtol=0.02)
+    impulses = (1 + e) / 4 * mass * np.array(before)
+    np.testing.assert_allclose(fall.impacts.column("impulse"), impulses, rtol=0.02)
+    assert before[1] == pytest.approx((3 + e) / 2 * before[0])  # up to twice the first
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_what_a_hand_over_keeps(friction: float) -> None:
     """Momentum, angular momentum and energy, in space, with spin, vibration and friction."""
@@ -152,6 +182,29 @@ def test_free_flight_is_exact() -> None:
     np.testing.assert_allclose(end.R @ end.R.T, np.eye(3), atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("moments", "handed"),
+    [([1.0, 2.0, 2.5], 1), ([1.0, 2.0, 2.5], -1), ([1.0, 1.0, 2.0], 1), ([1.0, 2.0, 2.0], -1),
+     ([1.0, 1.00001, 1.00003], 1)],
+)  # fmt: skip
+def test_a_tumbling_body_turns_as_eulers_equations_say(moments: list[float], handed: int) -> None:
+    """Slow and fast precession, symmetric bodies, a mirrored set of axes."""
+    axes = tilted(np.array([50.0, -20.0, 75.0])) * np.array([[1.0], [handed], [1.0]])
+    R = tilted(np.array([10.0, 130.0, 40.0]))
+    inverse = (axes.T / moments) @ axes
+    t = np.linspace(0.0, 5.0, 4)
+    for spin in ([2.0, 0.3, 0.5], [0.3, 0.1, 3.0], [0.5, -2.0, -0.4]):
+        L = R @ axes.T @ (np.array(moments) * spin)
+
+        def rate(_: float, y: np.ndarray, L: np.ndarray = L) -> np.ndarray:
+            own = y.reshape(3, 3)
+            return np.cross(own @ inverse @ own.T @ L, own.T).T.ravel()
+
+        known = solve_ivp(rate, (0, t[-1]), R.ravel(), "DOP853", t, rtol=1e-10, atol=1e-10)
+        found = free_rotation(np.array(moments), axes, R, L)(t)
+        np.testing.assert_allclose(found, known.y.T.reshape(-1, 3, 3), atol=2e-8)
+
+
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:
     """Peak forces of the impacts of the plane bar, all in one nonlinear integration."""
     size, inertia = body.omega.size, body.tensor[1, 1]
@@ -183,15 +236,16 @@ def floating(body: FreeBody, start: State, k: float, until: float) -> list[float
 
 @pytest.mark.slow
 def test_a_bar_flies_as_in_a_floating_frame() -> None:
+    """1e-4 rad change the third peak, which depends on the phase of the vibration, by 3 %."""
     body, k = bar(), 2e8
-    where = setting(ao.Hertz(k), impacts=2)
-    start = started(body, where, (0.0, 11.5, 0.0))
+    where = setting(ao.Hertz(k), impacts=3)
+    start = started(body, where, (0.0, 30.0, 0.0))
     fall = fallen(body, start, where)
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
-    until = fall.episodes[-1].end.time - touch.time + 1e-5
-    peaks = floating(body, touch, k, until)
-    mine = [float(one.forces()[1].sum(axis=1).max()) for one in fall.episodes]
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=2e-3)
+    peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
+    mine = fall.impacts.column("peak_force")
+    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-3)
+    assert mine[2] == pytest.approx(peaks[2], rel=0.03)
     assert mine[1] > 1.3 * mine[0]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -177,7 +178,7 @@ def random_row(seed: int) -> tuple[Callable[[float, float], ao.SceneHistory], Ca
     m, omega = rng.uniform(0.05, 0.5, 2), np.sort(10 ** rng.uniform(3, 4.3, 2))
     w = rng.uniform(-1, 1, (4, count))
     names = ["part", *(f"ball{i}" for i in range(count))]
-    ends = list(zip(names[:-1], names[1:], strict=True))
+    ends = list(pairwise(names))
 
     def run(change: float, tol: float) -> ao.SceneHistory:
         f = 1 + change * w

@@ -60,8 +60,8 @@ def test_the_patch_of_a_foreign_body_counts_like_a_model_s():
     wall = ao.AntiOscillators(m0=0.0, k0=1e12, m=[], omega=[])
     rigid = ao.simulate(wall, ao.RigidMass(0.2, 1.0), ao.Hertz(1e9), 2e-3)
     hit = ao.simulate(wall, foreign, ao.Hertz(1e9), 2e-3)
-    assert hit.problem.law.compliance == 2e-8
-    assert rigid.problem.law.compliance == 0.0
+    assert hit.assembly.laws[0].compliance == 2e-8
+    assert rigid.assembly.laws[0].compliance == 0.0
     assert checked_body("body", foreign).patch_radius == 3e-3
     assert ao.Impactor(foreign).local_compliance == ao.Impactor(MODEL).local_compliance == 2e-8
     assert ao.Impactor(MODEL).patch_radius == 3e-3

@@ -92,8 +92,6 @@ WRONG = {
         MODEL + HIT + '[sweep]\nextract.n = [1]\nmodel = 3\n'
         'simulate.method = ["exact"]\nimpactor.mass = []\n',
         [(13, "extract"), (14, "lists"), (15, "sweep.simulate"), (16, "sweep.impactor.mass")]),
-    "sweep method": (
-        MODEL + HIT + 'method = "exact"\n[sweep]\nimpactor.mass = [1.0]\n', [(12, "max_contacts")]),
     "empty sweep": (MODEL + HIT + '[sweep]\n', [(12, "holds")]),
     "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "Anti-oscillators")]),
     "parts": (

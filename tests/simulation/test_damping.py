@@ -68,5 +68,5 @@ class TestDamping:
 
 def _site(hit: ao.History, t: float) -> tuple[float, float]:
     q, v = hit.states(t)
-    b, n = hit.bodies[0].b, hit.bodies[0].omega.size
+    b, n = hit.assembly.bodies["structure"].B[:, 0], hit.assembly.spans["structure"].stop
     return float(q[0, :n] @ b), float(v[0, :n] @ b)

@@ -144,10 +144,11 @@ def test_no_contact_no_bar():
 
 
 def test_it_reads_as_a_table():
-    lines = str(struck(model()).error_budget).splitlines()
+    budget = struck(model()).error_budget
+    lines = str(budget).splitlines()
     assert [line.split()[0] for line in lines] == list(QUANTITIES)
     assert "± " in lines[0]
-    assert all(cause in lines[0] for cause in CAUSES)
+    assert all(cause in lines[0] for cause in budget.causes)
 
 
 def test_refused_without_an_estimate():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.compared_impact import force_difference
+from antiosc.simulation.convergence import difference
 from antiosc.simulation.step_control import Refinement
 
 
@@ -71,7 +71,7 @@ def errors(seed: int, tol: float) -> tuple[np.ndarray, np.ndarray] | None:
     hit, truth = ao.simulate(*scene, tol=tol), independent(seed)
     if not truth.contacts or {hit.status, truth.status} & {1, 2}:
         return None
-    l2, peak = force_difference(hit.trajectory, truth.trajectory)
+    l2, peak, _ = difference(hit.run, truth.run, np.inf)
     return np.array([hit.error["force"], hit.error["peak"]]), np.array([l2, peak])
 
 
@@ -82,9 +82,9 @@ def test_estimates_cover_the_true_errors_of_random_scenes():
 
     True errors below 1e-5 are left out, where the reference itself is no better.
     """
-    found = {(s, tol): errors(s, tol) for s in range(100) for tol in (1e-2, 1e-3)}
+    found = {(s, tol): errors(s, tol) for s in range(60) for tol in (1e-2, 1e-3)}
     kept = {key: pair for key, pair in found.items() if pair is not None}
-    assert len({s for s, _ in kept}) >= 80
+    assert len({s for s, _ in kept}) >= 48
     assert {s % KINDS for s, _ in kept} == set(range(KINDS))
     estimated, true = (np.array([pair[i] for pair in kept.values()]) for i in (0, 1))
     tol = np.array([key[1] for key in kept])

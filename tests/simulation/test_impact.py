@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.simulation.convergence import difference
 from scenes import HERTZ, case_two, hertz_impact, random_model, rigid
 
 
@@ -95,9 +96,9 @@ def test_momentum_and_energy_of_a_free_body(rng, method):
 def _rigid_velocity(hit: ao.History) -> float:
     """Velocity of the structure's rigid-body motion at its site, at the end."""
     _, v = hit.states(hit.time[-1])
-    body = hit.bodies[0]
+    body = hit.assembly.bodies["structure"]
     rigid = body.omega == 0
-    return float(body.b[rigid] @ v[0, : body.omega.size][rigid])
+    return float(body.B[rigid, 0] @ v[0, : body.omega.size][rigid])
 
 
 def test_case_two_against_dop853():
@@ -109,9 +110,7 @@ def test_case_two_against_dop853():
         assert hit.impulse == pytest.approx(check.impulse, rel=1e-4)
         assert hit.contact_time == pytest.approx(check.contact_time, rel=1e-3)
         assert len(hit.contacts) == len(check.contacts)
-        from antiosc.simulation.compared_impact import force_difference
-
-        l2, peak = force_difference(hit.trajectory, check.trajectory)
+        l2, peak, _ = difference(hit.run, check.run, np.inf)
         assert l2 < 1e-3
         assert peak < 1e-3
 
@@ -185,16 +184,14 @@ class TestErrorControl:
         law = ao.Hertz(HERTZ)
         truth = ao.simulate(model, striker, law, 4e-3, step=5e-8)
         hit = ao.simulate(model, striker, law, 4e-3, tol=tol)
-        from antiosc.simulation.compared_impact import force_difference
-
-        l2, peak = force_difference(hit.trajectory, truth.trajectory)
+        l2, peak, _ = difference(hit.run, truth.run, np.inf)
         assert max(l2, peak) <= tol
         assert hit.error["force"] <= tol
         assert l2 <= 2 * hit.error["force"]
 
     def test_unreached_tolerance_is_said(self):
         model, striker = case_two(9)
-        with pytest.warns(ao.AccuracyWarning, match=r"not tol = 1e-08"):
+        with pytest.warns(ao.AccuracyWarning, match="max_steps"):
             hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 4e-3, tol=1e-8, max_steps=5000)
         assert hit.status == 1
         assert hit.error["force"] > 1e-8
@@ -203,7 +200,7 @@ class TestErrorControl:
         model, striker = case_two(9)
         top = model.modal().omega.max()
         law = ao.Linear(1e3)
-        with pytest.warns(ao.AccuracyWarning, match="(?i)leapfrog diverged"):
+        with pytest.warns(ao.AccuracyWarning, match="gained energy"):
             hit = ao.simulate(model, striker, law, 8e-3, method="leapfrog", step=2.5 / top)
         assert hit.status == 2
         fine = ao.simulate(model, striker, law, 8e-3, method="leapfrog", step=1.9 / top)

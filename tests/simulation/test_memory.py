@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import memory
-from antiosc.simulation import engine, history, scene_states
+from antiosc.simulation import engine, scene_states
 from scenes import case_two
 
 TIMES = np.linspace(0.0, 2e-3, 57)
@@ -60,9 +60,7 @@ def test_an_impact_of_two_bodies_too(monkeypatch, law):
 
     wanted = numbers()
     monkeypatch.setattr(engine, "STATES", 3000)
-    monkeypatch.setattr(history, "KEPT_BYTES", 0)
     monkeypatch.setattr(scene_states, "AT_ONCE", 50)
-    monkeypatch.setattr("antiosc.simulation.exact.AT_ONCE", 50)
     for one, other in zip(numbers(), wanted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
 

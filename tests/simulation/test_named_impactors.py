@@ -112,6 +112,16 @@ def test_hammers_are_those_of_the_standard(name, energy, mass, radius):
     assert bool(known.note) == (energy <= 1)
 
 
+def test_headforms_and_hail_are_those_of_their_sources():
+    child, hail = (ao.named_impactor(name) for name in ("child headform", "hail 45 mm"))
+    assert (child.mass, child.velocity) == (3.5, pytest.approx(9.722, abs=1e-3))
+    assert 0.5 * hail.mass * hail.velocity**2 == pytest.approx(20.6, abs=0.1)
+    small = ao.named_impactor("hail 25 mm", 20.0)
+    assert small.mass == pytest.approx(917 * np.pi / 6 * 0.025**3, rel=5e-3)  # it is ice
+    with pytest.raises(ao.InputError, match="velocity"):
+        ao.named_impactor("adult headform")
+
+
 def test_what_has_no_tip_of_steel_has_no_constants():
     for name, mass in (("EN 12600 class 2", 50.0), ("golf ball", 0.04593)):
         one = ao.named_impactor(name, 3.0)

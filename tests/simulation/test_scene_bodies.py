@@ -162,13 +162,13 @@ def test_sites_of_one_direction_tell_that_their_order_counts() -> None:
     contact = ao.Contact("low:side", "high:side", ao.Hertz(1e8))
     message = ao.Scene(bodies, [contact]).run(1e-3).message
     assert "pushes 'high:side' against the direction of its site" in message
-    assert "Never touched: no contact closed within 0.001 s" in message
+    assert "Never touched: nothing moves" in message
 
 
 def test_a_body_that_moves_away_is_told() -> None:
     bodies = {"mass": ao.RigidMass(1.0, 2.0), "floor": ao.Obstacle()}
     hit = ao.Scene(bodies, [ao.Contact("mass", "floor", ao.Hertz(1e8))]).run(1e-3)
-    assert "'mass', 'floor' opens at 2 m/s at first" in hit.message
+    assert "'mass', 'floor' opens at 2 m/s" in hit.message
 
 
 @pytest.mark.slow

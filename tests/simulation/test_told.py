@@ -68,41 +68,42 @@ def test_what_is_missing_follows_from_the_fall_of_the_error(rate: float, known: 
 class Runs:
     """Runs whose forces have an error in proportion to the square of their step."""
 
-    def __init__(self, answers: tuple[int, ...] = ()) -> None:
+    def __init__(self, *answers: int) -> None:
         self.answers = answers
-        self.asked: list[tuple[float, int]] = []
+        self.asked: list[float] = []
 
-    def __call__(self, size: float, left: int) -> Run:
+    def __call__(self, size: float) -> Run:
         k = len(self.asked)
-        self.asked.append((size, left))
+        self.asked.append(size)
         t = np.linspace(0, 1.0, 101)
         force = np.sin(np.pi * t)[:, None] * (1 + size**2)
-        answer = self.answers[k] if k < len(self.answers) else march.DONE
         return Run(
-            time=t, force=force, depth=force, states=None, events=np.zeros((0, 4)), answer=answer,
+            time=t, force=force, depth=force, states=None, events=np.zeros((0, 4)),
+            answer=self.answers[k] if k < len(self.answers) else march.DONE,
             steps=round(10 / size), attempts=1, touches=1, highest=1.0,
         )  # fmt: skip
 
 
-def test_compared_methods_halve_their_step_until_two_runs_agree() -> None:
+GREW, DONE = march.GREW, march.DONE
+
+
+@pytest.mark.parametrize("answers", [(), (GREW,), (DONE, GREW), (GREW, GREW), (DONE, GREW, GREW)])
+def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) -> None:
+    """Runs that diverged are no partners."""
+    runs = Runs(*answers)
+    found = comparison._converged(runs, 0.4, np.inf, 1e-3, 1000, 10_000)
+    assert found.run.answer == DONE
+    assert found.share == runs.asked[-1] == min(runs.asked)
+    assert 0.9 * found.share**2 <= found.worst <= 1e-3
+
+
+def test_refinement_ends_where_the_steps_are_too_many_or_all_runs_diverge() -> None:
     runs = Runs()
-    found = comparison._converged(runs, 0.4, 2.0, comparison.HALVED, 1e-3, 10_000)
-    sizes = 0.4 / 2.0 ** np.arange(len(runs.asked))
-    np.testing.assert_allclose([size for size, _ in runs.asked], sizes)
-    errors = np.abs((1 + sizes[:-1] ** 2) / (1 + sizes[1:] ** 2) - 1) / 3
-    assert errors[-1] <= 1e-3 < errors[-2]
-    assert found.force == pytest.approx(errors[-1], rel=1e-6)
-    assert found.peak == pytest.approx(errors[-1], rel=1e-6)
-    assert found.share == sizes[-1]
-    used = np.append(0, np.cumsum(np.round(10 / sizes)))[:-1]
-    assert [left for _, left in runs.asked] == [10_000 - int(each) for each in used]
-    # no room for twice the steps of the last; and a run that stops before its end
+    found = comparison._converged(runs, 0.4, np.inf, 1e-9, 1000, 300)
+    assert sum(10 / size for size in runs.asked) < 600
+    assert found.worst > 1e-9
+    found = comparison._converged(Runs(*[GREW] * 40), 0.4, np.inf, 1e-2, 1000, 10_000)
+    assert (found.run.answer, found.worst) == (GREW, np.inf)
     runs = Runs()
-    comparison._converged(runs, 0.4, 2.0, comparison.HALVED, 1e-9, 300)
-    assert len(runs.asked) == 3  # 25 + 50 + 100 steps; 200 more would not fit
-    stopped = Runs((march.DONE, march.TOO_MANY_STEPS))
-    found = comparison._converged(stopped, 0.4, 2.0, comparison.HALVED, 1e-9, 300)
-    assert (len(stopped.asked), found.force, found.share) == (2, np.inf, 0.4)
-    unstable = Runs((march.GREW,))
-    found = comparison._converged(unstable, 0.4, 2.0, comparison.HALVED, 1e-2, 10_000)
-    assert found.share < 0.2
+    comparison._converged(runs, 0.05, 0.05, 1e-9, 1, 10**6)
+    assert runs.asked == [0.05]  # as many contacts as are allowed

@@ -100,6 +100,9 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
             )
+            command.add_argument(
+                "--drop", action="store_true", help="a fall of PART onto a floor, not an impact"
+            )
         if name == "export":
             ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
             command.add_argument("out", metavar="OUT", help=ends)

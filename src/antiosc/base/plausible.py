@@ -8,7 +8,7 @@ refused. Each sentence has the number, the rule, and the unit that is probably m
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any, Protocol
 
 import numpy as np
@@ -174,6 +174,8 @@ def _known(model: Any, name: str) -> Any:
 def _fastest(velocity: Any) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
     given = getattr(velocity, "velocity", velocity)
+    if type(given) is float:
+        return abs(given) if isfinite(given) else 0.0
     if type(given) not in (int, float, list, tuple, np.ndarray) and not isinstance(
         given, np.number
     ):

@@ -140,9 +140,20 @@ def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D
 def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
     """InputError unless `one` has every attribute of the protocol `kind`."""
     needed = [attribute for attribute in vars(kind) if not attribute.startswith("_")]
-    if isinstance(one, type) or not all(hasattr(one, attribute) for attribute in needed):
+    if isinstance(one, type) or not all(_has(one, attribute) for attribute in needed):
         given = "" if one is None else f"{type(one).__name__} "
         raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
+
+
+def _has(one: object, attribute: str) -> bool:
+    """`hasattr`; an InputError that tells why, as of a history of several contacts, is raised."""
+    try:
+        getattr(one, attribute)
+    except InputError:
+        raise
+    except AttributeError:
+        return False
+    return True
 
 
 def widths(named: Mapping[str, Any]) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,8 +62,7 @@ class Recorded(Protocol):
     @property
     def error(self) -> Mapping[str, float]: ...
     @property
-    def trajectory(self) -> Any:
-        """The segments and contacts of the integration."""
+    def cumulative_impulse(self) -> Array: ...
 
 
 def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
@@ -179,13 +178,11 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 
 def _contact_span(hit: Recorded) -> tuple[float, float]:
     """First touch, and the release after which less than LATE of the impulse remains [s]."""
-    contacts = hit.trajectory.contacts
-    impulses = [contact.impulse for contact in contacts]
-    if not contacts or sum(impulses) <= 0:
+    contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
+    if not contacts.size or given[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])
-    so_far = np.cumsum(impulses) / sum(impulses)
-    last = contacts[int(np.argmax(so_far >= 1 - LATE))]
-    return float(contacts[0].start), float(last.end)
+    so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
+    return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE)), 1])
 
 
 def _force_error(hit: Recorded) -> float:

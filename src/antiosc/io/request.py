@@ -21,7 +21,7 @@ WAITING = 20.0
 #: How the kernel ends a reader that takes too long.
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
 #: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
-#: its size, None: all
+#: its size, None: all; "root": folder of included files, None: the reader chooses
 ModelOptions = dict[str, Any]
 
 

@@ -45,7 +45,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     aids = wanted is None and mesh.aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
-    label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, mesh, name)
+    label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
     raw = RawMesh(mesh.points, mesh.cells[label][chosen], kind_of(label), mesh.convention)
     raw.told, raw.model = mesh.told, mesh.model
     if wanted is None:
@@ -99,7 +99,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
     return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
 
 
-def _one_kind(rows: Rows, mesh: FileMesh, name: str) -> tuple[str, IntArray]:
+def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
     rows = {label: r for label, r in rows.items() if len(r)}
     if len(rows) > 1:
         counts = ", ".join(f"{len(r)} {label}" for label, r in sorted(rows.items()))

@@ -64,6 +64,21 @@ class DamperEnds(TypedDict):
     damping: list[list[float]]
 
 
+class MeasuredBand(TypedDict):
+    """Bodies that a measurement does not tell from the model, in free modes (A bodies, J modes).
+
+    top : of the band [rad/s]; draws : the first bodies differ by the noise, the others by what lies
+    above the band; omega, decay, b : (A, J) as of a `ModalBody`; r : (A,).
+    """
+
+    top: float
+    draws: int
+    omega: list[list[float]]
+    decay: list[list[float]]
+    b: list[list[float]]
+    r: list[float]
+
+
 @dataclass(frozen=True, repr=False)
 class ModelInfo(Brief):
     """What is known of an extracted model besides its numbers; nothing changes it afterwards.
@@ -75,7 +90,7 @@ class ModelInfo(Brief):
     structure : description of the structure.
     dofs : number of its dofs.
     meshed : whether it has a mesh of its own, whose error can be estimated.
-    method : "krylov", "modes", "superposition" or "full".
+    method : "krylov", "modes", "superposition", "full" or "frf".
     modes_computed, modes_unobservable, modes_merged : numbers of constraint modes that were
         computed, dropped for their small share in Z, and merged with others of their frequency.
     converged : how many of the lowest anti-oscillators have converged to antiresonances.
@@ -92,6 +107,7 @@ class ModelInfo(Brief):
     model : data of the error of beam theory, or a sentence why there is none.
     patch, geometry, not_included : of the patch of the site, of curved surfaces, and a sentence on
         what the estimate of the mesh's error leaves out.
+    measured : of a model from measured frequency responses, what its bars follow from.
     doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
     strike : dofs and errors of the meshes that `strike` has tried.
     notes : anything else, JSON values.
@@ -121,6 +137,7 @@ class ModelInfo(Brief):
     patch: Patch | None = None
     geometry: FacetGaps | None = None
     not_included: str | None = None
+    measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
     wave_speed: float | None = None
     strike: Sequence[Mapping[str, Any]] | None = None
@@ -175,12 +192,13 @@ class ModelInfo(Brief):
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
     **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
-    **dict.fromkeys(("band", "dampers", "patch", "geometry"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("band", "dampers", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
     "model": ((Mapping, str), "a dict or a text"),
 }
 _RECORDS: dict[str, Any] = {
-    "dampers": DamperEnds, "geometry": FacetGaps, "model": BeamSection, "patch": Patch
+    "dampers": DamperEnds, "geometry": FacetGaps, "model": BeamSection, "patch": Patch,
+    "measured": MeasuredBand,
 }  # fmt: skip
 _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
 #: The record of a body of which nothing is known.

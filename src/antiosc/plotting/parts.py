@@ -15,8 +15,7 @@ from antiosc.base.errors import InputError
 from antiosc.charts.deformed import Deformed, draw_deformed
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.history import History, SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,7 +100,7 @@ def plot_map(
 
 def plot_deformed(
     structure: Structure,
-    history: History | SceneHistory,
+    history: History,
     path: str | os.PathLike[str] | None = None,
     time: float | None = None,
     *,
@@ -137,15 +136,12 @@ def plot_deformed(
     return draw_deformed(found, path, arrow=arrow, view=seen_from)
 
 
-def deformed(
-    structure: Structure, history: History | SceneHistory, time: float | None, body: str
-) -> Deformed:
+def deformed(structure: Structure, history: History, time: float | None, body: str) -> Deformed:
     """The surface of a part at one time; arguments as of `plot_deformed`."""
     from antiosc.results.fields import skin
 
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    history.of(body)  # type: ignore[arg-type]
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
+    history.of(body)
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
     points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
@@ -165,7 +161,7 @@ def _arrow(
     return tip, np.array(checks.coordinates("direction", direction))
 
 
-def _motion(history: History | SceneHistory, body: str) -> Array:
+def _motion(history: History, body: str) -> Array:
     """What is largest at the time of the picture: the motion of the site, or the contact forces."""
     if isinstance(history, SceneHistory):
         return np.asarray(np.abs(history.run.force).max(axis=1))

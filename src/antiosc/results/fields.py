@@ -23,8 +23,8 @@ from antiosc.fem.series import Frames, listing, write_frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 
 
 def counted(history: Motions) -> tuple[Any, ...]:
@@ -39,7 +39,7 @@ def counted(history: Motions) -> tuple[Any, ...]:
 @one_thread()
 def write_series(
     structure: Structure,
-    history: History | SceneHistory,
+    history: History,
     path: str | Path,
     times: ArrayLike | None = None,
     *,
@@ -53,7 +53,7 @@ def write_series(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted.
-    history : History or SceneHistory
+    history : History
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as
         `<name>_0000.vtu` and on. With the ending `.bp` that folder, of a structure of one mesh;
@@ -93,7 +93,7 @@ def write_series(
 @one_thread()
 def save_fields(
     structure: Structure,
-    history: History | SceneHistory,
+    history: History,
     path: str | Path,
     times: ArrayLike | None = None,
     *,
@@ -141,7 +141,7 @@ def _write_vtx(
 @collective(history=counted)
 @one_thread()
 def skin(
-    structure: Structure, history: History | SceneHistory, time: float, *, body: str = "structure"
+    structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
     """The surface of a part and its motion at one time, the same on all ranks.
 
@@ -167,7 +167,7 @@ def skin(
 def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
-    kinds = (History, SceneHistory, BodyHistory)
+    kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
     own = modes_of(history, body)
     assert own.basis is not None

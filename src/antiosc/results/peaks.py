@@ -26,7 +26,7 @@ from antiosc.results import peak_search
 from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -115,7 +115,7 @@ class PeakField(Brief):
 @one_thread()
 def peak_field(
     structure: Structure,
-    history: History | SceneHistory | BodyHistory,
+    history: History | BodyHistory,
     quantity: str = "von_mises",
     times: ArrayLike | None = None,
     *,
@@ -131,7 +131,7 @@ def peak_field(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted.
-    history : History, SceneHistory or BodyHistory
+    history : History or BodyHistory
     quantity : str
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
         "displacement", "velocity", "acceleration": the length of the vector.

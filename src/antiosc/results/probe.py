@@ -28,7 +28,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, times_of
 from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (
@@ -48,7 +48,7 @@ OFF_GAUGE = 0.05
 @one_thread()
 def probe(
     structure: Structure,
-    history: History | SceneHistory | BodyHistory,
+    history: History | BodyHistory,
     point: Sequence[float] | str,
     quantity: str = "displacement",
     times: ArrayLike | None = None,
@@ -68,7 +68,7 @@ def probe(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted.
-    history : History, SceneHistory or BodyHistory
+    history : History or BodyHistory
         A BodyHistory is `hit.bodies[name]` of a scene.
     point : sequence of floats, or str
         Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
@@ -154,7 +154,7 @@ def probe(
 @one_thread()
 def strain_gauge(
     structure: Structure,
-    history: History | SceneHistory | BodyHistory,
+    history: History | BodyHistory,
     point: Sequence[float] | str,
     direction: Sequence[float],
     length: float,

@@ -34,7 +34,6 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
 from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,7 +71,7 @@ class Reactions(Brief):
 @one_thread()
 def reactions(
     structure: Structure,
-    history: History | SceneHistory,
+    history: History,
     site: Site | Mapping[str, Site],
     times: ArrayLike | None = None,
     *,
@@ -84,7 +83,7 @@ def reactions(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted: of a mesh, or an assembly.
-    history : History or SceneHistory
+    history : History
     site : Site or mapping of names to Site
         With which the model was extracted.
     times : array_like (n,), optional
@@ -106,8 +105,7 @@ def reactions(
         those of the model; a moving ground; gravity on a part that its supports let slide.
     """
     checks.instance("structure", structure, Structure, "a Structure")
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     sites = _named(site)
@@ -115,7 +113,7 @@ def reactions(
     from antiosc.fem.released import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
-    _check(structure, history, body)
+    _check(structure, history)
     following = _following(structure, released.pulled)
     rigid = released.rigid()
     moved, carried = released.inertia(following, rigid)
@@ -140,14 +138,10 @@ def reactions(
     )
 
 
-def _check(structure: Structure, history: Any, body: str) -> None:
-    if isinstance(history, History):
-        pulled = bool(np.any(history.problem.load)) and body == "structure"
-        moved = False
-    else:
-        scene = history.assembly.scene
-        pulled, moved = bool(np.any(scene.gravity)), scene.base is not None
-    if moved:
+def _check(structure: Structure, history: Any) -> None:
+    scene = history.assembly.scene
+    pulled = bool(np.any(scene.gravity))
+    if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if pulled and structure.rigid_modes.shape[1]:
         raise InputError(

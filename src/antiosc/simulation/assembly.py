@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,14 +63,8 @@ class Assembly:
 def assemble(scene: SceneParts, duration: float) -> Assembly:
     """The scene ready to integrate; InputError for what does not fit together."""
     bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
-    spans, columns, j, k = {}, {}, 0, 0
-    for name, body in bodies.items():
-        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
-        j, k = spans[name].stop, columns[name].stop
-    B, r = np.zeros((j, k)), np.zeros((k, k))
-    for name, body in bodies.items():
-        B[spans[name], columns[name]] = body.B
-        r[columns[name], columns[name]] = body.r
+    spans, columns, B, r = side_by_side(bodies)
+    k = len(r)
     normal: list[Array] = []
     rubbing: list[Array] = []
     tangents: list[tuple[int, int]] = []
@@ -99,14 +94,13 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
     beta = np.ascontiguousarray(G @ B.T)
     mass = np.array([mass_behind(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
-    R = G @ r @ G.T
     gaps = offsets[0, : len(laws)]
     depth, speed, slip, lasting = scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
         beta=beta,
-        R=R,
+        R=G @ r @ G.T,
         breaks=breaks,
         loads=loads,
         offsets=offsets,
@@ -128,11 +122,42 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
     return Assembly(scene, bodies, spans, columns, B, r, G, laws, notes, system, lasting)
 
 
+def side_by_side(
+    bodies: Mapping[str, Placed],
+) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
+    """Modes and columns of each body among those of all, and the matrices B and r of all."""
+    spans, columns, j, k = {}, {}, 0, 0
+    for name, body in bodies.items():
+        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
+        j, k = spans[name].stop, columns[name].stop
+    B, r = np.zeros((j, k)), np.zeros((k, k))
+    for name, body in bodies.items():
+        B[spans[name], columns[name]] = body.B
+        r[columns[name], columns[name]] = body.r
+    return spans, columns, B, r
+
+
+def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
+    if local == 0.0:
+        return law, []
+    if not isinstance(law, Hertz):
+        return law, [
+            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
+            f" {type(law).__name__} is not Hertz's law."
+        ]
+    if law.compliance > 0.0:
+        return law, []
+    return law.without(local), [
+        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from Hertz's law"
+        f" of {a!r} - {b!r}, so that the indentation is counted once."
+    ]
+
+
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
-    """The laws with the patches' own half-space compliance taken out, and notes on it."""
+    """The laws without the half-space compliance of the patches, and notes on it."""
     laws, notes = [], []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
-        law = contact.law
         given = contact.tangential_stiffness
         if contact.friction and given and given * local > (1 - STIFFEST) * MINDLIN:
             notes.append(
@@ -140,16 +165,7 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
                 f" tangential_stiffness = {given:g} N/m: a tenth is taken."
             )
-        if local and isinstance(law, Hertz) and law.compliance == 0.0:
-            law = law.without(local)
-            notes.append(
-                f"The patch's half-space compliance {local:.4g} m/N was taken out of the law of"
-                f" {contact.a!r}, {contact.b!r}."
-            )
-        elif local and not isinstance(law, Hertz):
-            notes.append(
-                f"The patch's compliance {local:.4g} m/N stays in {contact.a!r}, {contact.b!r}:"
-                f" {type(law).__name__} is not Hertz's law."
-            )
+        law, told = freed(contact.law, local, contact.a, contact.b)
         laws.append(law)
+        notes += told
     return laws, notes

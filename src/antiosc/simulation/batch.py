@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,14 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array, Index
 from antiosc.base.brief import Brief
-from antiosc.base.errors import AccuracyError, AccuracyWarning, AntioscError, InputError, warn
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
-from antiosc.simulation.coupled_dampers import refuse_coupling
 from antiosc.simulation.executors import check_executor, returned
-from antiosc.simulation.integrators import MAX_STEPS
-from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
+from antiosc.simulation.history import History
+from antiosc.simulation.refinement import METHODS, check_range
+from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
 from antiosc.simulation.verdict import STOPPED, Verdict, tell_all, tell_rotation
 
 CHUNKS = 64  # that the scenes are divided into for an executor
@@ -122,25 +121,28 @@ def simulate_many(
     impactors: LinearBody | Sequence[LinearBody],
     contacts: ContactLaw | Sequence[ContactLaw],
     duration: ArrayLike,
+    method: str = "exact",
     *,
+    n: int | str | None = None,
     step: ArrayLike | None = None,
     tol: float | None = None,
     initial_velocity: ArrayLike = 0.0,
     gravity: ArrayLike = 0.0,
+    gap: ArrayLike | None = None,
     max_contacts: int = 10_000,
     max_steps: int = MAX_STEPS,
     executor: Executor | None = None,
     earlier: Batch | None = None,
 ) -> Batch:
-    """`simulate` with the exact method for many scenes.
+    """`simulate` for many scenes.
 
     Parameters
     ----------
     models, impactors, contacts
         One for all scenes, or a sequence with one per scene (see `sweep`).
-    duration, step, initial_velocity, gravity : float or (S,)
+    duration, step, initial_velocity, gravity, gap : float or (S,)
         As for `simulate`, for all scenes or one per scene.
-    tol, max_contacts, max_steps
+    method, n, tol, max_contacts, max_steps
         As for `simulate`.
     executor : concurrent.futures.Executor, optional
         What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's. A
@@ -170,13 +172,17 @@ def simulate_many(
         "step": step,
         "initial_velocity": initial_velocity,
         "gravity": gravity,
+        "gap": gap,
     }
     check_executor(executor)
     size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
     columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
+    checks.choice("method", method, METHODS)
     limits = {
         "tol": accuracy,
+        "method": method,
+        "n": n,
         "max_contacts": checks.whole("max_contacts", max_contacts),
         "max_steps": checks.whole("max_steps", max_steps),
     }
@@ -227,11 +233,11 @@ class _Row:
 
 
 def _solved(scenes: Sequence[tuple[Any, ...]], limits: dict[str, Any]) -> list[_Row]:
-    """The rows of scenes (model, impactor, law, duration, step, velocity, gravity)."""
+    """The rows of scenes (model, impactor, law, duration, step, velocity, gravity, gap)."""
     rows = []
     for scene in scenes:
         try:
-            rows.append(_row(impact(*scene, **limits)))
+            rows.append(_row(*_impact(*scene, **limits)))
         except AntioscError as error:
             rows.append(_failed(error))
     return rows
@@ -242,7 +248,7 @@ def _failed(error: AntioscError) -> _Row:
 
 
 @checks.within_range
-def impact(
+def _impact(
     model: Any,
     impactor: Any,
     contact: Any,
@@ -250,53 +256,39 @@ def impact(
     step: Any,
     velocity: Any,
     gravity: Any,
-    *,
-    tol: float,
-    max_contacts: int,
-    max_steps: int,
-) -> Outcome:
+    gap: Any,
+    **options: Any,
+) -> tuple[History, Verdict]:
     """One scene; AccuracyError if its force leaves the range of its law."""
-    outcome = integrated(
+    history, verdict = impact(
         model,
         impactor,
         contact,
         checks.positive("duration", duration, "s"),
         step=step,
-        tol=tol,
         initial_velocity=velocity,
         gravity=gravity,
-        gap=None,
-        max_contacts=max_contacts,
-        max_steps=max_steps,
+        gap=gap,
+        **options,
     )
-    sides = model, impactor
-    refuse_coupling(outcome.problem, outcome.bodies, sides, outcome.trajectory, tol)
-    law = outcome.problem.law
-    if law.valid_force < inf and outcome.trajectory.peak_force > law.valid_force:
-        peak = outcome.trajectory.peak_force
-        blow = plausible.of_blow(model, [impactor], velocity)
-        doubts = [*plausible.of_model(model), *filter(None, [blow])]
-        raise AccuracyError(plausible.first(doubts, f"{law.out_of_range(peak, None)}."))
-    return outcome
+    blow = plausible.of_blow(model, [impactor], velocity)
+    check_range(history, [*plausible.of_model(model), *filter(None, [blow])])
+    return history, verdict
 
 
-def _row(outcome: Outcome) -> _Row:
-    run = outcome.trajectory
-    e = run.restitution
+def _row(hit: History, verdict: Verdict) -> _Row:
+    e = hit.restitution
     return _Row(
-        verdict=outcome.verdict,
-        peak_force=run.peak_force,
-        impulse=run.impulse,
-        contact_time=run.contact_time,
+        verdict=verdict,
+        peak_force=hit.peak_force,
+        impulse=hit.impulse,
+        contact_time=hit.contact_time,
         restitution=np.nan if e is None else e,
-        contacts=len(run.contacts),
-        step=outcome.step,
-        accuracy=outcome.error.get("force", np.nan),
-        force=(
-            np.concatenate([np.zeros(0), *(c.time for c in run.contacts)]),
-            np.concatenate([np.zeros(0), *(c.force for c in run.contacts)]),
-        ),
-        turned=outcome.largest_rotation(),
+        contacts=len(hit.contacts),
+        step=hit.step,
+        accuracy=hit.error.get("force", np.nan),
+        force=hit.contact_histories[0].pulses(),
+        turned=hit.largest_rotation(),
     )
 
 

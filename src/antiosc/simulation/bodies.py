@@ -18,7 +18,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
@@ -111,6 +111,7 @@ class Placed:
     start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
+    patch_radius : radius [m] of the patch of its one site, if it has one.
     modes : its form in free modes, if it has another one than this; it has the fields.
     """
 
@@ -129,6 +130,7 @@ class Placed:
     displaced: Array | None = None
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
+    patch_radius: float | None = None
     modes: ModalBody | SiteModes | None = None
     axes: dict[str, Array] = field(default_factory=dict)
 
@@ -197,7 +199,11 @@ def _single(name: str, body: LinearBody) -> Placed:
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
-    start = modes.rigid_motion(velocity)
+    return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
+
+
+def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, start: Array) -> Placed:
+    """A body of one contact point, with its modal velocities (J,) at the start."""
     direction = modes.direction
     return Placed(
         name=name,
@@ -214,6 +220,7 @@ def _single(name: str, body: LinearBody) -> Placed:
         start=start,
         gap=asked.gap,
         local_compliance={"": asked.local_compliance},
+        patch_radius=asked.patch_radius,
         modes=modes,
     )
 

@@ -11,7 +11,6 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +41,7 @@ class BodyEnergy(Brief):
         return self.rigid + self.vibration
 
 
-def body_energy(history: History | SceneHistory, body: str) -> BodyEnergy:
+def body_energy(history: History, body: str) -> BodyEnergy:
     """Energies of one body: "structure" or "impactor"; of a scene its name.
 
     Raises
@@ -50,32 +49,19 @@ def body_energy(history: History | SceneHistory, body: str) -> BodyEnergy:
     InputError
         For another name.
     """
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    if isinstance(history, SceneHistory):
-        checks.instance("body", body, str, "the name of a body")
-        if body not in history.bodies:
-            named = ", ".join(history.bodies)
-            raise InputError(f"there is no body {body!r} in the scene: name one of {named}.")
-        one = history.bodies[body]
-        omega, v, strain = one.placed.omega, one.v, one.strain
-    else:
-        _, own = history.of(body)  # type: ignore[arg-type]
-        q, v = history.states(history.time)
-        size = history.bodies[0].omega.size
-        part = slice(None, size) if body == "structure" else slice(size, None)
-        omega, q, v = own.omega, q[:, part], v[:, part]
-        strain = 0.5 * np.sum((omega * q) ** 2, axis=1) + 0.5 * own.r * history.force**2
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
+    one = history.bodies[history.name_of(body)]
+    omega, v = one.placed.omega, one.v
     still = omega == 0
     return BodyEnergy(
         time=history.time,
         rigid=0.5 * np.sum(v[:, still] ** 2, axis=1),
         kinetic=0.5 * np.sum(v[:, ~still] ** 2, axis=1),
-        strain=strain,
+        strain=one.strain,
     )
 
 
-def vibration_share(history: History | SceneHistory) -> float:
+def vibration_share(history: History) -> float:
     """Share of the kinetic energy at the start that vibrates in all bodies at the end.
 
     After a contact without losses of its own it is Zener's loss, by which a sphere rebounds more
@@ -86,11 +72,8 @@ def vibration_share(history: History | SceneHistory) -> float:
     InputError
         Bodies at rest at the start.
     """
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    scene = isinstance(history, SceneHistory)
-    names = list(history.bodies) if scene else ["structure", "impactor"]
-    energies = [body_energy(history, str(name)) for name in names]
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
+    energies = [body_energy(history, name) for name in history.bodies]
     start = sum(float(e.rigid[0] + e.kinetic[0]) for e in energies)
     if start == 0:
         raise InputError("all bodies are at rest at the start: there is no share of their energy.")

@@ -16,10 +16,10 @@ from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.history import History, no_field
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 
 #: What knows the motion of a body.
-Motions = History | SceneHistory | BodyHistory
+Motions = History | BodyHistory
 
 
 def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
@@ -29,7 +29,7 @@ def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
         if own is None:
             raise InputError(no_field(model))
     else:
-        model, own = history.of(body)  # type: ignore[arg-type]
+        model, own = history.of(body)
     if own.basis is None:
         raise InputError(no_field(model))
     return own
@@ -55,7 +55,7 @@ def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -
     """
     own = modes_of(history, body)
     if derivative == 0 and not isinstance(history, BodyHistory):
-        x = history.coordinates(times, body)  # type: ignore[arg-type]
+        x = history.coordinates(times, body)
         return own.amplitudes(x)
     q, forces = _modal(history, times, body, derivative)
     return _factors(own, q, np.zeros_like(forces) if derivative else forces)
@@ -88,15 +88,6 @@ def modal_sizes(
 
 def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[Array, Array]:
     """Modal displacements, velocities or accelerations (n, J), and the forces (n, P)."""
-    if isinstance(history, History):
-        q, v = history.states(times)
-        p = history.problem
-        force = history.force_at(times)
-        a = p.load - force[:, None] * p.beta - p.omega**2 * q - 2 * p.decay * v
-        own = history.bodies[0].omega.size
-        # those of the impactor are along the impact, opposite to the force on its model
-        part = (q, v, a)[derivative]
-        return (part[:, :own] if body == "structure" else -part[:, own:]), force[:, None]
     one = history if isinstance(history, BodyHistory) else history.at(times)[history.name_of(body)]
     return (one.q, one.v, one.a)[derivative], one.forces
 

@@ -39,10 +39,14 @@ def replay(
     state: State | None = None
     for (a, b), speed in zip(spans, speeds, strict=False):
         state = law.touch(speed, state)
-        if is_compiled(law) and not law.has_memory:  # the state lasts as long as the contact
+        span = slice(a, b + 1)
+        if is_compiled(law):
             assert isinstance(law, Compiled)
-            span = slice(a, b + 1)
-            stored[span] = law.energies(depth[span], state)
+            if law.has_memory:
+                stored[span], lost, state = _remembered(law, depth[span], state)
+                plastic[span] += lost
+            else:  # the state lasts as long as the contact
+                stored[span] = law.energies(depth[span], state)
             if law.rate_dependent:
                 damping[span] = force[span] - law.forces_at_rest(depth[span], state)
             if b < depth.size - 1:
@@ -61,6 +65,27 @@ def replay(
         if b < depth.size - 1:
             stored[b] = damping[b] = 0.0
     return stored, np.cumsum(plastic), damping
+
+
+def _remembered(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
+    """Stored energy (n,) of one contact of a law with memory, what each node loses, and its end.
+
+    The state changes where the indentation exceeds its turning point and all before it, and is
+    there the same whatever the nodes in between.
+    """
+    before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
+    deeper = np.append(False, depth[1:] > before)
+    stored, lost = law.energies(depth, state), np.zeros(depth.size)
+    at = np.flatnonzero(deeper)
+    if not at.size:
+        return stored, lost, state
+    states = [law.advance(delta, 0.0, state) for delta in depth[at].tolist()]
+    lost[at] = np.diff([state[2], *(one[2] for one in states)])
+    returns = np.flatnonzero(np.diff(at, append=depth.size) > 1)
+    for k in returns.tolist():
+        back = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
+        stored[back] = law.energies(depth[back], states[k])
+    return stored, lost, states[-1]
 
 
 def path_work(force: Array, way: Array) -> Array:
@@ -82,7 +107,10 @@ def path_work(force: Array, way: Array) -> Array:
     return total
 
 
-def simpson(time: Array, force: Array) -> Array:
-    """Integral of the force over each step, exact for its parabola."""
-    step = time[2::2] - time[:-2:2]
-    return np.asarray(step / 6 * (force[:-2:2] + 4 * force[1:-1:2] + force[2::2]))
+def impulses(time: Array, force: Array) -> Array:
+    """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolas over steps."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    span, found = np.diff(time)[:, None], np.empty((time.size - 1, force.shape[1]))
+    found[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
+    found[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
+    return found

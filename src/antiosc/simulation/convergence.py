@@ -53,9 +53,9 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
         ),
         march.TOO_MANY_STEPS: (
             f"stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
-            f" tol or raise max_steps"
+            f" step or tol, or raise max_steps"
         ),
-        march.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller tol",
+        march.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller step or tol",
         march.STUCK: (
             f"stopped at {t:g} s: no step is small enough for the contact forces there; check the"
             f" laws' stiffness against the bodies' masses"

@@ -9,7 +9,9 @@ from typing import Any
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "model")
+CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
+#: Those that are told only of models that were measured.
+MEASURED = ("noise", "band")
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class ErrorBar:
     time : of the time integration.
     patch : of the radius of the site's patch.
     geometry : of flat faces that stand for a curved surface.
+    noise, band : of a measured model, of the noise and of the modes above the measured band.
     model : of the element family, such as a beam in place of a solid bar.
     """
 
@@ -33,12 +36,14 @@ class ErrorBar:
     time: float
     patch: float
     geometry: float = 0.0
+    noise: float = 0.0
+    band: float = 0.0
     model: float = 0.0
 
     @property
     def numerical(self) -> float:
         """Sum of all causes but the model, which no finer mesh changes."""
-        return self.mesh + self.truncation + self.time + self.patch + self.geometry
+        return sum(getattr(self, cause) for cause in CAUSES if cause != "model")
 
     @property
     def total(self) -> float:
@@ -86,6 +91,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return replace(self, bars=bars)
 
     @property
+    def causes(self) -> tuple[str, ...]:
+        """Those that are told: noise and band of a measured model alone."""
+        bars = self.bars.values()
+        return tuple(c for c in CAUSES if c not in MEASURED or any(getattr(b, c) for b in bars))
+
+    @property
     def worst(self) -> float:
         """Largest total of the three quantities."""
         return max(bar.total for bar in self.bars.values())
@@ -98,7 +109,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name, bar in self.bars.items():
-            causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in CAUSES)
+            causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in self.causes)
             value = f"{bar.value:.5g} {QUANTITIES[name]}"
             lines.append(f"{name} {value} ± {_percent(bar.total)} %: {causes}")
         return "\n".join([*lines, *self.notes])

@@ -23,6 +23,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
 from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.simulation.history import History
+from antiosc.simulation.measured_errors import low_band, measured_errors
 from antiosc.simulation.model_errors import model_errors
 from antiosc.simulation.quantities import differences, floored
 from antiosc.simulation.truncation import Run, truncation_error
@@ -52,13 +53,48 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     """The bars of a run; `again(model, tol)` is the same impact on another model, with the exact
     method and a step that meets the tolerance."""
     model = hit.model
-    if not isinstance(model, AntiOscillators) or model.strain_error is None:
+    if not isinstance(model, AntiOscillators):
+        raise InputError(NO_ESTIMATE)
+    if model.strain_error is None and model.info.measured is None:
         raise InputError(NO_ESTIMATE)
     if not hit.contacts:
         bars = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
-    raw, softer = again(model, tol), again(model.corrected(), tol)
+    raw = again(model, tol)
+    mesh, truncated, share, safety, doubts = _mesh(model, hit, raw, again, tol)
+    noise, band = measured_errors(model, raw, again, tol)
+    patch, told = _patch(model, raw, again, tol)
+    geometry, curved = _geometry(model, hit, raw, again, tol)
+    family, idealized = model_errors(model, raw, again, tol)
+    time = _time(hit, raw, tol)
+    bars = {
+        name: ErrorBar(
+            value=getattr(hit, name),
+            mesh=mesh[name],
+            truncation=truncated[name],
+            time=time[name],
+            patch=patch[name],
+            geometry=geometry[name],
+            noise=noise[name],
+            band=band[name],
+            model=family[name],
+        )
+        for name in QUANTITIES
+    }
+    notes = (*told, *curved, *idealized, *doubts, *filter(None, [low_band(raw)]))
+    return ErrorBudget(bars, share, notes, safety)
+
+
+def _mesh(
+    model: AntiOscillators, hit: History, raw: History, again: Run, tol: float
+) -> tuple[dict[str, float], dict[str, float], float, float, list[str]]:
+    """The shares of mesh and truncation, that of the errors of strains in the energy, the factor of
+    safety, and what is to be said; of a model without a mesh nothing."""
+    none = dict.fromkeys(QUANTITIES, 0.0)
+    if model.strain_error is None:
+        return none, none, 0.0, SAFETY, []
+    softer = again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
     safety, doubts = _safety(model, share)
     off = differences(raw, softer)
@@ -68,31 +104,14 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     mesh = floored({name: safety * one for name, one in off.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
-    known = partial(_again, again, model, raw)
-    truncated = truncation_error(model, known, tol=tol)
-    notes = []
+    truncated = truncation_error(model, partial(_again, again, model, raw), tol=tol)
     if len(raw.contacts) != len(softer.contacts):
-        notes.append(
+        doubts.insert(
+            0,
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
-            f"{len(softer.contacts)} corrected): the contact times are not comparable."
+            f"{len(softer.contacts)} corrected): the contact times are not comparable.",
         )
-    patch, told = _patch(model, raw, again, tol)
-    geometry, curved = _geometry(model, hit, raw, again, tol)
-    family, idealized = model_errors(model, raw, again, tol)
-    time = _time(hit, raw, tol)
-    bars = {
-        name: ErrorBar(
-            value=getattr(hit, name),
-            mesh=mesh[name],
-            truncation=getattr(truncated, name),
-            time=time[name],
-            patch=patch[name],
-            geometry=geometry[name],
-            model=family[name],
-        )
-        for name in QUANTITIES
-    }
-    return ErrorBudget(bars, share, (*notes, *told, *curved, *idealized, *doubts), safety)
+    return mesh, {name: getattr(truncated, name) for name in QUANTITIES}, share, safety, doubts
 
 
 def _again(

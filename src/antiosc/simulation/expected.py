@@ -7,45 +7,31 @@ stiffness of friction that is not given, for which the depth is found accurately
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
 from antiosc.contact import ContactLaw, State
-from antiosc.models.modal import ModalBody
-from antiosc.simulation.integrators import Problem
 
 
-def scaled(
-    problem: Problem, bodies: tuple[ModalBody, ModalBody], duration: float
-) -> tuple[Problem, float]:
-    """The problem with the depth, speed and mass of its contact, and the expected contact time [s].
+def expected_impact(
+    law: ContactLaw, mass: float, speed: float, push: float, gap: float, duration: float
+) -> tuple[float, float, float]:
+    """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
 
-    The estimate uses the effective mass of the slowest motion of each body at the contact point. It
-    is only the start of the choice of the step.
+    Parameters
+    ----------
+    mass : inertia [kg] behind the contact, of the slowest motion of each body.
+    speed, push : closing speed [m/s] and acceleration [m/s^2] at the start.
     """
-    mobility = sum(body.mobility for body in bodies)
-    mass = 1 / mobility if mobility > 0 else 1.0
-    push = abs(float(problem.beta @ problem.load)) * mass
-    speed = abs(float(problem.beta @ problem.v))
-    speed = float(np.sqrt(speed**2 + 2 * push / mass * problem.gap))
+    push *= mass
+    speed = float(np.sqrt(speed**2 + 2 * push / mass * gap))
     if speed == 0.0 and push == 0.0:
-        return replace(problem, mass=mass), duration / 16
-    law = problem.law
-    state = law.touch(speed)
+        return 1e-300, 1e-300, duration / 16
     farthest = speed * duration + push / mass * duration**2
-    delta = deepest(law, state, 0.5 * mass * speed**2, push, farthest)
-    pace = speed + float(np.sqrt(2 * push / mass * delta))
-    scale = min(3 * delta / pace, duration / 2)
-    return replace(problem, depth=delta, speed=pace, mass=mass, farthest=farthest), scale
-
-
-def stiffness_of(problem: Problem) -> float:
-    """Largest stiffness [N/m] that is expected of the contact of a scaled problem."""
-    law = problem.law
-    state = law.touch(problem.speed)
-    late = pressed_depth(problem, problem.mass, problem.speed, state, problem.farthest)
-    return stiffness_at(law, problem.depth + late, state)
+    depth = deepest(law, law.touch(speed), 0.5 * mass * speed**2, push, farthest)
+    pace = speed + float(np.sqrt(2 * push / mass * depth))
+    return depth, pace, min(3 * depth / pace, duration / 2)
 
 
 def deepest(
@@ -54,18 +40,15 @@ def deepest(
     energy: float,
     push: float,
     high: float,
-    soft: float = 0.0,
     close: float = 0.1,
 ) -> float:
     """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
 
-    The contact has a spring of compliance `soft` [m/N] in series. `close`: relative error.
+    `close`: relative error.
     """
 
     def excess(delta: float) -> float:
-        force = law.force(delta, 0.0, state) if soft else 0.0
-        path = delta + soft * force
-        return law.potential(delta, state) + 0.5 * soft * force**2 - energy - push * path
+        return law.potential(delta, state) - energy - push * delta
 
     beyond = excess(high)
     if beyond <= 0:  # the law is softer than the whole run can show
@@ -90,21 +73,9 @@ def _narrowed(
     return (first, last) if excess(first) <= 0 else (0.0, first)
 
 
-def pressed_depth(problem: Problem, mass: float, speed: float, state: State, high: float) -> float:
-    """Indentation [m] of the whole impactor mass on the static compliance of both bodies.
-
-    Under a light structure this comes after the first impact, on top of it.
-    """
-    rigid = problem.omega == 0
-    mobility = float(np.sum(problem.beta[rigid] ** 2))
-    mass = 1 / mobility if mobility > 0 else mass
-    push = abs(float(problem.beta[rigid] @ problem.load[rigid])) * mass
-    soft = problem.r + float(np.sum((problem.beta[~rigid] / problem.omega[~rigid]) ** 2))
-    return deepest(problem.law, state, 0.5 * mass * speed**2, push, high, soft)
-
-
 def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
     """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
-    return float(np.nan_to_num(max(slopes), posinf=0.0))
+    steepest = float(max(slopes))
+    return steepest if isfinite(steepest) else 0.0

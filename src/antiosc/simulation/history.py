@@ -1,13 +1,13 @@
-"""The result of a simulation: force, motion, energy and momentum."""
+"""What a simulation returns: forces of contacts, motions of bodies, energies, status."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,122 +16,148 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.charts.histories import plot_history
-from antiosc.models.body import places_of
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.contact_energy import replay, stored_alone
+from antiosc.models.site_modes import SiteModes
+from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.bodies import Placed
 from antiosc.simulation.energy import Energy
+from antiosc.simulation.engine import Run
 from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.integrators import Problem, Trajectory
-from antiosc.simulation.results import HistoryResults, covered
+from antiosc.simulation.results import HistoryResults
+from antiosc.simulation.scene_energy import balance
+from antiosc.simulation.scene_history import BodyHistory, ContactHistory, Record
+from antiosc.simulation.scene_states import (
+    blocks,
+    forces,
+    largest_rotation,
+    located,
+    node_states,
+    states,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Body = Literal["structure", "impactor"]
-#: Modal states up to this size are kept; larger ones are computed anew at each use.
-KEPT_BYTES = 1 << 26
+
+class SeveralContactsError(InputError, AttributeError):
+    """What one contact has was asked of a history of several."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class History(HistoryResults):
-    """History of an impact; times in s, forces in N, displacements in m along the direction d.
+    """History of a simulation; times in s, forces in N, displacements in m.
+
+    `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
+    "impactor". Where there is one contact, its force, numbers and motions are also attributes of
+    the history. All is computed when it is first asked for.
 
     Attributes
     ----------
+    error : estimated relative errors reached, of the forces: "force" (L2 norm of all) and "peak";
+        empty when the step was given. With n="auto" also "truncation peak_force", "... impulse",
+        "... contact_time"; "dampers": of the coupling of modes by dampers, the largest in these
+        three.
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
-        the bodies are in contact at the end: contact time, impulse and peak force count up to the
-        end.
-    message : explanation of the status, and changes made to the contact law.
-    step : the step used during contact [s].
-    error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
-        was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time";
-        "dampers": of the coupling of modes by dampers, the largest in these three.
+        a contact that touched during the run goes on at its end: its contact time, impulse and
+        peak force count up to there.
+    message : explanation of the status, and changes made to contact laws.
     budget : what makes the `error_budget` of a run of `simulate`.
+    given : the step [s] that was given, or None.
     structure : of `strike`, the structure of the last mesh, for `probe` and fields; not pickled.
     """
 
-    problem: Problem
-    bodies: tuple[ModalBody, ModalBody]
-    model: Any
-    impactor: Any
-    trajectory: Trajectory
-    step: float
+    assembly: Assembly
+    run: Run
     error: dict[str, float]
     status: int
     message: str
     budget: Callable[[History], ErrorBudget] | None = None
+    given: float | None = None
     structure: Any = None
 
     # -- at the nodes
 
-    @cached_property
+    @property
     def time(self) -> Array:
-        """Nodes [s], ascending from 0, (n,). Two segments share their common node."""
-        return self._joined([s.time for s in self.trajectory.segments])
+        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
+        return self._nodes.time
+
+    def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
+        for contact in self.contact_histories:
+            if contact.ends == ends:
+                return contact
+        listed = ", ".join(str(contact.ends) for contact in self.contact_histories)
+        raise InputError(f"there is no contact {ends!r} in the scene; it has {listed}.")
 
     @cached_property
+    def contact_histories(self) -> list[ContactHistory]:
+        """All contacts in the order of the scene."""
+        contacts = self.assembly.scene.contacts
+        return [ContactHistory((c.a, c.b), self._record, i) for i, c in enumerate(contacts)]
+
+    @cached_property
+    def bodies(self) -> dict[str, BodyHistory]:
+        """Histories of the bodies by name, at the nodes."""
+        run, a = self._nodes, self.assembly
+        q, v = node_states(run, a.system, a.load)
+        return self._bodies(run.time, q, v, run.force)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
+        return balance(self.assembly, self._nodes)
+
+    # -- of one contact
+
+    @property
     def force(self) -> Array:
-        """Contact force [N], >= 0, (n,).
+        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
+        return self._contact.force
 
-        Under contact the exact method takes the parabola through the nodes at 0, h/2 and h of a
-        step, which `force_at`, impulse, peak, fields and states follow.
-        """
-        return self._joined([s.force for s in self.trajectory.segments])
-
-    @cached_property
+    @property
     def indentation(self) -> Array:
         """w - u - gap [m], (n,); negative: distance."""
-        return self._joined([s.indentation() for s in self.trajectory.segments])
+        return self._contact.indentation
 
-    @cached_property
+    @property
     def displacement(self) -> Array:
-        """Displacement u of the structure's site [m], (n,)."""
-        s, b = self._size, self.bodies[0].b
-        (moved,) = self._reduced(lambda q, v: (q[:, :s] @ b,))
-        return np.asarray(moved + self.bodies[0].r * self.force)
+        """Displacement u of the structure's site [m], (n,), along the contact."""
+        return self._sites[0]
 
-    @cached_property
+    @property
     def velocity(self) -> Array:
         """Velocity of the structure's site [m/s], (n,), without the residual compliance."""
-        s, b = self._size, self.bodies[0].b
-        return self._reduced(lambda q, v: (v[:, :s] @ b,))[0]
+        return self._sites[1]
 
-    @cached_property
+    @property
     def impactor_displacement(self) -> Array:
-        """Displacement w of the impactor's contact point [m], (n,)."""
-        s, b = self._size, self.bodies[1].b
-        (moved,) = self._reduced(lambda q, v: (q[:, s:] @ b,))
-        return np.asarray(moved - self.bodies[1].r * self.force)
+        """Displacement w of the impactor's contact point [m], (n,), along the contact."""
+        return self._sites[2]
 
-    @cached_property
+    @property
     def impactor_velocity(self) -> Array:
         """Velocity w' of the impactor's contact point [m/s], (n,)."""
-        s, b = self._size, self.bodies[1].b
-        return self._reduced(lambda q, v: (v[:, s:] @ b,))[0]
-
-    # -- numbers
+        return self._sites[3]
 
     @property
     def peak_force(self) -> float:
         """Largest contact force [N], also between the nodes."""
-        return self.trajectory.peak_force
+        return self._contact.peak_force
 
     @property
     def impulse(self) -> float:
         """Time integral of the contact force [N s]."""
-        return self.trajectory.impulse
+        return self._contact.impulse
 
-    @cached_property
+    @property
     def cumulative_impulse(self) -> Array:
         """Time integral of the force from the start up to each node [N s], (n,)."""
-        step, force = np.diff(self.time), self.force
-        areas = step * (force[1:] + force[:-1]) / 2 - self._bend[:-1] * step**3 / 12
-        return np.append(0.0, np.cumsum(areas))
+        return self._contact.cumulative_impulse
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
         """(start, end) [s] of every contact, in order."""
-        return [(c.start, c.end) for c in self.trajectory.contacts]
+        return self._contact.contacts
 
     @property
     def contact_time(self) -> float:
@@ -141,7 +167,7 @@ class History(HistoryResults):
         impact up to then. The main impact is the one with the largest impulse. A contact that goes
         on at the end of the run counts up to there (status 3).
         """
-        return self.trajectory.contact_time
+        return self._contact.contact_time
 
     @property
     def restitution(self) -> float | None:
@@ -153,111 +179,55 @@ class History(HistoryResults):
         rebound speed of the impactor over its speed of approach. None without a contact, if the
         bodies are in contact at the end, or if they did not approach each other.
         """
-        return self.trajectory.restitution
+        return self._contact.restitution
+
+    @property
+    def step(self) -> float:
+        """The step used during contact [s]: the one given, or the mean."""
+        if self.given is not None:
+            return self.given
+        nodes, times = self._contact._touches.nodes, self.contacts
+        steps = int((nodes[:, 1] - nodes[:, 0]).sum())
+        return sum(end - start for start, end in times) / steps if steps else self.assembly.lasting
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
         """Bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
-        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. The
-        impact is simulated some more times when this is first asked for. InputError for a model
-        that was extracted without `error="estimate"`.
+        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. When
+        this is first asked for the impact is simulated up to eight times more; the result is kept.
+        InputError for a model that was extracted without `error="estimate"`.
         """
         if self.budget is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
         return self.budget(self)
 
-    @cached_property
+    @property
+    def model(self) -> Any:
+        """The body at the first end of the contact: the structure of `simulate`."""
+        return self._ends[0].body
+
+    @property
+    def impactor(self) -> Any:
+        """The body at the second end of the contact."""
+        return self._ends[1].body
+
+    @property
     def momentum(self) -> Array:
         """Momentum of the structure (n, 3) [kg m/s], in the axes of its mesh."""
-        return self._momenta[:, :3]
+        return self._moving.momentum
 
-    @cached_property
+    @property
     def angular_momentum(self) -> Array:
         """Angular momentum of the structure (n, 3) [kg m^2/s] about its centre of mass at rest."""
-        return self._momenta[:, 3:]
-
-    @cached_property
-    def energy(self) -> Energy:
-        """Energies of both whole bodies, and their drift."""
-        p = self.problem
-        stored, lost = self._contact_energy
-        kinetic, strain, power, work = self._reduced(
-            lambda q, v: (
-                0.5 * np.sum(v**2, axis=1),
-                0.5 * np.sum((p.omega * q) ** 2, axis=1),
-                np.sum(2 * p.decay * v**2, axis=1),
-                (q - p.q) @ p.load,
-            )
-        )
-        braked = np.append(0.0, np.cumsum(np.diff(self.time) * (power[:-1] + power[1:]) / 2))
-        return Energy(
-            kinetic=kinetic,
-            strain=strain + 0.5 * p.r * self.force**2,
-            contact=stored,
-            dissipated=lost + braked,
-            gravity=work,
-        )
-
-    # -- at any time
-
-    def states(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Modal displacements and velocities (n, J) of both bodies at times (n,).
-
-        Between two nodes the motion is the exact response to the force there.
-        """
-        times, index = self._locate(t)
-        q, v = self._at_nodes(index)
-        since, before = times - self.time[index], self.force[index]
-        now, bend = self.force_at(times), self._bend[index]
-        return self.problem.forced(q, v, since, before, now, bend)
+        inertia = self._moving.placed.inertia
+        assert inertia is not None
+        return self._moving.angular_momentum(inertia.centre)
 
     def force_at(self, t: ArrayLike) -> Array:
-        """Contact force [N] at times (n,), as the method takes it between the nodes."""
-        return self.trajectory.force_at(self._locate(t)[0])
-
-    def of(self, body: Body) -> tuple[Any, ModalBody]:
-        """The model of the "structure" or the "impactor", and its modal form."""
-        checks.choice("body", body, get_args(Body))
-        return ((self.model, self.bodies[0]), (self.impactor, self.bodies[1]))[body == "impactor"]
-
-    def coordinates(self, t: ArrayLike, body: Body = "structure") -> Array:
-        """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
-
-        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,). One coordinate for each hidden
-        rigid-body motion of a free body follows lambda.
-        """
-        q, _ = self.states(t)
-        force = self.force_at(t)
-        own = self.of(body)[1].coordinates(self._part(q, body), force)
-        return own if np.ndim(t) else own[0]
-
-    def field(self, t: ArrayLike, body: Body = "structure") -> Array:
-        """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8).
-
-        `body`: "structure", or "impactor" if that is a model with shapes.
-        """
-        model, own = self.of(body)
-        if own.basis is None:
-            raise InputError(no_field(model))
-        return own.field(self.coordinates(t, body))
-
-    def summary(self) -> str:
-        """The numbers of the impact as a short table."""
-        e = self.restitution
-        rows = [
-            *(("site", checks.in_words(point)) for point in places_of(self.model).values()),
-            ("peak force", f"{self.peak_force:.6g} N"),
-            ("impulse", f"{self.impulse:.6g} N s"),
-            ("contacts", f"{len(self.contacts)}"),
-            ("contact time", f"{self.contact_time:.6g} s"),
-            ("restitution", "-" if e is None else f"{e:.4f}"),
-            ("energy drift", f"{self.energy.drift:.1e}"),
-            ("step", f"{self.step:.3g} s"),
-            ("force error", covered(self)),
-            ("status", self.message),
-        ]
-        return "\n".join(f"{name:<13} {value}" for name, value in rows)
+        """Contact force [N] at times (n,): the parabolas between the nodes."""
+        row = self._contact._row
+        return np.maximum(forces(self.run, *self._located(t))[:, row], 0.0)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
@@ -266,97 +236,189 @@ class History(HistoryResults):
         """
         return plot_history(self, path)
 
+    # -- at any time
+
+    def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
+        """The bodies by name at any times (n,) [s] of the run, exact between the nodes too.
+
+        The nodes may lie far apart in flight: values are not to be interpolated between them.
+        """
+        t = self._within(times)
+        return self._bodies(t, *self.states(t), forces(self.run, *located(self.run, t)))
+
+    def states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Modal displacements and velocities (n, J) of all bodies, one after the other, at times
+        (n,); exact between the nodes too."""
+        a = self.assembly
+        return states(self.run, a.system, a.load, *self._located(t))
+
+    def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
+        """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
+
+        `t` of shape (n,) gives (n, C), a single time (C,). They are those of its form in free modes
+        (`of`): one for each hidden rigid-body motion of a free body follows lambda.
+        """
+        name, times = self.name_of(body), self._within(t)
+        _, own = self.of(name)
+        a = self.assembly
+        q, _ = self.states(times)
+        acting = a.pushes(times) - forces(self.run, *located(self.run, times)) @ a.G
+        acting = acting[:, a.columns[name]]
+        pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
+        found = own.coordinates(q[:, a.spans[name]], pushed)
+        return found if np.ndim(t) else found[0]
+
+    def field(self, t: ArrayLike, body: str = "structure") -> Array:
+        """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m].
+
+        Article eq. (8). `body`: of a model with shapes.
+        """
+        model, own = self.of(body)
+        if own.basis is None:
+            raise InputError(no_field(model))
+        return own.field(self.coordinates(t, body))
+
+    def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
+        """The model of a body, and its form in free modes.
+
+        "structure", if no body has this name, is the one that has displacement shapes.
+        """
+        placed = self.assembly.bodies[self.name_of(body)]
+        if placed.modes is None:
+            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
+        return placed.body, placed.modes
+
+    def name_of(self, body: str) -> str:
+        """The name among `bodies` that `body` stands for, see `of`."""
+        bodies = self.assembly.bodies
+        checks.instance("body", body, str, "the name of a body")
+        if body == "structure" and body not in bodies:
+            shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
+            if len(shaped) == 1:
+                return shaped[0]
+        if body not in bodies:
+            raise InputError(
+                f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
+            )
+        return body
+
+    def largest_rotation(self) -> tuple[str, float]:
+        """The free body that turned most by a step's end, and how far [rad]; ("", 0.0) without one.
+
+        Of bodies whose inertia in space is known.
+        """
+        return largest_rotation(self.run, self.assembly.bodies, self.assembly.spans)
+
     # -- inside
 
-    @property
-    def _size(self) -> int:
-        return int(self.bodies[0].omega.size)
-
-    def _part(self, q: Array, body: Body) -> Array:
-        """A body's own modal states among those of both.
-
-        Those of the impactor are along the impact, opposite to the direction of force in its model.
-        """
-        return q[:, : self._size] if body == "structure" else -q[:, self._size :]
-
     @cached_property
-    def _momenta(self) -> Array:
-        inertia = self.bodies[0].inertia
-        if inertia is None:
+    def _record(self) -> Record:
+        """What its contacts share with it, and not the history itself: it goes without a cycle.
+
+        The few flights of an impact have nodes for a picture; a scene may have many.
+        """
+        return Record(self.assembly, self.run, not self.named)
+
+    @property
+    def _nodes(self) -> Run:
+        return self._record.nodes
+
+    @property
+    def _contact(self) -> ContactHistory:
+        """The one contact."""
+        if len(self.assembly.scene.contacts) > 1:
+            pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
+            raise SeveralContactsError(
+                f"the scene has several contacts: ask for the force or motion of one, as {pairs}."
+            )
+        return self.contact_histories[0]
+
+    @property
+    def _ends(self) -> list[Placed]:
+        """The bodies of the one contact."""
+        return [self.assembly.bodies[end.partition(":")[0]] for end in self._contact.ends]
+
+    @property
+    def _moving(self) -> BodyHistory:
+        """The structure, if its momentum is known."""
+        found = self.bodies[self._ends[0].name]
+        if found.placed.inertia is None:
             raise InputError(
                 f"the momentum of {type(self.model).__name__} is not known: extract the model from "
                 "a mesh whose supports permit a rigid-body motion."
             )
-        (moved,) = self._reduced(lambda q, v: (self._part(v, "structure") @ inertia.momentum,))
-        return inertia.moved(moved, inertia.centre)
-
-    def _joined(self, pieces: Sequence[Array]) -> Array:
-        """Segments end to end, the common nodes once."""
-        return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
+        return found
 
     @cached_property
-    def _bend(self) -> Array:
-        """Second derivative of the force behind each node (n,)."""
-        segments = self.trajectory.segments
-        return np.append(self._joined([np.append(0.0, s.bends) for s in segments])[1:], 0.0)
+    def _sites(self) -> Array:
+        """Displacement and velocity of both ends of the one contact along it, (4, n)."""
+        a, run = self.assembly, self._nodes
+        rows = np.zeros((len(a.r), 2))
+        for i, body in enumerate(self._ends):
+            own = a.columns[body.name]
+            rows[own, i] = (2 * i - 1) * a.G[self._contact._row, own]
+        found = np.empty((4, run.time.size))
+        for first, last in blocks(run, a.system.omega.size):
+            q, v = node_states(run, a.system, a.load, first, last)
+            nodes = slice(2 * first, 2 * last + 1)
+            found[::2, nodes], found[1::2, nodes] = (q @ (a.B @ rows)).T, (v @ (a.B @ rows)).T
+        found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+        return found
 
-    @cached_property
-    def _modal_states(self) -> tuple[Array, Array] | None:
-        """Modal displacements and velocities (n, J) at the nodes; None where they are large."""
-        if 8 * self.time.size * self.problem.omega.size > KEPT_BYTES:
-            return None
-        states = [s.states() for s in self.trajectory.segments]
-        return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+    def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
+        a = self.assembly
+        acting = self.assembly.pushes(time) - force @ a.G
+        columns = q @ a.B + acting @ a.r
+        kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
+        load = a.load(time) - force @ a.system.beta
+        accelerations = load - a.system.omega**2 * q - 2 * a.system.decay * v
+        found = {}
+        for name, body in a.bodies.items():
+            j, k = a.spans[name], a.columns[name]
+            residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
+            found[name] = BodyHistory(
+                placed=body,
+                time=time,
+                q=q[:, j],
+                v=v[:, j],
+                a=accelerations[:, j],
+                forces=acting[:, k],
+                kinetic=kinetic[:, j].sum(axis=1),
+                strain=strain[:, j].sum(axis=1) + residual,
+                _columns=columns[:, k],
+            )
+        return found
 
-    def _reduced(self, of: Callable[[Array, Array], tuple[Array, ...]]) -> tuple[Array, ...]:
-        """What `of` gives of modal states (n, J) at the nodes, segment by segment where they are
-        large."""
-        if self._modal_states is not None:
-            return of(*self._modal_states)
-        parts = [of(*s.states()) for s in self.trajectory.segments]
-        return tuple(self._joined(each) for each in zip(*parts, strict=True))
+    def _located(self, t: ArrayLike) -> tuple[Index, Array]:
+        return located(self.run, self._within(t))
 
-    def _at_nodes(self, index: Index) -> tuple[Array, Array]:
-        """Modal states (., J) at some nodes."""
-        if self._modal_states is not None:
-            return self._modal_states[0][index], self._modal_states[1][index]
-        q, v = (np.empty((index.size, self.problem.omega.size)) for _ in range(2))
-        first = 0
-        for segment in self.trajectory.segments:
-            last = first + segment.time.size - 1
-            here = np.flatnonzero((index >= first) & (index <= last))
-            if here.size:
-                q[here], v[here] = (each[index[here] - first] for each in segment.states())
-            first = last
-        return q, v
-
-    def _locate(self, t: ArrayLike) -> tuple[Array, Index]:
+    def _within(self, t: ArrayLike) -> Array:
+        """Times (n,) of the run; InputError for others."""
         times = checks.column("t", t)
-        end = float(self.time[-1])
+        end = float(self.run.time[-1])
         outside = (times < 0) | (times > end * (1 + 1e-12))
         if np.any(outside):
             raise InputError(
                 f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
             )
-        times = np.minimum(times, end)
-        return times, np.searchsorted(self.time, times, side="right") - 1
+        return np.minimum(times, end)
 
-    @cached_property
-    def _contact_energy(self) -> tuple[Array, Array]:
-        """Recoverable and lost energy of the contact law, along the nodes."""
-        law, contacts = self.problem.law, self.trajectory.contacts
-        if not (law.has_memory or law.rate_dependent):
-            return stored_alone(law, self.force, self.indentation), np.zeros(self.time.size)
-        sizes = [s.time.size - 1 for s in self.trajectory.segments]
-        first = np.concatenate(([0], np.cumsum(sizes)))
-        spans = [(int(first[c.segments[0]]), int(first[c.segments[1]])) for c in contacts]
-        stored, lost, damping = replay(
-            law, self.force, self.indentation, spans, [c.speed for c in contacts]
-        )
-        if law.rate_dependent:
-            work = 0.5 * (damping[1:] + damping[:-1]) * np.diff(self.indentation)
-            lost = lost + np.append(0.0, np.cumsum(work))
-        return stored, lost
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, for pickle; a structure stays behind."""
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}
+
+
+class SceneHistory(History):
+    """History of `Scene.run`: its tables name every contact and body of the scene."""
+
+    named = True
+
+
+def with_model(hit: History, model: Any, **changes: Any) -> History:
+    """The same history with the structure's model told more of itself, and other `changes`."""
+    own = hit._ends[0]
+    bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
+    return replace(hit, assembly=replace(hit.assembly, bodies=bodies), **changes)
 
 
 def no_field(model: Any) -> str:

@@ -9,8 +9,7 @@ from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.expected import scaled
-from antiosc.simulation.two_bodies import assemble
+from antiosc.simulation.two_bodies import pose
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
 #: T has its first zero there
@@ -30,10 +29,8 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
             "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
             "give the band as a number."
         )
-    problem, bodies = assemble(_Wall(), impactor, contact)
     endless = 1e6  # s
-    _, duration = scaled(problem, bodies, endless)
-    return BAND_OVER_PULSE * np.pi / duration
+    return BAND_OVER_PULSE * np.pi / pose(_Wall(), impactor, contact, endless).lasting
 
 
 class _Wall(Body):

@@ -70,6 +70,8 @@ _BALLS = (
 )
 #: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
 _TESTED = 8.165 * GRAVITY, 6.48e-3
+_HEADFORMS = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
+_HAIL = "it crushes under impact, which no law here describes: give a contact law"
 _TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
 
 
@@ -110,9 +112,23 @@ _ALL = (
         note="its stiffness is that of the static test, its restitution that at 7 m/s",
     ),
     NamedImpactor("steel ball", "steel of 7850 kg/m³, 210 GPa (handbook)", None, steel=True),
+    NamedImpactor("ice ball", "ice of 917 kg/m³ (handbook)", None, note=_HAIL),
     NamedImpactor(
-        "ice ball", "ice of 917 kg/m³ (handbook)", None,
-        note="ice crushes under impact, which no law here describes: give a contact law",
+        "hail 25 mm", "IEC 61215: ice balls of 25 mm and 7.53 g (th4.ilovetranslation.com)",
+        7.53e-3, tip_radius=12.5e-3, note=f"its speed is not in the source; {_HAIL}",
+    ),
+    NamedImpactor(
+        "hail 45 mm", "EN 12975: 45 mm at 30.7 m/s (energyprofessionalsymposium.com); its mass is"
+        " that of ice of 917 kg/m³", ICE_DENSITY * pi / 6 * 0.045**3, 30.7, 22.5e-3, note=_HAIL,
+    ),
+    NamedImpactor(
+        "child headform", _HEADFORMS + "3.5 kg, 35 km/h at 50° to the horizontal (OICA, headform"
+        " tests data, GRSP informal group, January 2006)", 3.5, 35 / 3.6,
+        note="the stiffness of its skin and its size are not in the source: give a contact law",
+    ),
+    NamedImpactor(
+        "adult headform", _HEADFORMS + "4.5 kg (TRL report PPR052)", 4.5,
+        note="its speed, size and stiffness are not in the source: give a contact law",
     ),
 )  # fmt: skip
 #: Name -> what is known of the impactor.
@@ -129,7 +145,8 @@ def named_impactor(
     ----------
     name : str
         "IK01" to "IK11" (hammers of IEC 60068-2-75), "EN 12600 class 1" to "3" (twin-tyre
-        pendulum), "golf ball", "tennis ball", "steel ball", "ice ball". `antiosc.IMPACTORS[name]`
+        pendulum), "child headform", "adult headform", "golf ball", "tennis ball", "steel ball",
+        "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
         has its numbers, their source, and what is not known.
     velocity : float, optional
         [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls have none.

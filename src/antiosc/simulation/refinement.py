@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
 import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.comparison import METHODS, compared
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.given_step import checked_step, stepped
+from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.integrators.scene_ivp import IVP_METHODS
 from antiosc.simulation.scene_energy import GAIN, gained
-from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_states import touching
-from antiosc.simulation.verdict import judge, tell_rotation
+from antiosc.simulation.verdict import Verdict, judge, tell_rotation
 
 #: Contacts that a message names.
 NAMED = 5
+#: A closing speed below this share of the modal contributions is rounding error.
+ROUNDING = 1e-12
 
 
 def integrate(
@@ -35,35 +42,17 @@ def integrate(
 ) -> SceneHistory:
     """The history of a scene; see `Scene.run`."""
     duration = checks.positive("duration", duration, "s")
-    tol = checks.positive("tol", tol)
-    if tol >= 1:
-        raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
+    tol = checks.tolerance(tol)
     max_contacts = checks.whole("max_contacts", max_contacts)
     max_steps = checks.whole("max_steps", max_steps)
-    checks.instance("method", method, str, "'exact' or the name of an integrator")
+    checks.choice("method", method, METHODS)
     bodies = list(scene.bodies.values())
     doubts = [*plausible.of_model(*bodies), *plausible.tell(_of_blows(scene))]
     assembly = assemble(scene, duration)
     start(assembly)
-    if method == "exact":
-        found, failure = exactly(assembly, duration, tol, step, max_contacts, max_steps)
-    else:
-        failure = ""
-        from antiosc.simulation.comparison import compared  # which is seldom needed
-
-        found = compared(assembly, duration, method, tol, step, max_contacts, max_steps)
-    error = {} if step is not None else {"force": found.force, "peak": found.peak}
-    failure = failure or stopped(
-        found.run.answer, float(found.run.time[-1]), max_contacts, max_steps
+    history, verdict = solved(
+        SceneHistory, assembly, duration, tol, method, step, max_contacts, max_steps
     )
-    verdict = judge(
-        failure,
-        never_touched(assembly, found.run),
-        "" if failure else inexact(assembly, found, tol, max_steps),
-        cut_short(assembly, found.run),
-    )
-    notes = " ".join([verdict.message, *assembly.notes])
-    history = SceneHistory(assembly, found.run, error, verdict.status, notes)
     tell_rotation(*history.largest_rotation())
     if damped := [name for name, body in scene.bodies.items() if has_dampers(body)]:
         warn(
@@ -72,14 +61,56 @@ def integrate(
             AccuracyWarning,
         )
     verdict.tell()
-    for contact, law in zip(scene.contacts, assembly.laws, strict=True):
+    check_range(history, doubts)
+    return history
+
+
+H = TypeVar("H", bound=History)
+
+
+def solved(
+    kind: Callable[..., H],
+    assembly: Assembly,
+    duration: float,
+    tol: float,
+    method: str,
+    step: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[H, Verdict]:
+    """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
+    step = None if step is None else checked_step(step, duration)
+    limits = max_contacts, max_steps
+    if method == "exact":
+        found, failure = exactly(assembly, duration, tol, step, *limits)
+    else:
+        found, failure = compared(assembly, duration, method, tol, step, *limits), ""
+    run = found.run
+    failure = failure or stopped(run.answer, float(run.time[-1]), *limits)
+    verdict = judge(
+        failure,
+        never_touched(assembly, run),
+        "" if failure else inexact(assembly, found, tol, max_steps),
+        cut_short(assembly, run),
+    )
+    known = step is None and method not in IVP_METHODS
+    error = {"force": found.force, "peak": found.peak} if known else {}
+    message = " ".join([verdict.message, *assembly.notes])
+    return kind(assembly, run, error, verdict.status, message, given=step), verdict
+
+
+def check_range(history: History, doubts: Sequence[str] = ()) -> None:
+    """AccuracyError, behind what is implausible, if a force leaves the range of its law."""
+    a = history.assembly
+    for c, (contact, law) in enumerate(zip(a.scene.contacts, a.laws, strict=True)):
         if law.valid_force == np.inf:
             continue
-        peak = history[contact.a, contact.b].peak_force
+        peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
-            reason = f"contact {contact.a!r}, {contact.b!r}: {law.out_of_range(peak, None)}."
-            raise AccuracyError(plausible.first(doubts, reason))
-    return history
+            struck = a.bodies[contact.a.partition(":")[0]]
+            reason = law.out_of_range(peak, struck.patch_radius)
+            where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
+            raise AccuracyError(plausible.first(doubts, f"{where}{reason}."))
 
 
 def _of_blows(scene: SceneParts) -> list[str]:
@@ -122,7 +153,6 @@ def exactly(
     if step is None:
         limits = max_contacts, max_steps
         return converge(system, assembly.lasting, duration, tol, *limits), ""
-    step = checked_step(step, duration)
 
     def stiffness() -> Array:
         return np.array(
@@ -151,13 +181,16 @@ def inexact(assembly: Assembly, found: Converged, tol: float, max_steps: int) ->
         )
     if not worst <= tol:
         return (
-            f"The contact forces did not converge: finer runs differ by {worst:.2g}, not"
-            f" tol = {tol:g} (they rattle, so that small errors grow). Up to {found.certain:.4g} s"
-            f" they agree; shorten the duration to that."
+            f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
+            f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
+            f" {found.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
         )
     gain = gained(assembly, found.run)
     if gain > GAIN:
-        return f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol."
+        return (
+            f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol or"
+            f" step."
+        )
     return ""
 
 
@@ -180,11 +213,28 @@ def never_touched(assembly: Assembly, run: Run) -> str:
     if run.touches or np.any(system.pressed):
         return ""
     p = len(assembly.laws)
-    speed = system.beta[:p] @ system.v
-    if np.all(speed <= 0) and np.any(speed < 0):
-        c = assembly.scene.contacts[int(np.argmin(speed))]
-        return (
-            f"{c.a!r}, {c.b!r} opens at {-speed.min():g} m/s at first; if it should close, reverse"
-            f" the velocity or, for bodies of one coordinate, the ends"
-        )
-    return f"no contact closed within {run.time[-1]:g} s; lengthen the duration or give a velocity"
+    speed, push = _felt(system.beta[:p], system.v), _felt(system.beta[:p], system.loads[0])
+    for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
+        c = int(np.argmax(motion))
+        contact, most = assembly.scene.contacts[c], float(motion[c])
+        if most > 0:
+            return (
+                f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"
+                f" {most:g} {unit} at first and was not closed within {run.time[-1]:g} s; lengthen"
+                f" the duration"
+            )
+        if np.any(motion < 0):
+            return (
+                f"the gap of {contact.a!r}, {contact.b!r} opens at {-most:g} {unit} at first; if it"
+                f" should close, reverse the sign of the velocity or gravity or, in a scene, the"
+                f" ends"
+            )
+    if system.breaks.size > 1:  # what acts changes in time
+        return f"no contact closed within {run.time[-1]:g} s; lengthen the duration"
+    return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
+
+
+def _felt(beta: Array, modal: Array) -> Array:
+    """beta modal (p,), 0 where it is rounding."""
+    felt = beta @ modal
+    return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)

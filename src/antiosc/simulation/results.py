@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -170,139 +169,112 @@ class SavedHistory(Results):
 
 
 class HistoryResults(Results):
-    """Results of one impact (`History`)."""
+    """Tables, numbers and summary of a `History`.
 
-    def columns(self) -> dict[str, Array]:
-        """The table of the history: name with unit -> values (n,) at `time`."""
-        own: Any = self
-        energy = own.energy
-        return {
-            "time [s]": own.time,
-            "force [N]": own.force,
-            "indentation [m]": own.indentation,
-            "displacement [m]": own.displacement,
-            "velocity [m/s]": own.velocity,
-            "impactor displacement [m]": own.impactor_displacement,
-            "impactor velocity [m/s]": own.impactor_velocity,
-            "kinetic energy [J]": energy.kinetic,
-            "strain energy [J]": energy.strain,
-            "contact energy [J]": energy.contact,
-            "dissipated energy [J]": energy.dissipated,
-        }
+    Where every contact and body is `named`, their names stand before their values; otherwise there
+    is one contact, of a structure and an impactor.
+    """
 
-    def numbers(self) -> dict[str, Any]:
-        """Its single results: name -> JSON value."""
-        own: Any = self
-        return {
-            "peak_force": float(own.peak_force),
-            "impulse": float(own.impulse),
-            "contact_time": float(own.contact_time),
-            "restitution": own.restitution,
-            "contacts": [list(map(float, pair)) for pair in own.contacts[:MOST_CONTACTS]],
-            "energy_drift": float(own.energy.drift),
-            "step": float(own.step),
-            "error": {name: float(value) for name, value in own.error.items()},
-            "error_covers": covers(own),
-            "sites": {name: list(point) for name, point in places_of(own.model).items()},
-            "status": int(own.status),
-            "message": str(own.message),
-        }
-
-    def _facts(self) -> list[tuple[str, str]]:
-        own: Any = self
-        e = own.restitution
-        count = len(own.contacts)
-        return [
-            ("bodies", f"{type(own.model).__name__}, {type(own.impactor).__name__}"),
-            ("peak force", f"{own.peak_force:.6g} N, impulse {own.impulse:.6g} N s"),
-            ("contact", f"{own.contact_time:.4g} s in {count} contact(s), restitution "
-             + ("not known" if e is None else f"{e:.4f}")),
-            ("run", f"{own.time[-1]:.4g} s, {own.time.size} nodes, status {own.status}"),
-        ]  # fmt: skip
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields with all values computed, for pickle; a structure stays behind."""
-        own: Any = self
-        state = {f.name: getattr(self, f.name) for f in dataclasses.fields(own)}
-        segments = [
-            dataclasses.replace(
-                one, indentation=Given(one.indentation()), states=Given(one.states())
-            )
-            for one in own.trajectory.segments
-        ]
-        state["trajectory"] = dataclasses.replace(own.trajectory, pieces=Given(segments))
-        return state | ({"structure": None} if "structure" in state else {})
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """A function without arguments that returns a value."""
-
-    value: Any
-
-    def __call__(self) -> Any:
-        return self.value
-
-
-class SceneResults(Results):
-    """Results of a scene (`SceneHistory`)."""
+    named: ClassVar[bool] = False
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
         own: Any = self
         table: dict[str, Array] = {"time [s]": own.time}
-        for contact in own.assembly.scene.contacts:
-            name, found = f"{contact.a} - {contact.b}", own[contact.a, contact.b]
-            table[f"{name} force [N]"] = found.force
-            table[f"{name} indentation [m]"] = found.indentation
-            for i, friction in enumerate(found.friction.T):
-                table[f"{name} friction {i + 1} [N]"] = friction
-        for name, body in own.bodies.items():
-            table[f"{name} kinetic energy [J]"] = body.kinetic
-            table[f"{name} strain energy [J]"] = body.strain
+        for contact in own.contact_histories:
+            name = f"{_shown(contact)} " if self.named else ""
+            table[f"{name}force [N]"] = contact.force
+            table[f"{name}indentation [m]"] = contact.indentation
+            for i, friction in enumerate(contact.friction.T):
+                table[f"{name}friction {i + 1} [N]"] = friction
+        if self.named:
+            for name, body in own.bodies.items():
+                table[f"{name} kinetic energy [J]"] = body.kinetic
+                table[f"{name} strain energy [J]"] = body.strain
+            return table
+        for name in ("displacement", "impactor displacement"):
+            table[f"{name} [m]"] = getattr(own, name.replace(" ", "_"))
+            rate = name.replace("displacement", "velocity")
+            table[f"{rate} [m/s]"] = getattr(own, rate.replace(" ", "_"))
+        for name in ("kinetic", "strain", "contact", "dissipated"):
+            table[f"{name} energy [J]"] = getattr(own.energy, name)
         return table
 
     def numbers(self) -> dict[str, Any]:
         """Its single results: name -> JSON value."""
         own: Any = self
-        contacts = {}
-        for contact in own.assembly.scene.contacts:
-            found = own[contact.a, contact.b]
-            contacts[f"{contact.a} - {contact.b}"] = {
-                "peak_force": float(found.peak_force),
-                "impulse": float(found.impulse),
-                "contact_time": float(found.contact_time),
-                "contacts": [list(map(float, pair)) for pair in found.contacts[:MOST_CONTACTS]],
-            }
+        contacts = {_shown(one): _numbers(one) for one in own.contact_histories}
+        (alone,) = contacts.values() if len(contacts) == 1 else ({},)
+        found = {"restitution": own.restitution, "step": float(own.step)} if alone else {}
         return {
-            "contacts": contacts,
+            **({"contacts": contacts} if self.named else {**alone, **found}),
             "energy_drift": float(own.energy.drift),
             "error": {name: float(value) for name, value in own.error.items()},
             "error_covers": covers(own),
-            "sites": {name: list(point) for name, point in scene_places(own).items()},
+            "sites": {name: list(point) for name, point in sites(own).items()},
             "status": int(own.status),
             "message": str(own.message),
         }
 
+    def summary(self) -> str:
+        """The numbers of the impact, or of every contact of a scene, as a short table."""
+        own: Any = self
+        places = {name: checks.in_words(point) for name, point in sites(own).items()}
+        if not self.named:
+            e = own.restitution
+            rows = [
+                *(("site", point) for point in places.values()),
+                ("peak force", f"{own.peak_force:.6g} N"),
+                ("impulse", f"{own.impulse:.6g} N s"),
+                ("contacts", f"{len(own.contacts)}"),
+                ("contact time", f"{own.contact_time:.6g} s"),
+                ("restitution", "-" if e is None else f"{e:.4f}"),
+                ("energy drift", f"{own.energy.drift:.1e}"),
+                ("step", f"{own.step:.3g} s"),
+                ("force error", covered(own)),
+                ("status", own.message),
+            ]
+            return "\n".join(f"{name:<13} {value}" for name, value in rows)
+        lines = [f"{'contact':<24} {'peak N':>11} {'impulse Ns':>11} {'touches':>7} {'time s':>10}"]
+        for h in own.contact_histories:
+            lines.append(
+                f"{_shown(h):<24} {h.peak_force:>11.5g} {h.impulse:>11.5g} {len(h.contacts):>7}"
+                f" {h.contact_time:>10.4g}"
+            )
+        lines += [f"site {name:<19} {point}" for name, point in places.items()]
+        lines.append(f"energy drift {own.energy.drift:.1e}; force error {covered(own)}")
+        return "\n".join([*lines, own.message])
+
     def _facts(self) -> list[tuple[str, str]]:
         own: Any = self
-        pairs = [(c.a, c.b) for c in own.assembly.scene.contacts]
-        peaks = [(own[pair].peak_force, pair) for pair in pairs]
-        peak, (a, b) = max(peaks, key=lambda one: one[0])
+        contacts = own.contact_histories
+        largest = max(contacts, key=lambda one: one.peak_force)
         return [
             ("bodies", ", ".join(own.assembly.bodies)),
-            ("contacts", f"{len(pairs)}, {sum(p > 0 for p, _ in peaks)} of them closed"),
-            ("peak force", f"{peak:.6g} N of {a} - {b}"),
+            ("contacts", f"{len(contacts)}, {sum(bool(c.contacts) for c in contacts)} closed"),
+            ("peak force", f"{largest.peak_force:.6g} N of {_shown(largest)}"),
             ("run", f"{own.time[-1]:.4g} s, {own.time.size} nodes, status {own.status}"),
         ]
 
 
+def _shown(contact: Any) -> str:
+    """The name of a contact in tables."""
+    return " - ".join(contact.ends)
+
+
+def _numbers(contact: Any) -> dict[str, Any]:
+    """The single results of one contact."""
+    return {
+        "peak_force": float(contact.peak_force),
+        "impulse": float(contact.impulse),
+        "contact_time": float(contact.contact_time),
+        "contacts": [list(map(float, pair)) for pair in contact.contacts[:MOST_CONTACTS]],
+    }
+
+
 def covers(history: Any) -> str:
     """What the `error` of a history covers, and where the mesh's stands."""
-    scene = getattr(history, "assembly", None)
-    bodies = [getattr(history, "model", None)]
-    if scene is not None:
-        bodies = [placed.body for placed in scene.bodies.values()]
+    bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(one) for one in bodies]
     if not any(info.structure for info in facts):
         return "time integration"
@@ -318,8 +290,13 @@ def covered(history: Any) -> str:
     return f"{known} ({covers(history)})"
 
 
-def scene_places(history: Any) -> dict[str, tuple[float, ...]]:
-    """Where the sites of the bodies of a scene lie [m]: "body:site", or "body" -> point."""
+def sites(history: Any) -> dict[str, tuple[float, ...]]:
+    """Where the sites of the bodies lie [m]: "body:site", or "body" -> point.
+
+    Where bodies are not named, those of the structure, by the site alone.
+    """
+    if not history.named:
+        return places_of(history.model)
     return {
         f"{name}:{site}" if site else name: point
         for name, placed in history.assembly.bodies.items()

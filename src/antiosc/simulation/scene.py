@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from antiosc.base.memory import within_memory
+from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.refinement import integrate
-from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
 
 
@@ -59,11 +59,13 @@ class Scene(SceneParts):
             Relative error of all contact forces together in the L2 norm, and of their peak.
         method : str
             "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
-            `scipy.integrate.solve_ivp` such as "DOP853".
+            `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
+            no error. Flights are exact, unless loads or a base act: these are integrated too.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
-            `tol` is met. "exact" halves it where it does not resolve the forces, and stops with a
-            message where the contacts excite the modes at this step.
+            `tol` is met. Of `solve_ivp` it is the largest. "exact" halves it where it does not
+            resolve the forces, and stops with a message where the contacts excite the modes at
+            this step.
         max_contacts, max_steps : int
             Bounds on the work; a run that meets one stops and says so.
 

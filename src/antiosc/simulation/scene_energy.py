@@ -8,14 +8,14 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.contact.compiled import is_compiled
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.contact_energy import path_work, replay, stored_alone
+from antiosc.simulation.contact_energy import impulses, path_work, replay, stored_alone
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
-from antiosc.simulation.scene_states import blocks, node_states, part_of, spans, starts
+from antiosc.simulation.scene_states import blocks, node_states, part_of, starts, touches
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
+BALANCED = 5000  # nodes up to which the balance of several contacts is always made
 SHORT = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
-BALANCED = 5000  # nodes up to which the balance is always made
 
 
 def balance(assembly: Assembly, run: Run) -> Energy:
@@ -52,13 +52,14 @@ def balance(assembly: Assembly, run: Run) -> Energy:
 def gained(a: Assembly, run: Run) -> float:
     """Energy that came from nowhere, relative to the highest.
 
-    The balance of a long run is dear to find: it is made only where the march had a doubt. A law
-    of one's own need not know its energy.
+    The balance is dear to find: of one contact, and of a long run, it is made only where the march
+    had a doubt, and of other methods. A law of one's own need not know its energy.
     """
     system = a.system
     if not all(map(is_compiled, system.laws)):
         return 0.0
-    if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
+    doubted = run.gained > 0.1 * GAIN * run.highest
+    if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED):
         return 0.0
     if system.decay.any() or (a.scene.loads and a.r.any()):
         energy = balance(a, run)
@@ -148,11 +149,7 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     time, force, system = run.time, run.force, a.system
     span = np.diff(time)[:, None]
     load = a.load(time)
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    impulse = np.empty((time.size - 1, force.shape[1]))
-    impulse[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
-    impulse[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
-    given = span * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
+    given = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta
     change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
     elastic = system.omega > 0
     area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
@@ -195,18 +192,16 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         if not (law.has_memory or law.rate_dependent):
             stored += stored_alone(law, run.force[:, c], run.depth[:, c])
             continue
-        speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
-        if system.pressed[c] > 0:
-            speeds.insert(0, 0.0)
         force, depth = run.force[:, c], run.depth[:, c]
+        closed = touches(run, system, c)
         nodes = [
             (
                 int(np.searchsorted(run.time, start)),
                 int(np.searchsorted(run.time, end, side="right")) - 1,
             )
-            for start, end in spans(run, system, c)
+            for start, end in closed.times
         ]
-        each, plastic, damping = replay(law, force, depth, nodes, speeds)
+        each, plastic, damping = replay(law, force, depth, nodes, closed.speeds)
         stored += each
         lost += plastic
         if law.rate_dependent:

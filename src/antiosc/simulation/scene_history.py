@@ -1,10 +1,9 @@
-"""What a scene returns: the forces of its contacts, the motion of its bodies, their balances."""
+"""One contact and one body of a history."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,71 +12,174 @@ from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.models.modal import ModalBody
-from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import Placed
+from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.contact_rows import along, find
-from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
-from antiosc.simulation.history import no_field
 from antiosc.simulation.main_impact import contact_time
-from antiosc.simulation.results import SceneResults, covered, scene_places
-from antiosc.simulation.scene_energy import balance
-from antiosc.simulation.scene_states import (
-    forces,
-    located,
-    node_states,
-    spans,
-    states,
-)
+from antiosc.simulation.scene_states import Touches, starts, touches, with_flights
+
+#: Change of a velocity, relative to it, below which it is rounding in part.
+ROUNDED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run of a scene, of which a history and its contacts are read.
+
+    `flights`: its nodes lie close in flights too.
+    """
+
+    assembly: Assembly
+    run: Run
+    flights: bool
+
+    @cached_property
+    def nodes(self) -> Run:
+        """The run at the nodes of the history."""
+        if not self.flights:
+            return self.run
+        return with_flights(self.run, self.assembly.system, self.assembly.load)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactHistory(Brief):
-    """One contact of a scene, at the times of the history.
+    """One contact of a history: its force at the nodes, and the numbers of its impacts.
 
     Attributes
     ----------
-    time : (n,) [s]; force : (n,) [N], >= 0; indentation : (n,) [m], negative: distance.
-    friction : (n, k) tangential forces on b against a [N], one or two; (n, 0) without friction.
-    contacts : list of (start, end) [s].
+    ends : the names of its ends.
     """
 
-    time: Array
-    force: Array
-    indentation: Array
-    friction: Array
-    contacts: list[tuple[float, float]]
+    ends: tuple[str, str]
+    _record: Record
+    _row: int
+
+    @property
+    def time(self) -> Array:
+        """Nodes [s] of the history, (n,)."""
+        return self._record.nodes.time
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
+        # a release is located to a small share of the depth: a spring may pull by as little
+        return np.maximum(self._record.nodes.force[:, self._row], 0.0)
+
+    @property
+    def indentation(self) -> Array:
+        """Indentation [m], (n,); negative: distance."""
+        return self._record.nodes.depth[:, self._row]
+
+    @property
+    def friction(self) -> Array:
+        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
+        first, count = self._record.assembly.system.tangents[self._row]
+        return self._record.nodes.force[:, first : first + count]
+
+    @property
+    def contacts(self) -> list[tuple[float, float]]:
+        """(start, end) [s] of every contact, in order."""
+        return self._touches.times
 
     @property
     def peak_force(self) -> float:
         """Largest force [N], of the parabolas between the nodes."""
-        return self._pulse[1]
+        return float(self._pulses[:, 1].max(initial=0.0))
 
     @property
     def impulse(self) -> float:
         """Time integral of the force [N s]."""
-        return self._pulse[0]
-
-    @cached_property
-    def _pulse(self) -> tuple[float, float]:
-        """Impulse [N s] and largest force [N]."""
-        steps = self.time.size // 2
-        area, top = march.pulses(self.time, self.force[:, None], 0, np.array([[0, steps]]))[0]
-        return float(area), float(top)
+        return float(sum(self._impulses.tolist()))
 
     @property
     def contact_time(self) -> float:
         """Time [s] from the first touch to the last release of the main impact; see `History`."""
-        f, step = self.force, np.diff(self.time[::2])
-        areas = step / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])
-        given = np.append(0.0, np.cumsum(areas))
-        at = np.searchsorted(self.time[::2], np.reshape(self.contacts, (-1, 2)))
-        return contact_time(
-            (start, end, float(given[last] - given[first]))
-            for (start, end), (first, last) in zip(self.contacts, at, strict=True)
-        )
+        each = zip(self.contacts, self._impulses.tolist(), strict=True)
+        return contact_time((start, end, impulse) for (start, end), impulse in each)
+
+    @property
+    def restitution(self) -> float | None:
+        """Newton's coefficient of the rigid-body motions; see `History`."""
+        if not self.contacts or not self._touches.released:
+            return None
+        system = self._record.assembly.system
+        rigid = np.where(system.omega == 0, system.beta[self._row], 0.0)
+        closing, *_, parting = (self._velocities @ rigid).tolist()
+        return -parting / closing if closing > 0 else None
+
+    @cached_property
+    def cumulative_impulse(self) -> Array:
+        """Time integral of the force from the start up to each node [N s], (n,)."""
+        areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
+        return np.append(0.0, np.cumsum(areas))
+
+    def pulses(self) -> tuple[Array, Array]:
+        """Nodes [s] and forces [N] of the contacts, one after the other."""
+        run = self._record.run
+        nodes = [np.zeros(0, dtype=int)]
+        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in self._touches.nodes.tolist()]
+        at = np.concatenate(nodes)
+        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
+
+    # -- inside
+
+    @cached_property
+    def _touches(self) -> Touches:
+        return touches(self._record.run, self._record.assembly.system, self._row)
+
+    @cached_property
+    def _pulses(self) -> Array:
+        """Integral [N s] of the parabolas and peak [N] of each contact, (C, 2)."""
+        run = self._record.run
+        return march.pulses(run.time, run.force, self._row, self._touches.nodes)
+
+    @cached_property
+    def _velocities(self) -> Array:
+        """Modal velocities (2 C, J) where the contacts begin and end."""
+        a = self._record.assembly
+        return starts(self._record.run, a.system, a.load, self._touches.nodes.ravel())[1]
+
+    @cached_property
+    def _impulses(self) -> Array:
+        """Impulse [N s] of each contact, (C,).
+
+        It is what a rigid mode has taken up, if there is one that only this contact moves: a force
+        that jumps to 0, as a damped one may, has two values at a node, and the integral knows one.
+        """
+        run, system, areas = self._record.run, self._record.assembly.system, self._pulses[:, 0]
+        j = self._freest
+        if not areas.size or j is None or system.breaks.size > 1:
+            return areas
+        beta, load = float(system.beta[self._row, j]), float(system.loads[0, j])
+        times = run.time[2 * self._touches.nodes].tolist()
+        speeds = self._velocities[:, j].tolist()
+        found = areas.copy()
+        for c, (start, end) in enumerate(times):
+            before, after, given = speeds[2 * c], speeds[2 * c + 1], load * (end - start)
+            change = given - (after - before)
+            if abs(change) > ROUNDED * max(abs(before), abs(after), abs(given)):
+                found[c] = change / beta
+        return found
+
+    @property
+    def _freest(self) -> int | None:
+        """The undamped rigid mode that only this contact moves, and it most; None without one."""
+        system = self._record.assembly.system
+        found, most = None, 0.0
+        for j in np.flatnonzero(system.omega == 0).tolist():
+            rows = system.beta[:, j]
+            if abs(rows[self._row]) > most and system.decay[j] == 0 and np.count_nonzero(rows) == 1:
+                found, most = j, abs(rows[self._row])
+        return found
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            ("ends", " - ".join(self.ends)),
+            ("peak force", f"{self.peak_force:.6g} N, impulse {self.impulse:.6g} N s"),
+            ("contact", f"{self.contact_time:.4g} s in {len(self.contacts)} contact(s)"),
+        ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,185 +249,3 @@ class BodyHistory(Brief):
         if line is None:
             line = self.placed.pushes.get(found)
         return along(self.placed, found, line, f"{name}:{found}")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SceneHistory(SceneResults):
-    """History of a scene: `hit[a, b]` a contact, `hit.bodies[name]` a body.
-
-    Attributes
-    ----------
-    error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak"; empty for
-        a given step.
-    status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
-        a contact that touched during the run goes on at its end: its contact time, impulse and
-        peak force count up to there.
-    message : the status in words.
-    """
-
-    assembly: Assembly
-    run: Run
-    error: dict[str, float]
-    status: int
-    message: str
-
-    @property
-    def time(self) -> Array:
-        """Times (n,) [s]: every other one ends a step, over which the forces are parabolas."""
-        return self.run.time
-
-    def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
-        pairs = [(c.a, c.b) for c in self.assembly.scene.contacts]
-        if ends not in pairs:
-            listed = ", ".join(str(pair) for pair in pairs)
-            raise InputError(f"there is no contact {ends!r} in the scene; it has {listed}.")
-        c = pairs.index(ends)
-        first, count = self.assembly.system.tangents[c]
-        return ContactHistory(
-            time=self.run.time,
-            # a release is located to a small share of the depth: a spring may pull by as little
-            force=np.maximum(self.run.force[:, c], 0.0),
-            indentation=self.run.depth[:, c],
-            friction=self.run.force[:, first : first + count],
-            contacts=spans(self.run, self.assembly.system, c),
-        )
-
-    @cached_property
-    def bodies(self) -> dict[str, BodyHistory]:
-        """Histories of the bodies by name, at the nodes."""
-        return self._bodies_of_steps(0, self.run.time.size // 2)
-
-    def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
-        """The bodies by name at any times (n,) [s] of the run, exact between the nodes too.
-
-        The nodes may lie far apart in flight: values are not to be interpolated between them.
-        """
-        t = self._within(times)
-        step, since = located(self.run, t)
-        q, v = states(self.run, self.assembly.system, self.assembly.load, step, since)
-        return self._bodies(t, q, v, forces(self.run, step, since))
-
-    def _within(self, t: ArrayLike) -> Array:
-        """Times (n,) of the run; InputError for others."""
-        times = checks.column("t", t)
-        end = float(self.time[-1])
-        outside = (times < 0) | (times > end * (1 + 1e-12))
-        if np.any(outside):
-            raise InputError(
-                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
-            )
-        return times
-
-    def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
-        a = self.assembly
-        acting = self.assembly.pushes(time) - force @ a.G
-        columns = q @ a.B + acting @ a.r
-        kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
-        load = a.load(time) - force @ a.system.beta
-        accelerations = load - a.system.omega**2 * q - 2 * a.system.decay * v
-        found = {}
-        for name, body in a.bodies.items():
-            j, k = a.spans[name], a.columns[name]
-            residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
-            found[name] = BodyHistory(
-                placed=body,
-                time=time,
-                q=q[:, j],
-                v=v[:, j],
-                a=accelerations[:, j],
-                forces=acting[:, k],
-                kinetic=kinetic[:, j].sum(axis=1),
-                strain=strain[:, j].sum(axis=1) + residual,
-                _columns=columns[:, k],
-            )
-        return found
-
-    @cached_property
-    def energy(self) -> Energy:
-        """Energies of the whole scene; `gravity` is the work of all loads."""
-        return balance(self.assembly, self.run)
-
-    def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
-        """The model of a body of the scene, and its form in free modes.
-
-        "structure", if no body has this name, is the one that has displacement shapes.
-        """
-        placed = self.assembly.bodies[self.name_of(body)]
-        if placed.modes is None:
-            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
-        return placed.body, placed.modes
-
-    def name_of(self, body: str) -> str:
-        """The name in the scene that `body` stands for, see `of`."""
-        bodies = self.assembly.bodies
-        checks.instance("body", body, str, "the name of a body")
-        if body == "structure" and body not in bodies:
-            shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
-            if len(shaped) == 1:
-                return shaped[0]
-        if body not in bodies:
-            raise InputError(
-                f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
-            )
-        return body
-
-    def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
-        """The coordinates (n, C) of a body's model at times (n,) [s], (C,) at one time.
-
-        They are those of its form in free modes (`of`).
-        """
-        times, name = self._within(t), self.name_of(body)
-        _, own = self.of(name)
-        a, (step, since) = self.assembly, located(self.run, times)
-        q, _ = states(self.run, a.system, self.assembly.load, step, since)
-        acting = self.assembly.pushes(times) - forces(self.run, step, since) @ a.G
-        acting = acting[:, a.columns[name]]
-        pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
-        found = own.coordinates(q[:, a.spans[name]], pushed)
-        return found if np.ndim(t) else found[0]
-
-    def field(self, t: ArrayLike, body: str = "structure") -> Array:
-        """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m]."""
-        model, own = self.of(body)
-        if own.basis is None:
-            raise InputError(no_field(model))
-        return own.field(self.coordinates(t, body))
-
-    def largest_rotation(self) -> tuple[str, float]:
-        """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
-
-        Of bodies whose inertia in space is known.
-        """
-        assert self.run.states is not None
-        q = self.run.states[:, 0]
-        turned = [
-            (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
-            for (name, body), own in zip(
-                self.assembly.bodies.items(), self.assembly.spans.values(), strict=True
-            )
-            if body.inertia is not None and not body.omega.all()
-        ]
-        return max(turned, key=lambda pair: pair[1], default=("", 0.0))
-
-    def summary(self) -> str:
-        """The numbers of every contact as a short table."""
-        rows = [f"{'contact':<24} {'peak N':>11} {'impulse Ns':>11} {'touches':>7} {'time s':>10}"]
-        for contact in self.assembly.scene.contacts:
-            h = self[contact.a, contact.b]
-            rows.append(
-                f"{contact.a + ' - ' + contact.b:<24} {h.peak_force:>11.5g} {h.impulse:>11.5g}"
-                f" {len(h.contacts):>7} {h.contact_time:>10.4g}"
-            )
-        places = scene_places(self).items()
-        rows += [f"site {name:<19} {checks.in_words(point)}" for name, point in places]
-        rows.append(f"energy drift {self.energy.drift:.1e}; force error {covered(self)}")
-        rows.append(self.message)
-        return "\n".join(rows)
-
-    # -- inside
-
-    def _bodies_of_steps(self, first: int, last: int) -> dict[str, BodyHistory]:
-        """Histories of the bodies at the nodes of the steps `first` to `last`."""
-        nodes = slice(2 * first, 2 * last + 1)
-        q, v = node_states(self.run, self.assembly.system, self.assembly.load, first, last)
-        return self._bodies(self.run.time[nodes], q, v, self.run.force[nodes])

@@ -216,3 +216,14 @@ class SceneParts:
         """An end under one name: the site of a body that has no more than one may have any."""
         name = end.partition(":")[0]
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
+
+
+def of_two(
+    model: Any, impactor: Any, law: ContactLaw, gap: float, gravity: float | Sequence[float]
+) -> SceneParts:
+    """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+    parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
+    checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
+    bodies = {"structure": model, "impactor": impactor}
+    checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+    return parts

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,13 @@ from antiosc.base._types import Array
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System
 
+if TYPE_CHECKING:
+    from antiosc.simulation.bodies import Placed
+
 Index = NDArray[np.intp]
 
+#: Steps that a flight over a whole run has in a history.
+FLIGHT_STEPS = 100
 #: Modal responses that are computed at once.
 BLOCK = 1 << 18
 #: States of one mode at the ends of steps that are found at once where all are not needed together.
@@ -23,28 +29,48 @@ AT_ONCE = 1 << 22
 AT = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
-def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
-    """Start and end [s] of each time that a contact touches."""
-    open_at = 0.0 if system.pressed[c] > 0 else None
-    found = []
-    for t, which, piece, _ in run.events:
-        if int(which) != c:
+class Touches(NamedTuple):
+    """The times that a contact is closed: it touches, and parts again.
+
+    `times` (start, end) [s], `nodes` (C, 2) the steps that begin there, closing `speeds` [m/s], and
+    whether it has parted from the last.
+    """
+
+    times: list[tuple[float, float]]
+    nodes: Index
+    speeds: list[float]
+    released: bool
+
+
+def touches(run: Run, system: System, c: int) -> Touches:
+    """The times that contact c is closed; one that is over at once does not count."""
+    open_at = (0.0, 0.0) if system.pressed[c] > 0 else None
+    times, speeds = [], []
+    for t, which, piece, speed in run.events.tolist():
+        if which != c:
             continue
-        if piece == march.APART:
-            if open_at is not None and t > open_at:  # one that is over at once is no contact
-                found.append((open_at, float(t)))
-            open_at = None
-        elif open_at is None:
-            open_at = float(t)
-    if open_at is not None:
-        found.append((open_at, float(run.time[-1])))
-    return found
+        if piece != march.APART:
+            open_at = open_at or (t, speed)
+            continue
+        if open_at is not None and t > open_at[0]:
+            times.append((open_at[0], t))
+            speeds.append(open_at[1])
+        open_at = None
+    end = float(run.time[-1])
+    closed = open_at is not None and end > open_at[0]
+    if open_at is not None and closed:
+        times.append((open_at[0], end))
+        speeds.append(open_at[1])
+    begins, at = run.time[::2], np.reshape(times, (-1, 2))
+    nodes = np.searchsorted(begins, at)
+    nodes[:, 0] -= begins[nodes[:, 0]] > at[:, 0]  # a method that knows no events
+    return Touches(times, nodes, speeds, not closed)
 
 
 def touching(run: Run, system: System) -> list[int]:
     """The contacts that touched during the run and go on at its end."""
     pieces: dict[int, list[int]] = {}
-    for _, which, piece, _ in run.events:
+    for _, which, piece, _ in run.events.tolist():
         pieces.setdefault(int(which), []).append(int(piece))
     return sorted(
         c
@@ -187,3 +213,45 @@ def part_of(run: Run, first: int, last: int) -> Run:
     nodes = slice(2 * first, 2 * last + 1)
     time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
     return replace(run, time=time, force=force, depth=depth, states=None)
+
+
+def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) -> Run:
+    """The run with more steps in its flights, which are exact in one step, as pictures need it."""
+    if run.time.size < 3:
+        return run
+    h, pressed = run.time[2::2] - run.time[:-2:2], run.force.any(axis=1)
+    flight = ~(pressed[:-2:2] | pressed[1::2] | pressed[2::2])
+    count = np.where(flight, 1 + (FLIGHT_STEPS * h / run.time[-1]).astype(int), 1)
+    step = np.repeat(np.arange(h.size), count)
+    if step.size == h.size:
+        return run
+    length = (h / count)[step]
+    since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
+    kept = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
+    time, force, depth = run.time[kept], run.force[kept], run.depth[kept]
+    new = np.flatnonzero(np.repeat(count[step] > 1, 2))
+    at, within = step[new // 2], since[new // 2] + new % 2 * 0.5 * length[new // 2]
+    time[new] = run.time[2 * at] + within
+    moved, _ = states(run, system, load_at, at, within)
+    depth[new] = moved @ system.beta.T - between(time[new], system.breaks, system.offsets)
+    begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
+    q, v = starts(run, system, load_at, begins)
+    on = np.flatnonzero(beyond)
+    q[on], v[on] = _moved(run, system, load_at, begins[on], beyond[on], q[on], v[on])
+    return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
+
+
+def largest_rotation(
+    run: Run, bodies: Mapping[str, Placed], parts: Mapping[str, slice]
+) -> tuple[str, float]:
+    """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
+
+    Of bodies whose inertia in space is known.
+    """
+    assert run.states is not None
+    turned = [
+        (name, float(np.linalg.norm(body.rotation(run.states[:, 0, own]), axis=1).max()))
+        for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
+        if body.inertia is not None and not body.omega.all()
+    ]
+    return max(turned, key=lambda pair: pair[1], default=("", 0.0))

@@ -15,45 +15,32 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from math import inf
 from typing import Any
 
-import numpy as np
-
 from antiosc.base import checks, plausible
-from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.modal import ModalBody
+from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.compared_impact import compared
+from antiosc.simulation.comparison import METHODS
 from antiosc.simulation.coupled_dampers import refuse_coupling
+from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import error_budget
-from antiosc.simulation.exact import exact
-from antiosc.simulation.expected import scaled
-from antiosc.simulation.given_step import checked_step
 from antiosc.simulation.history import History
-from antiosc.simulation.integrators import (
-    FIXED_STEP,
-    IVP_METHODS,
-    MAX_STEPS,
-    Problem,
-    Trajectory,
-)
-from antiosc.simulation.modal_response import responses
+from antiosc.simulation.measured_errors import warn_low_band
+from antiosc.simulation.refinement import check_range, solved
 from antiosc.simulation.truncation import Run, choose_n
-from antiosc.simulation.two_bodies import LAW, assemble, check_span, without_patch
-from antiosc.simulation.verdict import Verdict, impact_verdict, tell_rotation
+from antiosc.simulation.two_bodies import LAW, check_span, pose
+from antiosc.simulation.verdict import Verdict, tell_rotation
+
+Budget = Callable[[History], ErrorBudget]
 
 DEFAULT_TOL = 1e-3
-#: Contacts, the last ones, after which the rotation of a body is looked at.
-LOOKED_AT = 50
-METHODS = ("exact", *FIXED_STEP, *IVP_METHODS)
+MAX_STEPS = 1_000_000
 
 
 @checks.within_range
@@ -87,15 +74,16 @@ def simulate(
     duration : float
         Time to simulate [s].
     method : str
-        "exact", "newmark", "conserving", "leapfrog", or a method of `scipy.integrate.solve_ivp`
-        such as "DOP853".
+        "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
+        `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states no
+        error. Flights are exact with all of them.
     n : int or "auto", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
         `tol` (see `antiosc.simulation.truncation`).
     step : float, optional
-        Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
-        refined until the force history has converged; unstable steps are avoided.
+        Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
+        the force history has converged.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
     initial_velocity : float or Motion
@@ -131,178 +119,88 @@ def simulate(
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
     checks.choice("method", method, METHODS)
-    max_contacts = checks.whole("max_contacts", max_contacts)
-    max_steps = checks.whole("max_steps", max_steps)
     checks.instance("contact", contact, ContactLaw, LAW)
     doubts = plausible.tell([plausible.of_blow(model, [impactor], initial_velocity)])
-
     options: dict[str, Any] = {
+        "impactor": impactor, "contact": contact, "duration": duration,
         "initial_velocity": initial_velocity, "gravity": gravity, "gap": gap,
-        "max_contacts": max_contacts, "max_steps": max_steps,
+        "max_contacts": checks.whole("max_contacts", max_contacts),
+        "max_steps": checks.whole("max_steps", max_steps),
     }  # fmt: skip
-
-    def run_of(each: LinearBody, tol: float, method: str) -> Outcome:
-        return integrated(each, impactor, contact, duration, method, step=step, tol=tol, **options)
-
-    def again(each: AntiOscillators, tol: float) -> History:
-        # a model with all its mass in anti-oscillators leaves the others to the exact method
-        own = "exact" if each.m0 == 0 and contact.rate_dependent else method
-        return run_of(each, tol, own).history(each, impactor)
-
-    exactly = partial(
-        exact_run, impactor=impactor, contact=contact, duration=duration, options=options
-    )
-
-    truncation: dict[str, float] = {}
-    shortage = ""
-    if n is not None:
-        model, truncation, shortage = _truncated(model, n, again, accuracy)
-    outcome = run_of(model, accuracy, method)
-    coupling, damped = refuse_coupling(
-        outcome.problem, outcome.bodies, (model, impactor), outcome.trajectory, accuracy
-    )
-    verdict = outcome.verdict.with_shortage(shortage)
-    history = outcome.history(model, impactor)
-    history = replace(
-        history,
-        error={**history.error, **truncation, **coupling},
-        status=verdict.status,
-        message=" ".join(filter(None, (history.message, shortage, damped))),
-        budget=partial(error_budget, again=exactly),
+    budget = partial(error_budget, again=partial(exact_history, options=options))
+    history, verdict = impact(
+        model, tol=accuracy, method=method, step=step, n=n, budget=budget, **options
     )
     verdict.tell()
-    tell_rotation(*outcome.largest_rotation())
+    tell_rotation(*history.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
+    warn_low_band(history)
     return history
 
 
-def exact_run(
+def impact(
     model: LinearBody,
-    tol: float,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
     *,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    options: Mapping[str, Any],
-) -> History:
-    """The same impact on another model, by the exact method to a tolerance."""
-    outcome = integrated(model, impactor, contact, duration, step=None, tol=tol, **options)
-    return outcome.history(model, impactor)
-
-
-def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError, behind what is implausible, if the peak force leaves the range of its law."""
-    law = history.problem.law
-    if law.valid_force < inf and history.peak_force > law.valid_force:
-        reason = law.out_of_range(
-            history.peak_force, checked_body("model", history.model).patch_radius
-        )
-        raise AccuracyError(plausible.first(doubts, f"{reason}."))
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """One integrated impact: the problem, the run, and what is said of it."""
-
-    problem: Problem
-    bodies: tuple[ModalBody, ModalBody]
-    trajectory: Trajectory
-    step: float
-    error: dict[str, float]
-    verdict: Verdict
-    note: str
-    duration: float
-
-    def largest_rotation(self) -> tuple[str, float]:
-        """The free body that turned most by the end of a contact or of the run, and how far [rad].
-
-        Of bodies whose inertia in space is known.
-        """
-        first = self.bodies[0].omega.size
-        free = {
-            name: (body.inertia, own)
-            for name, body, own in zip(
-                ("structure", "impactor"),
-                self.bodies,
-                (slice(first), slice(first, None)),
-                strict=True,
-            )
-            if body.inertia is not None and not body.omega.all()
-        }
-        if not free:
-            return "", 0.0
-        at = np.array([c.end for c in self.trajectory.contacts[-LOOKED_AT:]])
-        if not self.trajectory.failure:
-            at = np.append(at, self.duration)
-        q = self._glided(at)
-        angles = {
-            name: float(np.linalg.norm(inertia.rotation(q[:, own]), axis=1).max(initial=0.0))
-            for name, (inertia, own) in free.items()
-        }
-        return max(angles.items(), key=lambda pair: pair[1])
-
-    def _glided(self, at: Array) -> Array:
-        """Displacements (n, J) in rigid-body modes at times, for each contact as its impulse."""
-        p, contacts = self.problem, self.trajectory.contacts
-        rigid = p.omega == 0
-        still, decay = p.omega[rigid], p.decay[rigid]
-        middle = np.array([0.5 * (c.start + c.end) for c in contacts])
-        impulse = np.array([c.impulse for c in contacts])
-        free = responses(still, decay, at)
-        pushed = responses(still, decay, np.maximum(at[:, None] - middle, 0.0)).S
-        q = np.zeros((at.size, p.omega.size))
-        q[:, rigid] = free.S * p.v[rigid] + free.J0 * p.load[rigid]
-        q[:, rigid] -= p.beta[rigid] * np.einsum("ncj,c->nj", pushed, impulse)
-        return q
-
-    def history(self, model: LinearBody, impactor: LinearBody) -> History:
-        """The run as a History."""
-        return History(
-            problem=self.problem,
-            bodies=self.bodies,
-            model=model,
-            impactor=impactor,
-            trajectory=self.trajectory,
-            step=self.step,
-            error=self.error,
-            status=self.verdict.status,
-            message=" ".join(filter(None, (self.verdict.message, self.note))),
-        )
-
-
-def integrated(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
+    tol: float,
     method: str = "exact",
-    *,
-    step: float | None,
+    n: int | str | None = None,
+    step: float | None = None,
+    budget: Budget | None = None,
+    **options: Any,
+) -> tuple[History, Verdict]:
+    """One impact, and the verdict, of which nobody is told yet; arguments as of `simulate`.
+
+    AccuracyError if the dampers of an assembly couple the modes by more than `tol`.
+    """
+
+    def of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
+        return _integrated(each, impactor, contact, duration, tol, method, step, budget, **options)
+
+    def again(each: AntiOscillators, tol: float) -> History:
+        # a model with all its mass in anti-oscillators leaves the others to the exact method
+        return of(each, tol, "exact" if each.m0 == 0 and contact.rate_dependent else method)[0]
+
+    if n is None:
+        return of(model, tol, method)
+    model, truncation, shortage = _truncated(model, n, again, tol)
+    history, verdict = of(model, tol, method)
+    history.error.update(truncation)
+    if shortage:
+        verdict = verdict.with_shortage(shortage)
+        message = f"{history.message} {shortage}"
+        history = replace(history, status=verdict.status, message=message)
+    return history, verdict
+
+
+def _integrated(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
     tol: float,
+    method: str,
+    step: float | None,
+    budget: Budget | None,
+    *,
     initial_velocity: float | Motion,
     gravity: float | Sequence[float],
     gap: float | None,
     max_contacts: int,
     max_steps: int,
-) -> Outcome:
-    """One run of `simulate`, of whose verdict the caller has not been warned yet."""
-    law, note = without_patch(contact, model, impactor)
-    problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
-    check_span(problem, duration)
-    problem, scale = scaled(problem, bodies, duration)
-    step = None if step is None else checked_step(step, duration)
-    wanted = problem, duration, scale, step, tol, max_contacts, max_steps
-    trajectory, step, error = exact(*wanted) if method == "exact" else compared(method, *wanted)
-    verdict = impact_verdict(
-        problem,
-        duration,
-        touched=bool(trajectory.contacts),
-        released=bool(trajectory.contacts) and trajectory.contacts[-1].released,
-        failure=trajectory.failure,
-        error=max(error.values(), default=0.0),
-        tol=tol,
-    )
-    return Outcome(problem, bodies, trajectory, step, error, verdict, note, duration)
+) -> tuple[History, Verdict]:
+    assembly = pose(model, impactor, contact, duration, initial_velocity, gravity, gap)
+    check_span(assembly, duration)
+    kind = partial(History, budget=budget)
+    history, verdict = solved(kind, assembly, duration, tol, method, step, max_contacts, max_steps)
+    return refuse_coupling(history, tol), verdict
+
+
+def exact_history(model: LinearBody, tol: float, *, options: Mapping[str, Any]) -> History:
+    """The same impact on another model, by the exact method to a tolerance."""
+    return impact(model, tol=tol, **options)[0]
 
 
 def _truncated(

@@ -5,9 +5,8 @@ modes are infinitely stiff. In the other extreme this mass is attached by one sp
 truncated frequency, which is the softest that is possible. The truth lies between the two, and the
 difference of the two impacts measures the truncation error. The error of each of the three
 quantities (peak force, impulse, contact time) may change its sign; the estimate of each is
-therefore at least `FLOOR` times the largest of them. With the factor
-`TRUNCATION_SAFETY` at least nine of ten true errors are below the estimate; the median
-overestimation is 4 to 8
+therefore at least half the largest of them. With the factor `TRUNCATION_SAFETY` at least nine of
+ten true errors are below the estimate; the median overestimation is 4 to 8
 (tests/simulation/test_truncation.py).
 """
 
@@ -24,11 +23,11 @@ from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.simulation.history import History
+from antiosc.simulation.quantities import differences, floored
 
 #: simulates the impact on a model with a given time integration error
 Run = Callable[[AntiOscillators, float], History]
 
-FLOOR = 0.5
 TRUNCATION_SAFETY = 2.0
 
 
@@ -87,10 +86,9 @@ def truncation_error(
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
     soft = _hung(model, next_omega)
-    pairs = zip(_quantities(run(model, tol)), _quantities(run(soft, tol)), strict=True)
-    errors = [TRUNCATION_SAFETY * max(_relative(*pair) - tol, 0.0) for pair in pairs]
-    worst = max(errors)
-    return TruncationError(model.n, *(max(e, FLOOR * worst) for e in errors))
+    changed = differences(_checked(run(model, tol)), _checked(run(soft, tol)))
+    errors = {name: TRUNCATION_SAFETY * max(off - tol, 0.0) for name, off in changed.items()}
+    return TruncationError(model.n, **floored(errors))
 
 
 def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
@@ -160,13 +158,8 @@ def _check(model: AntiOscillators, run: Run) -> None:
     checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
-def _quantities(hit: History) -> tuple[float, float, float]:
-    checks.instance("what run returns", hit, History, "a History")
-    return hit.peak_force, hit.impulse, hit.contact_time
-
-
-def _relative(a: float, b: float) -> float:
-    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
+def _checked(hit: History) -> History:
+    return checks.instance("what run returns", hit, History, "a History")
 
 
 def _missing(known: dict[int, TruncationError], tol: float) -> int:

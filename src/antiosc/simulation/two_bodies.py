@@ -1,6 +1,7 @@
-"""An impact of two bodies in the coordinates of their modes: start, gravity, contact.
+"""An impact of two bodies as a scene: their modes, start, gravity and one contact.
 
-The signs are those of `antiosc.simulation.simulate`.
+The signs are those of `antiosc.simulation.simulate`. Each body moves along the direction in which
+the contact pushes it, whatever the axes of its mesh.
 """
 
 from __future__ import annotations
@@ -12,47 +13,74 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.integrators import Problem
+from antiosc.simulation.assembly import Assembly, freed, side_by_side
+from antiosc.simulation.bodies import of_one_site
+from antiosc.simulation.expected import expected_impact
+from antiosc.simulation.scene_parts import of_two
+from antiosc.simulation.system import System
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
 LAW = "a ContactLaw such as Hertz(stiffness)"
+#: The row of the one contact in the displacements of both bodies along their pushes.
+_ROW = np.array([[-1.0, -1.0]])
+_NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
 
 
-def assemble(
+def pose(
     model: LinearBody,
     impactor: LinearBody,
-    law: ContactLaw,
+    contact: ContactLaw,
+    duration: float,
     initial_velocity: float | Motion = 0.0,
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
-) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
-    """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
+) -> Assembly:
+    """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
     one, other = checked_body("model", model), checked_body("impactor", impactor)
-    checks.instance("contact", law, ContactLaw, LAW)
-    structure, striker = one.modal(), other.modal()
-    decays = [np.zeros(b.omega.size) if b.decay is None else b.decay for b in (structure, striker)]
-    size = structure.omega.size + striker.omega.size
-    problem = Problem(
-        omega=np.concatenate((structure.omega, striker.omega)),
-        decay=np.concatenate(decays),
-        beta=np.concatenate((-structure.b, striker.b)),
-        r=structure.r + striker.r,
-        load=np.concatenate(_loads(structure, striker, gravity)),
-        gap=other.gap if gap is None else checks.nonnegative("gap", gap, "m"),
-        q=np.zeros(size),
-        v=np.concatenate(_starts(structure, striker, initial_velocity, other.velocity)),
-        law=law,
+    checks.instance("contact", contact, ContactLaw, LAW)
+    law, notes = freed(
+        contact, one.local_compliance + other.local_compliance, "structure", "impactor"
     )
-    return problem, (structure, striker)
-
-
-# The model of a striking body is made like a structure's: its direction is that in which the
-# contact pushes it. Its modal coordinates count here along the impact, against that direction.
+    structure, striker = one.modal(), other.modal()
+    starts = _starts(structure, striker, initial_velocity, other.velocity)
+    bodies = {
+        "structure": of_one_site("structure", model, one, structure, starts[0]),
+        "impactor": of_one_site("impactor", impactor, other, striker, starts[1]),
+    }
+    gap = other.gap if gap is None else checks.nonnegative("gap", gap, "m")
+    load = np.concatenate(_loads(structure, striker, gravity))
+    omega, v = np.concatenate((structure.omega, striker.omega)), np.concatenate(starts)
+    beta = -np.concatenate((structure.b, striker.b))
+    mobility = structure.mobility + striker.mobility
+    mass = 1 / mobility if mobility > 0 else 1.0
+    approach = abs(float(beta @ v)), abs(float(beta @ load))
+    depth, speed, lasting = expected_impact(law, mass, *approach, gap, duration)
+    system = System(
+        omega=omega,
+        decay=np.concatenate([body.decay for body in bodies.values()]),
+        beta=beta[None],
+        R=np.array([[structure.r + striker.r]]),
+        breaks=np.zeros(1),
+        loads=load[None],
+        offsets=np.array([[gap]]),
+        laws=[law],
+        slip=_NO_FRICTION,
+        tangents=_NO_TANGENTS,
+        q=np.zeros(omega.size),
+        v=v,
+        mass=np.array([mass]),
+        depth=np.array([depth]),
+        speed=np.array([speed]),
+        pressed=np.zeros(1),
+    )
+    scene = of_two(model, impactor, contact, gap, gravity)
+    parts = side_by_side(bodies)
+    return Assembly(scene, bodies, *parts, _ROW, [law], notes, system, lasting)
 
 
 def _starts(
@@ -62,7 +90,7 @@ def _starts(
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
     own = striker.rigid_motion(speed)
-    return structure.rigid_motion(initial), -own if isinstance(speed, Motion) else own
+    return structure.rigid_motion(initial), own if isinstance(speed, Motion) else -own
 
 
 def _loads(
@@ -72,7 +100,7 @@ def _loads(
     listed = isinstance(gravity, list | tuple)
     if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
         along = checks.number("gravity", gravity, "m/s^2")
-        return _pull("structure", structure, along), _pull("impactor", striker, along)
+        return _pull("structure", structure, along), _pull("impactor", striker, -along)
     vector = checks.array("gravity", gravity, (3,))
     if structure.direction is None:
         raise InputError(
@@ -83,14 +111,14 @@ def _loads(
     loads = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
         if body.inertia is None:
-            loads.append(_pull(name, body, along))
+            loads.append(_pull(name, body, sign * along))
         else:
-            loads.append(_falling(body, sign * body.inertia.momentum[:, :3] @ vector))
+            loads.append(_falling(body, body.inertia.momentum[:, :3] @ vector))
     return loads[0], loads[1]
 
 
 def _pull(name: str, body: ModalBody, gravity: float) -> Array:
-    """Modal forces of gravity along the impact."""
+    """Modal forces of gravity along the push of the contact."""
     if gravity == 0.0 or not np.any(body.omega == 0):
         return np.zeros(body.omega.size)
     if body.weight is None:
@@ -108,36 +136,16 @@ def _falling(body: ModalBody, load: Array) -> Array:
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
 
-def without_patch(
-    law: ContactLaw, model: LinearBody, impactor: LinearBody
-) -> tuple[ContactLaw, str]:
-    """The law minus the half-space compliance of the patches, and a note on it."""
-    bodies = checked_body("model", model), checked_body("impactor", impactor)
-    local = sum(body.local_compliance for body in bodies)
-    if local == 0.0:
-        return law, ""
-    if not isinstance(law, Hertz):
-        return law, (
-            f"The patch's half-space compliance {local:.4g} m/N was not subtracted:"
-            f" {type(law).__name__} is not Hertz's law."
-        )
-    if law.compliance > 0.0:
-        return law, ""
-    return law.without(local), (
-        f"The patch's half-space compliance {local:.4g} m/N was subtracted from Hertz's law,"
-        f" so that the indentation is counted once."
-    )
-
-
-def check_span(problem: Problem, duration: float) -> None:
+def check_span(assembly: Assembly, duration: float) -> None:
     """InputError if nothing can move, AccuracyError if rounding destroys the phase in
     `duration`."""
-    if not problem.omega.size:
+    omega = assembly.system.omega
+    if not omega.size:
         raise InputError(
             "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0, or"
             " an impactor with a mass."
         )
-    fastest = float(problem.omega.max())
+    fastest = float(omega.max())
     if fastest * duration > LARGEST_PHASE:
         raise AccuracyError(
             f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "

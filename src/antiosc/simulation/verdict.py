@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from antiosc.base.errors import AccuracyWarning, AntioscWarning, warn
-from antiosc.simulation.integrators import Problem
 
 #: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
 #: but the bodies still touch at the end
 COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 
-#: A closing speed below this share of the modal contributions is rounding error.
-_SPEED_ROUNDING = 1e-12
 #: Rotation [rad] of a body above which a warning is given.
 SMALL_ROTATION = 0.1
 #: Scenes of a batch that a warning names.
@@ -62,61 +57,6 @@ def judge(failure: str, untouched: str, inexact: str, cut: str) -> Verdict:
     if untouched:
         return Verdict(COMPLETED, f"Never touched: {untouched}.", odd=True)
     return Verdict(TOUCHING, cut) if cut else Verdict(COMPLETED, "Completed.")
-
-
-def impact_verdict(
-    problem: Problem,
-    duration: float,
-    *,
-    touched: bool,
-    released: bool,
-    failure: str,
-    error: float,
-    tol: float,
-) -> Verdict:
-    """The verdict on one impact.
-
-    Parameters
-    ----------
-    problem, duration : the problem and the simulated time [s].
-    touched, released : whether there was a contact, and whether the last one ended.
-    failure : why the run stopped before its end, if it did.
-    error, tol : estimated relative error of the force, and the one asked for.
-    """
-    cut = (
-        f"The run ends during contact: contact time, impulse and peak force are those up to"
-        f" {duration:g} s, and a restitution is not known; lengthen the duration."
-    )
-    inexact = (
-        f"The force history reached a relative error of {error:.2g}, not tol = {tol:g}, within"
-        f" the bound on steps; raise max_steps or shorten the duration."
-    )
-    return judge(
-        failure,
-        "" if touched else never_touched(problem, duration),
-        inexact if touched and error > tol else "",
-        cut if touched and not released else "",
-    )
-
-
-def never_touched(problem: Problem, duration: float) -> str:
-    """Why the bodies did not touch, from the initial motion."""
-    speed, push = float(problem.beta @ problem.v), float(problem.beta @ problem.load)
-    if abs(speed) <= _SPEED_ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
-        speed = 0.0
-    if speed > 0 or (speed == 0 and push > 0):
-        pace = f"{speed:g} m/s" if speed > 0 else f"{push:g} m/s^2"
-        why = (
-            f"the gap of {problem.gap:g} m closes at {pace} at first and was never closed within"
-            f" {duration:g} s; lengthen the duration"
-        )
-    elif speed < 0:
-        why = f"the gap opens at {-speed:g} m/s; positive velocities close it"
-    elif push < 0:
-        why = f"gravity opens the gap at {-push:g} m/s^2; reverse its sign or give a velocity > 0"
-    else:
-        why = "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
-    return why
 
 
 def tell_rotation(name: str, angle: float) -> None:

@@ -153,7 +153,7 @@ def advise(
         reasons.append(f"{family} {' and '.join(lacks)}")
     if lam <= UNMOVED:
         reasons.append(f"the part hardly moves during the contact: λ = {lam:.2g}")
-    size, bound = _element(family, frequency, length, thickness, E, nu, rho, contact)
+    size, bound = _element(family, frequency, length, thickness, E, nu, rho)
     return Advice(
         family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")
     )
@@ -188,7 +188,6 @@ def _element(
     E: float,
     nu: float,
     rho: float,
-    contact: float,
 ) -> tuple[float, str]:
     """(largest element, what bounds it)."""
     omega = 2 * pi * frequency

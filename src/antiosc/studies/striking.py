@@ -44,7 +44,7 @@ from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
-from antiosc.simulation.history import History
+from antiosc.simulation.history import History, with_model
 from antiosc.simulation.simulate import simulate
 from antiosc.studies.advice import advise
 from antiosc.studies.strike_answers import (
@@ -326,9 +326,9 @@ def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: s
         )
     if told:
         budget = replace(budget, notes=(*budget.notes, told))
-    return replace(
+    return with_model(
         hit,
-        model=model,
+        model,
         status=1 if told and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),

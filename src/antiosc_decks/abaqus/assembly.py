@@ -10,10 +10,11 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Place, real_number
-from antiosc_decks.abaqus.cards import Card
-from antiosc_decks.abaqus.mesh import Scope, extend, members, meshed, ranged, read_cards
+from antiosc_decks.abaqus.cards import Card, cards as read_cards
+from antiosc_decks.abaqus.mesh import Scope, extend, members, meshed, ranged
 from antiosc_decks.abaqus.table import account_for
 from antiosc_decks.account import Account
+from antiosc_decks.sources import Sources
 
 Rows = IntArray
 
@@ -88,9 +89,17 @@ class Whole:
         raise place.error(f"there is no {kind} {word}{where}.")
 
 
-def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
-    """The deck in a file; `on_size` is called with the number of bytes read."""
-    cards = read_cards(path, name, on_size)
+def read(
+    path: Path,
+    name: str,
+    on_size: Callable[[int], None] = lambda size: None,
+    root: str | None = None,
+) -> Whole:
+    """The deck in a file; `on_size` is called with the number of bytes read.
+
+    `root`: the folder of the files that it may include; None: its own, or the one above.
+    """
+    cards = read_cards(Sources(path, name, on_size, root))
     top, parts, placed, steps = _divided(cards, name)
     assembled = bool(placed)
     meshed(top, with_sets=not assembled)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +18,7 @@ from antiosc.io.deck import (
     unique_last,
     whole_number,
 )
-from antiosc_decks.abaqus.cards import Card, cards
+from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.elements import (
     element_copies,
     element_type,
@@ -29,7 +27,6 @@ from antiosc_decks.abaqus.elements import (
     nodes_of_other,
 )
 from antiosc_decks.abaqus.table import GENERATORS
-from antiosc_decks.sources import Sources
 
 
 @dataclass
@@ -58,11 +55,6 @@ class Scope:
     def spelled(self, name: str) -> str:
         """A set's name as first written; upper and lower case are not distinguished."""
         return self.spelling.setdefault(name.upper(), name)
-
-
-def read_cards(path: Path, name: str, on_size: Callable[[int], None]) -> list[Card]:
-    """The cards of a deck and of the files that it includes."""
-    return cards(Sources(path, name, on_size))
 
 
 def meshed(scope: Scope, with_sets: bool = True) -> Scope:

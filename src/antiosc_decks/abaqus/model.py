@@ -19,7 +19,8 @@ from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.joints import read_joints, refuse_own_follower
 from antiosc_decks.abaqus.properties import Orientations, materials_of
-from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
+from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, roles_of, vary_thickness
+from antiosc_decks.model import copies
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.finished import finished
@@ -46,7 +47,8 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     whole.account.refuse()
     whole.deck.told += whole.account.unknown_options()
     materials, ignored = materials_of([card for card, _ in whole.cards])
-    builder = ModelBuilder(whole.deck, units, density)
+    doubled = copies.separate(whole.deck, roles_of(whole.deck))
+    builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder, materials)
     for card, within in whole.named(*SECTION_CARDS):
         sections.read(card, within)
@@ -67,6 +69,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card in own:
         supports.read(card, top)
     supports.apply()
+    copies.join(builder, doubled)
     read_joints(whole, builder.joints, both)
     _distributing(whole, builder)
     _masses(whole, builder)

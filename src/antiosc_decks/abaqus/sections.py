@@ -8,16 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.io.deck import Array, IntArray, Place, real_number
+from antiosc.io.deck import Array, Deck, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.properties import Orientations, profile_of
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
-from antiosc_decks.model.geometry import common_direction, normals_of, tangents_of
+from antiosc_decks.model.geometry import common_direction, normals_of, side_of, tangents_of, top_of
 from antiosc_decks.model.properties import Material
 
 SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
+
+
+def roles_of(deck: Deck) -> list[str]:
+    """What the blocks of a deck are."""
+    return [known.role if (known := element_type(b.type)) else "other" for b in deck.blocks]
 
 
 class Sections:
@@ -28,10 +33,7 @@ class Sections:
         self.builder = builder
         self.materials = materials
         self.orientations = Orientations(whole.cards)
-        self.roles = [
-            known.role if (known := element_type(block.type)) else "other"
-            for block in whole.deck.blocks
-        ]
+        self.roles = roles_of(whole.deck)
 
     def read(self, card: Card, within: Instance) -> None:
         """One section card."""
@@ -114,8 +116,12 @@ class Sections:
         )
 
     def _shell(self, card: Card, name: str, elements: IntArray, within: Instance) -> None:
-        if self._role(elements) != {"shell"}:
-            self._refuse_roles(card, self._role(elements))
+        roles = self._role(elements)
+        if roles <= {"plane stress", "plane strain"} and "COMPOSITE" not in card.options:
+            self._solid(card, name, elements, within)  # a thickness means the same there
+            return
+        if roles != {"shell"}:
+            self._refuse_roles(card, roles)
         if "COMPOSITE" in card.options:
             layers = [(f, p) for f, p in card.rows() if f]
             self._laminate(card, name, elements, layers, within)
@@ -136,7 +142,7 @@ class Sections:
         }
         self.builder.add(name, elements, Family("Shell", arguments, card.place))
 
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> dict[str, float]:
+    def _offset(self, card: Card, elements: IntArray, thickness: float) -> dict[str, Any]:
         """OFFSET=, the share of the thickness from the middle surface to the nodes."""
         word = card.option("OFFSET", "0").upper() or "0"
         known = {"MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
@@ -147,7 +153,9 @@ class Sections:
             self.whole.deck.told.append(
                 f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
             )
-        return {"offset": -share * thickness * self.builder.units.length}
+        length = self.builder.units.length
+        side = side_of(self.whole.deck, elements, length)
+        return {"offset": -share * thickness * length, **side}
 
     def _laminate(
         self,
@@ -176,8 +184,8 @@ class Sections:
         arguments = {
             "layers": layers,
             "axis": axis.tolist(),
-            "top": None if top is None else top.tolist(),
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
+            "top": top_of(self.whole.deck, elements, length),
         }
         self.builder.add(name, elements, Family("Laminate", arguments, card.place))
 

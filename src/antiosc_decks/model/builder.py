@@ -14,6 +14,8 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Place
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
+from antiosc_decks.model.panels import Panel
+from antiosc_decks.model.pieces import one_piece
 from antiosc_decks.model.properties import Material
 
 
@@ -27,32 +29,7 @@ def chosen_elements(deck: Deck) -> BoolArray:
             shown = ", ".join(map(repr, known[:20])) or "none"
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
         chosen[own] = True
-    return chosen if deck.piece is None else _piece(deck, chosen)
-
-
-def _piece(deck: Deck, chosen: BoolArray) -> BoolArray:
-    """Those of the chosen elements that nodes in common join to the piece of this rank by size."""
-    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
-    from scipy.sparse.csgraph import connected_components
-
-    first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
-    start, pairs = 0, []
-    for block in deck.blocks:
-        own = block.corners[chosen[start : start + len(block)]]
-        start += len(block)
-        pairs += [np.stack([own[:, 0], column]) for column in own.T]
-    size = len(deck.points)
-    ends = np.hstack(pairs)
-    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(size, size))
-    label = connected_components(graph, directed=False)[1][first]
-    pieces, count = np.unique(label[chosen], return_counts=True)
-    if not 1 <= (deck.piece or 0) <= len(pieces):
-        raise MeshError(
-            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
-            f"{deck.piece}."
-        )
-    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
-    return np.asarray(chosen & (label == wanted))
+    return chosen if deck.piece is None else one_piece(deck, chosen)
 
 
 def some_rows(block: Block, some: BoolArray) -> Block:
@@ -69,6 +46,10 @@ def nodes_of_block(block: Block) -> IntArray:
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Roles of elements that are springs between other elements; rods alone are a truss.
+SPRINGS = {"rod", "panel"}
+#: √(E/ρ) of a material without density, m/s: its mass is some 1e-9 of that of a real one.
+MASSLESS_WAVE = 1e8
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
 
@@ -94,6 +75,16 @@ class Rod(NamedTuple):
     place: Place
 
     @property
+    def dimension(self) -> int:
+        """It has a length."""
+        return 1
+
+    @property
+    def across(self) -> float:
+        """Area."""
+        return self.area
+
+    @property
     def EA(self) -> float:
         """Stiffness against tension, times the length."""
         return self.E * self.area
@@ -117,14 +108,16 @@ class ModelBuilder:
     of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: name of each family's group of elements
     names: list[str] = field(default_factory=list)
-    #: number of an element -> its section, of rods
-    rods: dict[int, Rod] = field(default_factory=dict)
+    #: number of an element -> its section, of rods and shear panels
+    rods: dict[int, Rod | Panel] = field(default_factory=dict)
     #: (node, place, kg, [kg m²])
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
     #: (node, place, {motion: stiffness}), to the ground
     springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
     #: whether the deck has no other elements: the rods are a truss
     truss: bool = False
+    #: whether the deck gives masses at nodes, so that materials may have none
+    lumped: bool = False
     #: what is ignored of joints
     joint_told: list[str] = field(default_factory=list)
     #: nodes that stay apart from others in their place
@@ -146,12 +139,12 @@ class ModelBuilder:
         ends = np.cumsum([0, *map(len, self.deck.blocks)])
         chosen = [self.chosen[slice(*some)] for some in pairwise(ends)]
         present = {role for role, some in zip(roles, chosen, strict=True) if some.any()}
-        self.truss = present == {"rod"}
+        self.truss = "rod" in present and present <= SPRINGS
         every = np.zeros(len(self.used), dtype=bool)
         for role, block, some in zip(roles, self.deck.blocks, chosen, strict=True):
             every[nodes_of_block(block)] = True
             own = nodes_of_block(some_rows(block, some))
-            if role != "rod" or self.truss:
+            if role not in SPRINGS or (self.truss and role == "rod"):
                 self.used[own] = True
             else:
                 every[own] = False
@@ -166,13 +159,16 @@ class ModelBuilder:
             return material.density * self.units.density
         if self.density is not None:
             return self.density
+        if self.lumped:
+            self.tell_once(f"the mass of {material.name}, whose density is 0")
+            return material.modulus * self.units.stress / MASSLESS_WAVE**2
         raise material.place.error(
             f"the material {material.name!r} has no density, without which "
             "nothing can be struck; add it to the deck, or give density= in kg/m³."
         )
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
-        """(E in Pa, nu) of a material that must be isotropic."""
+        """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
         if material.constants is None:
             raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
         found = material.isotropic
@@ -181,6 +177,9 @@ class ModelBuilder:
                 f"the material {material.name!r} is not isotropic, but {what} "
                 "must be; only layers of shells may be orthotropic."
             )
+        if what in ("beams", "rods") and material.of_lines is not None:
+            E, G = material.of_lines
+            return E * self.units.stress, E / (2 * G) - 1
         return found[0] * self.units.stress, found[1]
 
     def anisotropic(self, material: Material) -> list[list[float]] | None:
@@ -226,8 +225,8 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
-    def add_rods(self, elements: IntArray, rod: Rod) -> None:
-        """Set the section of rods."""
+    def add_rods(self, elements: IntArray, rod: Rod | Panel) -> None:
+        """Set the section of rods or shear panels."""
         self.rods.update(dict.fromkeys(map(int, elements), rod))
 
     def tell_once(self, ignored: str) -> None:

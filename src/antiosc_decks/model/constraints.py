@@ -143,7 +143,9 @@ class Constraints:
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
         if rotation_node is not None and rotation_node != node:
             for c in range(3):
-                self.alias[rotation_node, c] = (point, 3 + c)
+                known = self.alias.setdefault((rotation_node, c), (point, 3 + c))
+                if known != (point, 3 + c):  # bodies that turn alike
+                    self.equations.append([(point, 3 + c, 1.0), (*known, -1.0)])
         return point
 
     def rigid(
@@ -243,9 +245,12 @@ class Constraints:
 
     def every(self) -> list[list[Term]]:
         """The terms of all constraints, springs, dampers and masses."""
+        return [*self.resisting(), *(terms for terms, _ in self.dampers)]
+
+    def resisting(self) -> list[list[Term]]:
+        """The same without dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
-        both = [terms for terms, _ in (*self.springs, *self.dampers)]
-        return [*self.equations, *both, *masses]
+        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""

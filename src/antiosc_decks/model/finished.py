@@ -16,11 +16,12 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import IntArray, Place
+from antiosc.io.deck import IntArray
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
 from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.pieces import connected, held_apart
 from antiosc_decks.model.rods import join_rods, make_truss
 
 #: What may be joined in one structure.
@@ -36,7 +37,9 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         Elements without a section, or families that cannot be combined in a structure.
     """
     roles = list(roles)
-    rods = make_truss(builder) if builder.truss else join_rods(builder, roles, builder.chosen)
+    if builder.truss:
+        make_truss(builder)
+    rods = join_rods(builder, roles, builder.chosen)
     roles = keep(builder, builder.chosen & ~rods, roles)
     _refuse_uncovered(builder, roles)
     present = {role for role, block in zip(roles, builder.deck.blocks, strict=True) if len(block)}
@@ -46,12 +49,20 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
             "plane elements are read alone: give each kind a deck of its own."
         )
     hold_middles(builder)
-    _drop_held_masses(builder)
+    _drop_alone(builder)
     stiffened = present == {"shell", "beam"} and not builder.joints.every() and _on_edges(builder)
     several = len(present) > 1 and not stiffened
-    joined = several or bool(builder.joints.every())
+    attached = [one[0] for one in builder.masses] + [one[0] for one in builder.springs]
+    beside = any(not builder.used[node] for node in attached)
+    joined = several or beside or bool(builder.joints.every())
     if joined:
         _attach(builder)
+    if stiffened:
+        _shear_with_shells(builder)
+    plane = not builder.truss and not present <= JOINED
+    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
+    fixed_points = _fixed_points(builder, plane)
+    pieces, held = _held(builder, count, fixed_points)
     joints = builder.joints.finished(builder.units)
     groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
@@ -65,53 +76,82 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
                 name = f"{name} {number}"
             builder.deck.element_sets[name] = elements
         groups.append([name, family.kind, family.arguments, str(family.place)])
-    plane = not builder.truss and not present <= JOINED
-    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     return {
         "families": groups,
         "supports": _supports(builder, count),
-        "masses": [[_point(builder, n, "a mass", at), *own] for n, at, *own in builder.masses],
-        "springs": [[_point(builder, n, "a spring", at), own] for n, at, own in builder.springs],
+        "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
+        "springs": [[_point(builder, n), own] for n, _, own in builder.springs],
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
         "joined": joined,
         "joints": joints,
         "apart": builder.apart,
-        "fixed_points": _fixed_points(builder, count == 2),
+        "fixed_points": fixed_points,
+        "pieces": pieces,
+        "held": held,
     }
 
 
-def _drop_held_masses(builder: ModelBuilder) -> None:
-    """Masses on nodes of no element that do not move, or that nothing joins to an element."""
+def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[int, bool]:
+    """(pieces of the deck, whether they are several and supports or springs hold each)."""
+    joints, nodes = builder.joints, len(builder.deck.points)
+    x = np.vstack([builder.deck.points, *joints.more])
+    moves, fixed = np.zeros((2, len(x), 6), dtype=bool)
+    moves[:nodes, :count] = True
+    moves[:nodes, 3:] &= builder.has_rotations[:, None]
+    fixed[:nodes] = builder.fixed
+    loose = joints.loose()
+    moves[loose] = True
+    for number, motions in fixed_points:
+        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
+    rows += [[(n, MOTIONS.index(name), 1.0)] for n, _, own in builder.springs for name in own]
+    return held_apart(builder.deck, x, moves, fixed, rows)
+
+
+def _drop_alone(builder: ModelBuilder) -> None:
+    """Masses on nodes of no element that do not move; what nothing joins to an element."""
     joints, count = builder.joints, len(builder.used)
-    both = (*joints.springs, *joints.dampers)
-    acting = {n for terms in (*joints.equations, *(t for t, _ in both)) for n, _, _ in terms}
-    acting |= {node for node, *_ in builder.springs}
+    every = joints.every()
+    label = connected([np.array([[n for n, *_ in terms]]) for terms in every if terms],
+                      count + len(joints.more))  # fmt: skip
+    joined = np.isin(label, label[:count][builder.used])
+
+    def stays(terms: Sequence[Term]) -> bool:
+        return any(joined[n] for n, _, _ in terms)
 
     def moves(node: int) -> bool:
-        node = joints.alias.get((node, 0), (node, 0))[0]
-        return node in acting or (node < count and bool(builder.used[node]))
+        return bool(joined[joints.alias.get((node, 0), (node, 0))[0]])
 
-    kept, alone = [], []
-    for one in builder.masses:
-        node, place = one[:2]
+    for node, place, *_ in builder.masses:
         if not builder.used[node] and builder.fixed[node, :3].all():
             builder.ignored.append(f"a mass on a held node of no element ({place})")
-        elif moves(node):
-            kept.append(one)
-        else:
-            alone.append(place)
+    kept = [one for one in builder.masses if builder.used[one[0]]
+            or (moves(one[0]) and not builder.fixed[one[0], :3].all())]  # fmt: skip
+    alone = [one[1] for one in builder.masses if not moves(one[0])]
     if alone:
         builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
-    builder.masses = kept
-    before = len(joints.masses)
-    joints.masses = [
-        one for one in joints.masses if any(moves(n) for terms in one[0] for n, _, _ in terms)
-    ]
-    if len(joints.masses) < before:
-        left = before - len(joints.masses)
-        builder.ignored.append(f"{left} rigid bodies that nothing joins to an element")
+    springs = [one for one in builder.springs if moves(one[0])]
+    before = len(every) + len(builder.springs)
+    builder.masses, builder.springs = kept, springs
+    joints.equations = [terms for terms in joints.equations if stays(terms)]
+    joints.springs = [one for one in joints.springs if stays(one[0])]
+    joints.masses = [one for one in joints.masses if any(map(stays, one[0]))]
+    acting = {
+        (n, c) for n, _, mass, inertia in kept for c, m in enumerate([mass] * 3 + inertia) if m
+    }
+    acting |= {(n, m) for terms in joints.resisting() for n, m, _ in terms}
+
+    def resists(terms: Sequence[Term]) -> bool:
+        """Whether a damper has no end without mass that nothing else holds."""
+        return all((n < count and builder.used[n]) or (n, m) in acting for n, m, _ in terms)
+
+    joints.dampers = [one for one in joints.dampers if stays(one[0]) and resists(one[0])]
+    if left := before - len(joints.every()) - len(springs):
+        builder.ignored.append(
+            f"{left} springs, dampers, masses and constraints that nothing joins to an element"
+        )
 
 
 def _attach(builder: ModelBuilder) -> None:
@@ -120,11 +160,9 @@ def _attach(builder: ModelBuilder) -> None:
     springs, builder.springs = builder.springs, []
     size = builder.units.length
     for node, place, mass, inertia in masses:
-        _check(builder, node, "a mass", place)
         own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
-    for node, place, stiffness in springs:
-        _check(builder, node, "a spring", place)
+    for node, _, stiffness in springs:
         for name, value in stiffness.items():
             motion = MOTIONS.index(name)
             unit = builder.units.force * (size if motion >= 3 else 1 / size)
@@ -132,16 +170,8 @@ def _attach(builder: ModelBuilder) -> None:
             builder.joints.springs.append(([(*end, 1.0)], value / unit))
 
 
-def _check(builder: ModelBuilder, node: int, what: str, place: Place) -> None:
-    """MeshError for a node that nothing holds."""
-    node = builder.joints.alias.get((node, 0), (node, 0))[0]
-    if not (node < len(builder.used) and builder.used[node]) and node not in builder.joints.loose():
-        raise place.error(f"{what} acts on a node of no element with a section; add the section.")
-
-
-def _point(builder: ModelBuilder, node: int, what: str, place: Place) -> list[float]:
+def _point(builder: ModelBuilder, node: int) -> list[float]:
     """Coordinates of a node in m."""
-    _check(builder, node, what, place)
     return [float(c) * builder.units.length for c in builder.deck.points[node]]
 
 
@@ -154,6 +184,16 @@ def _on_edges(builder: ModelBuilder) -> bool:
         (lines if block.shape == "line" else edges).append(np.sort(ends, axis=1))
     sides = {(int(a), int(b)) for a, b in np.vstack(edges)}
     return all((int(a), int(b)) in sides for a, b in np.vstack(lines))
+
+
+def _shear_with_shells(builder: ModelBuilder) -> None:
+    """Beams on the edges of shells deform in shear, as these do."""
+    for family in builder.families:
+        if family.kind == "Beam" and not family.arguments.get("shear", True):
+            family.arguments["shear"] = True
+            builder.ignored.append(
+                f"the rigidity in shear of beams on edges of shells ({family.place})"
+            )
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from antiosc.base._types import BoolArray
@@ -50,6 +52,31 @@ def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
     if length == 0 or (vectors @ (mean / length)).min() < least:
         return None
     return np.asarray(mean / length)
+
+
+def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> dict[str, Any]:
+    """Vectors at the middles of elements, and of the triangles into which they are cut, in m."""
+    places, directions = [], []
+    for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
+        cut = [x.mean(axis=0)]
+        if len(x) == 4:
+            cut += [np.delete(x, k, axis=0).mean(axis=0) for k in range(4)]
+        places += [(c * length).tolist() for c in cut]
+        directions += [vector] * len(cut)
+    return {"places": places, "directions": directions}
+
+
+def top_of(deck: Deck, elements: IntArray, length: float) -> Any:
+    """The side of the normals of shells: one direction, or one in each element."""
+    normals = normals_of(deck, elements)
+    top = common_direction(normals)
+    return everywhere(deck, elements, normals, length) if top is None else top.tolist()
+
+
+def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Any]:
+    """The side of the normals, as an argument, of shells that no one direction is above."""
+    top = top_of(deck, elements, length)
+    return {"top": top} if isinstance(top, dict) else {}
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place
-from antiosc_decks.model.builder import Family, ModelBuilder, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder
 from antiosc_decks.model.geometry import measures_of
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
@@ -59,7 +59,7 @@ def _sections(
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
     if element in builder.rods:
         rod = builder.rods[element]
-        return 1, rod.area, rod.mass / rod.area
+        return rod.dimension, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
     if number < 0:
         raise place.error("the nonstructural mass is on an element without a section.")
@@ -84,8 +84,8 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
     """Add to the density of elements."""
     rods = np.array([int(element) in builder.rods for element in elements])
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
-        rod: Rod = builder.rods[element]
-        builder.rods[element] = rod._replace(mass=rod.mass + more * rod.area)
+        rod = builder.rods[element]
+        builder.rods[element] = rod._replace(mass=rod.mass + more * rod.across)
     numbers = builder.of_element[elements]
     for number in np.unique(numbers[~rods]):
         family, name = builder.families[number], builder.names[number]

@@ -24,6 +24,14 @@ class Material:
     #: stresses (11, 22, 12) of plane strains (3, 3), of a material of shells alone
     plane: Array | None = None
     density: float | None = None
+    #: E and G of beams and rods, where they do not follow from `constants`
+    of_lines: tuple[float, float] | None = None
+
+    @property
+    def modulus(self) -> float:
+        """The largest modulus."""
+        given = (self.constants, self.stiffness, self.plane)
+        return max(float(np.nanmax(one)) for one in given if one is not None)
 
     @property
     def isotropic(self) -> tuple[float, float] | None:

@@ -1,7 +1,6 @@
-"""Rods of decks (CROD, CONROD, CTUBE, T2D2, T3D2).
+"""Rods of decks (CROD, CONROD, CTUBE, T2D2, T3D2) and shear panels.
 
-Between other elements they are springs along their lines, with masses at their ends; rods alone
-make a truss.
+Between other elements they are springs, with masses at their nodes; rods alone make a truss.
 """
 
 from __future__ import annotations
@@ -11,25 +10,29 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
-from antiosc_decks.model.builder import MOTIONS, Family, ModelBuilder, Rod
+from antiosc_decks.model.builder import MOTIONS, SPRINGS, Family, ModelBuilder, Rod
+from antiosc_decks.model.panels import Panel, shear_spring, side_areas
 
 #: Component of a rod's direction over the largest below which it is rounding.
 FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolArray:
-    """Springs and masses in place of the rods that are kept; which elements are rods."""
+    """Springs and masses in place of the rods and panels that are kept; which elements they are.
+
+    The rods of a truss stay elements.
+    """
     start, rods = 0, np.zeros(builder.deck.n_elements, dtype=bool)
     masses: dict[int, float] = {}
     first: Place | None = None
     for role, block in zip(roles, builder.deck.blocks, strict=True):
         some = np.arange(start, start + len(block))
         start += len(block)
-        if role != "rod":
+        if role not in SPRINGS or (role == "rod" and builder.truss):
             continue
         rods[some] = True
         for k in np.flatnonzero(kept[some]):
-            a, b = map(int, block.corners[k])
+            nodes = list(map(int, block.corners[k]))
             if some[k] not in builder.rods:
                 raise MeshError(
                     f"{builder.deck.name} has {block.type} elements without a section, so that "
@@ -37,12 +40,15 @@ def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolA
                 )
             rod = builder.rods[int(some[k])]
             first = first or rod.place
-            length = _spring(builder, a, b, rod)
-            for node in (a, b):
-                masses[node] = masses.get(node, 0.0) + rod.mass * length / 2
+            if isinstance(rod, Panel):
+                size = _panel(builder, nodes, rod)
+            else:
+                size = _spring(builder, nodes, rod)
+            for node in nodes:
+                masses[node] = masses.get(node, 0.0) + rod.mass * size / len(nodes)
         builder.deck.told.append(
             f"the {int(kept[some].sum())} {block.type} of {builder.deck.name} are springs, with "
-            "their mass at their ends."
+            f"their mass at their {'ends' if role == 'rod' else 'corners'}."
         )
     for node, mass in masses.items():
         if mass and first:
@@ -50,13 +56,24 @@ def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolA
     return rods
 
 
-def make_truss(builder: ModelBuilder) -> BoolArray:
-    """Sections of the family `Truss` for all rods; no element that becomes a spring."""
+def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
+    """Add the springs of a shear panel between its corners; its area."""
+    x = builder.deck.points[nodes]
+    builder.sprung(*shear_spring(panel, nodes, x), panel.place)
+    for k, area in enumerate(side_areas(panel, x)):
+        if area:
+            rod = Rod(panel.E, panel.nu, area, 0.0, 0.0, panel.place)
+            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
+    return float(np.linalg.norm(np.cross(x[2] - x[0], x[3] - x[1]))) / 2
+
+
+def make_truss(builder: ModelBuilder) -> None:
+    """Sections of the family `Truss` for all rods."""
     units = builder.units
     alike: dict[Rod, list[int]] = {}
     for k in np.flatnonzero(builder.chosen):
-        if int(k) in builder.rods:
-            rod = builder.rods[int(k)]
+        rod = builder.rods.get(int(k))
+        if isinstance(rod, Rod):
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
         arguments = {
@@ -68,7 +85,6 @@ def make_truss(builder: ModelBuilder) -> BoolArray:
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
     if any(rod.torsion for rod in alike):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
-    return np.zeros(builder.deck.n_elements, dtype=bool)
 
 
 def hold_without_stiffness(builder: ModelBuilder) -> None:
@@ -98,8 +114,9 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         )
 
 
-def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
+def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
+    a, b = nodes
     terms, length = builder.joints.elongation(a, b, rod.place)
     builder.sprung(terms, rod.EA / length, rod.place)
     if rod.torsion and builder.has_rotations[[a, b]].all():

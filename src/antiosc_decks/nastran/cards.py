@@ -54,7 +54,7 @@ class Entry:
             if default is None:
                 raise self.place.error(f"field {k + 2} of {self.name} is empty.")
             return default
-        return real_number(self.text(k), self.place)
+        return real_number("".join(self.text(k).split()), self.place)
 
 
 def motions_of(text: str, place: Place) -> list[int]:
@@ -225,7 +225,8 @@ class _Collector:
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
-                self._begin(Entry("BEGIN", place), "")
+                kind = "BEGIN SUPER" if words[1:2] and words[1].startswith("SUPER") else "BEGIN"
+                self._begin(Entry(kind, place), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
@@ -296,6 +297,8 @@ def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str]:
     """(name, four or eight fields, whether they are large, the mark of the continuation)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
+        first, *more = first.split() if first[:1].isalpha() else [first]
+        rest = [*more, *rest]  # blanks separate free fields, too
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
         # the one after them names the continuation

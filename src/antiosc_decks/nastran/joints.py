@@ -26,6 +26,8 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
         _rbar(found, builder, entry)
     for entry in found.named("RBE3"):
         _rbe3(found, builder, entry)
+    for entry in found.named("SECONCT"):
+        _same_nodes(found, builder, entry)
     used = found.used_sets("MPC")
     for entry in found.named("MPC"):
         if entry.whole(0) in used:
@@ -66,6 +68,19 @@ def _rbe2(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     leader = builder.joints.leader(reference)
     followers = np.array(rows, dtype=np.int64)
     builder.joints.rigid(followers, leader, motions, entry.place, own=True)
+
+
+def _same_nodes(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
+    """SECONCT: pairs of a node of one superelement and one of another, which are one node."""
+    words = [entry.text(k) for k in range(8, len(entry.fields)) if entry.text(k)]
+    if "THRU" in map(str.upper, words) or len(words) % 2:
+        raise entry.place.error("SECONCT is read as pairs of nodes.")
+    for first, second in zip(words[::2], words[1::2], strict=True):
+        if first != second:
+            leader, follower = _nodes(found, entry, [second, first])
+            builder.joints.rigid(
+                np.array([follower]), builder.joints.leader(leader), ALL, entry.place
+            )
 
 
 def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
@@ -160,6 +175,9 @@ def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
     viscous = found.properties("PVISC", 4)
     for entry in found.named("CVISC"):
         _viscous(found, builder, entry, *its_property(entry, "PVISC", viscous))
+    lines = found.properties("PBUSH1D", 32)
+    for entry in found.named("CBUSH1D"):
+        _bush_on_a_line(found, builder, entry, its_property(entry, "PBUSH1D", lines)[0])
     bushes = found.properties("PBUSH")
     for entry in found.named("CBUSH"):
         own, _ = its_property(entry, "PBUSH", bushes)
@@ -187,6 +205,24 @@ def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry
         if value < 0:
             raise entry.place.error("CVISC has a negative damping.")
         builder.damped(terms, value)
+
+
+def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
+    """CBUSH1D: a spring and a damper along the line between two nodes, or along x of its system."""
+    if any(own.text(k) for k in range(3, len(own.fields))):
+        raise own.place.error("PBUSH1D is read with K and C alone.")
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
+    if entry.text(4) or len(rows) < 2:
+        axis = found.systems(entry.whole(4, 0), entry.place).axes[0]
+    else:
+        line = np.diff(found.deck.points[rows], axis=0)[0]
+        if not line.any():
+            raise entry.place.error("CBUSH1D at coincident nodes needs the system CID.")
+        axis = line / np.linalg.norm(line)
+    ends: list[End] = [(row, axis, 0, sign) for row, sign in zip(rows, (1.0, -1.0), strict=False)]
+    for k, what in ((1, "stiffness"), (2, "damping")):
+        if own.real(k):
+            _add(builder, entry, ends, what, own.real(k))
 
 
 def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:

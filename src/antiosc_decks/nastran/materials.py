@@ -18,7 +18,7 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
-    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9")
+    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9", "MAT11")
     for number, entry in defined_once(entries, "material").items():
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
@@ -26,7 +26,10 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             material.constants = isotropic(E, nu)
             material.density = entry.real(4) or None
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
-                ignored.append(f"G of MAT1 {number}, which does not follow from E and NU")
+                material.of_lines = E, G
+                ignored.append(
+                    f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
+                )
         elif entry.name == "MAT2":
             plane = _triangle([entry.real(k) for k in range(1, 7)])
             material.plane = plane
@@ -37,6 +40,9 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             stiffness = _triangle([entry.real(k) for k in range(1, 22)])
             material.stiffness = stiffness[np.ix_(order, order)]
             material.density = entry.real(22) or None
+        elif entry.name == "MAT11":
+            material.constants = np.array([entry.real(k, None) for k in range(1, 10)])
+            material.density = entry.real(10) or None
         else:
             E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
@@ -86,7 +92,7 @@ class PropertyReader:
         number = entry.whole(k)
         if number not in self.materials:
             raise entry.place.error(
-                f"there is no MAT1, MAT2, MAT8 or MAT9 with the number {number}."
+                f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {number}."
             )
         return self.materials[number]
 

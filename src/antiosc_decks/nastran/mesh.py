@@ -15,7 +15,14 @@ from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, bulk_data, through
 from antiosc_decks.nastran.coordinates import Systems
-from antiosc_decks.nastran.table import CELLS, account_for, is_other
+from antiosc_decks.nastran.table import (
+    CELLS,
+    NEAREST,
+    OLDER,
+    OLDER_PROPERTIES,
+    account_for,
+    is_other,
+)
 from antiosc_decks.sources import Sources
 
 #: What the case control selects -> the entries of these sets, and the one that adds them.
@@ -24,6 +31,8 @@ SETS = {
     "MPC": (("MPC",), "MPCADD"),
     "NSM": (("NSM", "NSM1", "NSML", "NSML1"), "NSMADD"),
 }
+#: Elements between scalar motions, by the first letters of their names.
+SCALARS = ("CELAS", "CDAMP", "CMASS")
 
 
 @dataclass
@@ -136,17 +145,39 @@ class NastranDeck:
         return system.axes
 
 
-def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> NastranDeck:
-    """The deck in a file; `on_size` is called with the number of bytes read."""
-    bulk = bulk_data(Sources(path, name, on_size))
+def read(
+    path: Path,
+    name: str,
+    on_size: Callable[[int], None] = lambda size: None,
+    root: str | None = None,
+) -> NastranDeck:
+    """The deck in a file; `on_size` is called with the number of bytes read.
+
+    `root`: the folder of the files that it may include; None: its own, or the one above.
+    """
+    bulk = bulk_data(Sources(path, name, on_size, root))
     found = _nodes(bulk, name)
     found.account = account_for(bulk.entries, name)
     found.deck.told += found.account.unknown_cards()
+    _refuse_images(found)
+    for name, sentence in NEAREST.items():
+        if count := len(found.named(name)):
+            found.converted.append(sentence.format(count, name))
+    _older(found)
     _defaults(found)
     _rods_of_bars(found)
     _elements(found)
     set_groups(found)
     return found
+
+
+def _refuse_images(found: NastranDeck) -> None:
+    """MeshError where superelements do not divide the deck, but repeat or mirror parts of it."""
+    for entry in found.named("SEBULK"):
+        if entry.text(1).upper() not in ("", "PRIMARY"):
+            raise entry.place.error(
+                f"a superelement of the type {entry.text(1)} is not read; write its elements out."
+            )
 
 
 def _sets(numbers: set[int]) -> str:
@@ -209,9 +240,11 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
 
 
 def _scalar_points(bulk: Bulk) -> IntArray:
-    """Numbers of the scalar points."""
+    """Numbers of the scalar points: of SPOINT, and the ends of elements between such points."""
     numbers: set[int] = set()
     for entry in bulk.entries:
+        if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
+            numbers.update({entry.whole(2, 0), entry.whole(3, 0)} - {0})
         if entry.name == "SPOINT":
             for first, last in through(entry.fields, entry.place):
                 if last - first > 10_000_000:
@@ -243,6 +276,32 @@ def _defaults(found: NastranDeck) -> None:
             if not any(entry.text(k) for k in (4, 5, 6)):
                 entry.fields[4:7] = [default.text(k) for k in (4, 5, 6)]
             entry.fields[7] = entry.text(7) or default.text(7)
+
+
+def _older(found: NastranDeck) -> None:
+    """Elements and properties of older versions as those that they are now."""
+    made: dict[str, Entry] = {}
+    more: list[Entry] = []
+    for entry in found.bulk.entries:
+        if entry.name in OLDER:
+            entry.name, kind = OLDER[entry.name]
+            if not kind:
+                given = [entry.text(1), entry.text(1)]
+                made.setdefault(entry.text(1), Entry("PSOLID", entry.place, given))
+        elif entry.name in OLDER_PROPERTIES:
+            order = OLDER_PROPERTIES[entry.name]
+            first, second = (
+                ["" if k is None else entry.text(start + k) for k in order] for start in (0, 4)
+            )
+            entry.name = "PSOLID" if entry.name == "PIHEX" else "PSHELL"
+            if entry.name == "PSHELL" and second[0]:  # two of them in one entry
+                more.append(Entry(entry.name, entry.place, second))
+            entry.fields = first
+        elif entry.name == "CRIGD1":
+            entry.name = "RBE2"
+            entry.fields[2:2] = ["123456"]
+    known = {entry.text(0) for entry in found.named("PSOLID")}
+    found.bulk.entries += [entry for number, entry in made.items() if number not in known] + more
 
 
 def _rods_of_bars(found: NastranDeck) -> None:

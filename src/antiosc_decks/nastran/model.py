@@ -15,6 +15,7 @@ from antiosc.base._types import BoolArray
 from antiosc.io.deck import IntArray, Place, real_number
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.account import lines
+from antiosc_decks.model import copies
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.finished import finished
@@ -32,10 +33,12 @@ from antiosc_decks.nastran.mesh import (
     set_groups,
 )
 from antiosc_decks.nastran.sections import Properties
-from antiosc_decks.nastran.table import tell_damping
+from antiosc_decks.nastran.table import CELLS, tell_damping
 
 #: Share of the largest moment of inertia that a negative one may have by rounding.
 INERTIA_ROUNDING = 1e-6
+#: Entries that give masses.
+MASSES = ("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
 
 
 def read_masses(found: NastranDeck, builder: ModelBuilder, factor: float) -> None:
@@ -45,7 +48,7 @@ def read_masses(found: NastranDeck, builder: ModelBuilder, factor: float) -> Non
     for entry in found.named("CONM1"):
         _matrix(found, builder, entry, factor)
     own = found.properties("PMASS", 2)
-    for entry in found.named("CMASS1", "CMASS2", "CMASS3", "CMASS4"):
+    for entry in found.named(*MASSES[2:]):
         _scalar(found, builder, entry, own, factor)
     used = found.used_sets("NSM")
     for entry in found.named("NSM", "NSM1", "NSML", "NSML1"):
@@ -174,8 +177,9 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     tell_damping(found.account, found.bulk.entries)
     materials, ignored = materials_of(found)
     ends = beams.divide(found)
+    doubled = copies.separate(found.deck, [CELLS[block.type].role for block in found.deck.blocks])
     set_groups(found)
-    builder = ModelBuilder(found.deck, units, density)
+    builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
     factor = _mass_factor(found)
     for material in materials.values():
         material.density = material.density and material.density * factor
@@ -186,6 +190,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     read_joints(found, builder)
     read_springs(found, builder)
     beams.join(builder, ends)
+    copies.join(builder, doubled)
     read_masses(found, builder, factor)
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)

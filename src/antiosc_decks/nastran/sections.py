@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import IntArray
 from antiosc_decks.model.builder import Family, Rod
 from antiosc_decks.model.geometry import tangents_of
+from antiosc_decks.model.panels import Panel
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
@@ -20,6 +21,8 @@ from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.shells import Shells
 from antiosc_decks.nastran.table import CELLS, PROPERTIES
 
+#: Largest ν of a beam; a smaller G than it gives is in the section.
+NU_OF_BEAMS = 0.49
 #: Beginnings of properties of springs, dampers and masses, and of loads, which share numbers.
 NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS")
 
@@ -52,12 +55,16 @@ class Properties(PropertyReader):
             match entry.name:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
+                case "PCOMPS":
+                    self._layered(entry, str(number), elements)
                 case "PSHELL":
                     Shells(self).shell(entry, str(number), elements)
                 case "PCOMP" | "PCOMPG":
                     Shells(self).laminate(entry, str(number), elements)
                 case "PROD" | "PTUBE":
                     self._rods(entry, elements, 1)
+                case "PSHEAR":
+                    self._panels(entry, elements)
                 case _:
                     self._beams(entry, str(number), elements)
 
@@ -74,10 +81,6 @@ class Properties(PropertyReader):
             instead = " or ".join(CELLS[element.name].properties)
             return f"{label}a {kind}, which is not supported; give it as {instead}."
         return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."
-
-    def _block(self, element: int) -> int:
-        ends = np.cumsum([len(block) for block in self.found.deck.blocks])
-        return int(np.searchsorted(ends, element, side="right"))
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         if entry.text(6) not in ("", "SMECH"):
@@ -100,6 +103,14 @@ class Properties(PropertyReader):
         arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
         self.builder.add(name, elements, Family("Solid", arguments, entry.place))
 
+    def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """PCOMPS: layers of one isotropic material are a solid of it."""
+        numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
+        if len(numbers) != 1 or self.material(plain := Entry(
+                "PCOMPS", entry.place, [name, *numbers]), 1).isotropic is None:  # fmt: skip
+            raise entry.place.error("PCOMPS is read with layers of one isotropic material alone.")
+        self._solid(plain, name, elements)
+
     def _rods(self, entry: Entry, elements: IntArray, k: int) -> None:
         """PROD, PTUBE or CONROD, with the material in field k (from 0)."""
         if entry.name == "PTUBE":
@@ -121,6 +132,21 @@ class Properties(PropertyReader):
         per_length = density * area + extra * self.mass_factor
         self.builder.add_rods(elements, Rod(E, nu, area, torsion, per_length, entry.place))
 
+    def _panels(self, entry: Entry, elements: IntArray) -> None:
+        """PSHEAR."""
+        units = self.builder.units
+        material = self.material(entry, 1)
+        E, nu = self.builder.elastic(material, "shear panels")
+        E /= units.stress
+        thickness = entry.real(2, None)
+        if thickness <= 0:
+            raise entry.place.error("PSHEAR needs a thickness above 0.")
+        mass = self.builder.rho(material) / units.density * thickness
+        mass += entry.real(3) * self.mass_factor
+        effective = (entry.real(4), entry.real(5))
+        panel = Panel(E / (2 + 2 * nu), nu, thickness, mass, E, effective, entry.place)
+        self.builder.add_rods(elements, panel)
+
     # --- Beams ------------------------------------------------------------------------------------
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -129,6 +155,9 @@ class Properties(PropertyReader):
         self.ignored += along.told
         material = self.material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
+        # a G up to E/3 goes into the section: nu lies below 0.5
+        share = 1.0 if nu < NU_OF_BEAMS else (1 + NU_OF_BEAMS) / (1 + nu)
+        nu = min(nu, NU_OF_BEAMS)
         units = self.builder.units
         density = self.builder.rho(material)
         length = units.length
@@ -155,6 +184,7 @@ class Properties(PropertyReader):
                     )
                 side = np.cross(tangents_of(self.found.deck, np.array(some[:1]))[0], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
+            profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
             arguments: dict[str, Any] = {
                 "E": E,
                 "nu": nu,

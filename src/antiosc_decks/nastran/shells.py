@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.model.builder import Family
-from antiosc_decks.model.geometry import common_direction, corners_of, normals_of
+from antiosc_decks.model.geometry import common_direction, everywhere, normals_of, side_of, top_of
 from antiosc_decks.model.properties import Material
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
@@ -74,6 +74,7 @@ class Shells:
                 arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
                 if offset:
                     arguments["offset"] = offset * length
+                    arguments |= side_of(self.found.deck, some, length)
                     self._tell_curved(entry, some)
                 self.builder.add(name, some, Family("Shell", arguments, entry.place))
 
@@ -155,7 +156,7 @@ class Shells:
             plies += plies[::-1]
         total = sum(thickness for _, thickness, _ in plies)
         off = entry.real(1) + total / 2 if entry.text(1) else 0.0
-        layers = [self._ply(m, t, angle, entry) for m, t, angle in plies]
+        layers = [self._ply(m, t, angle) for m, t, angle in plies]
         extra = self.whole.beside(entry.real(2), total)
         self.whole.tell_beside(entry, extra)
         for layer in layers:
@@ -170,9 +171,7 @@ class Shells:
             offset += off if abs(off) > 1e-9 * total else 0.0
             self._directed(entry, name, some, "Laminate", {"layers": layers}, offset)
 
-    def _ply(
-        self, material: Material, thickness: float, angle: float, entry: Entry
-    ) -> dict[str, float]:
+    def _ply(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         if material.plane is not None:
             Q = _plane(material)
             if np.abs(Q[:2, 2]).max() > 1e-9 * np.abs(Q).max():
@@ -205,24 +204,14 @@ class Shells:
         normals = normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
         axis = common_direction(axes, least=1 - 1e-6)
-        top = common_direction(normals)
-        own = {**arguments, "top": None if top is None else top.tolist()}
-        own["axis"] = self._everywhere(elements, axes) if axis is None else axis.tolist()
+        length = self.builder.units.length
+        own = {**arguments, "top": top_of(self.found.deck, elements, length)}
+        own["axis"] = axis.tolist() if axis is not None else everywhere(
+            self.found.deck, elements, axes, length)  # fmt: skip
         if offset:
             own["offset"] = offset * self.builder.units.length
             self._tell_curved(entry, elements)
         self.builder.add(name, elements, Family(kind, own, entry.place))
-
-    def _everywhere(self, elements: IntArray, axes: Array) -> dict[str, Any]:
-        """Directions at the middles of elements, and of the triangles into which they are cut."""
-        places, directions = [], []
-        for x, axis in zip(corners_of(self.found.deck, elements), axes.tolist(), strict=True):
-            cut = [x.mean(axis=0)]
-            if len(x) == 4:
-                cut += [np.delete(x, k, axis=0).mean(axis=0) for k in range(4)]
-            places += [(c * self.builder.units.length).tolist() for c in cut]
-            directions += [axis] * len(cut)
-        return {"places": places, "directions": directions}
 
     def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
         if common_direction(normals_of(self.found.deck, elements), least=1 - 1e-6) is None:

@@ -202,3 +202,22 @@ def test_a_solid_by_its_stresses(tmp_path):
     material = ao.AnisotropicSolid(C, 1200.0, axes)
     by_hand = ao.Structure(part.mesh, material, [ao.Support(lambda x: x[2] < 1e-9)])
     assert omegas(part) == pytest.approx(omegas(by_hand), rel=1e-8)
+
+
+@pytest.mark.parametrize("joint", ["", f"CBUSH,{10**6},9,1,2,,,,0\nPBUSH,9,K,,,,,,1.\n"])
+def test_pieces_that_are_each_held_vibrate_by_themselves(tmp_path: Path, joint: str) -> None:
+    """Every frequency of a clamped strip stands twice beside a second one."""
+    given = "PSHELL,1,1,.02,1,,1\nMAT1,1,2.+11,,.3,7800.\nSPC1,1,123456,1,2\n" + joint
+    alone = omegas(nastran(tmp_path, given), 3)
+    more = "".join(f"GRID,{n + 100},,{x},{y},.5\n" for n, x, y in points())
+    more += "".join(
+        f"CQUAD4,{k + 100},1,{','.join(str(n + 100) for n in nodes)}\n"
+        for k, nodes in enumerate(quads(), 1)
+    )
+    both = nastran(tmp_path, given + more + "SPC1,1,123456,101,102\n")
+    assert omegas(both, 6)[::2] == pytest.approx(alone, rel=1e-7)
+    assert omegas(both, 6)[1::2] == pytest.approx(alone, rel=1e-7)
+    site = ao.Site(point=(LENGTH / 2, WIDTH / 2, 0.0), direction=(0, 0, 1), radius=0.03)
+    assert ao.extract(both, site, n=4).k0 == pytest.approx(
+        ao.extract(nastran(tmp_path, given), site, n=4).k0, rel=1e-9
+    )

@@ -125,12 +125,16 @@ def test_shells_beside_their_nodes(tmp_path, option):
         assert (model["gdim"], model["halve"], model["joined"]) == (3, False, False)
 
 
-def test_layers_of_a_closed_shell_have_no_top(tmp_path):
+def test_the_top_of_layers_of_a_closed_shell_is_that_of_each_element(tmp_path):
     text = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,5,8,7,6\n"
     section = "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,P,10.\n"
     model, _ = read(tmp_path, text + section + PLY)
-    expected = {"layers": [layer(5e-4, 10.0)], "axis": [1.0, 0.0, 0.0], "top": None}
-    alike(model["families"][0][2], expected)
+    found = dict(model["families"][0][2])
+    top = found.pop("top")
+    alike(found, {"layers": [layer(5e-4, 10.0)], "axis": [1.0, 0.0, 0.0]})
+    # the second element lists its nodes the other way round
+    assert [n[2] for n in top["directions"]] == [1.0] * 5 + [-1.0] * 5
+    assert np.allclose(top["places"][::5], [[0.01, 0.005, 0.0], [0.01, 0.005, 0.01]])
     with pytest.raises(MeshError, match=r"with an .ORIENTATION of their own need a flat shell"):
         read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
 

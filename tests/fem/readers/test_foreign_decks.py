@@ -10,6 +10,7 @@ import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.reading import read as read_mesh, read_parts
 from antiosc.io.unit_system import UnitSystem
+from antiosc_decks.nastran import mesh as nastran
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 BAR = bdf.GRIDS + bdf.MAT1 + "SPC1,1,123456,1\n"
@@ -111,6 +112,181 @@ def test_one_of_several_pieces(tmp_path):
         piece(3)
 
 
+@pytest.mark.parametrize(
+    ("given", "held"),
+    [
+        ("SPC1,1,123,1,2,3,11,12,13\n", True),
+        ("SPC1,1,123,1,2,3,11,12\n", False),  # it turns about the line from 11 to 12
+        ("SPC1,1,123,1,2,3,11,12\nCELAS2,9,5.,13,3\n", True),
+        ("SPC1,1,123,1,2,3\nRBE2,9,1,123456,11\n", False),  # one body
+        ("SPC1,1,123,1,2,3\nCELAS2,9,5.,11,1,1,1\n", False),
+        ("SPC1,1,123,1,2,3\n", False),
+    ],
+)
+def test_several_pieces_are_read_where_each_is_held(tmp_path, given, held):
+    more = "".join(
+        f"GRID,{k},,{x + 50}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(bdf.CORNERS, 11)
+    )
+    cubes = BLOCK + more + "CHEXA,2,7,11,12,13,14,15,16,\n,17,18\n"
+    assert bdf.read(tmp_path, cubes + given)[0]["held"] is held
+
+
 def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
     with pytest.raises(MeshError, match=r"line 1 of part\.inp.*Nastran"):
         inp.read(tmp_path, BLOCK)
+
+
+def test_scalar_points_need_no_card(tmp_path):
+    """The ends of CELAS3, CELAS4 and their like are scalar points."""
+    spring = BLOCK + "CELAS2,9,5.,1,1,77,0\nCELAS4,10,3.,77,78\nSPC,1,78,0\n"
+    same(bdf.read(tmp_path, spring)[0], bdf.read(tmp_path, spring + "SPOINT,77,78\n")[0])
+
+
+def test_shear_panels(tmp_path):
+    """The energy of pure shear, γ² G t A / 2, in a parallelogram too; none of rigid motions."""
+    grids = "GRID,1,,0.,0.,0.\nGRID,2,,30.,0.,0.\nGRID,3,,40.,20.,0.\nGRID,4,,10.,20.,0.\n"
+    deck = "CSHEAR,1,8,1,2,3,4\nPSHEAR,8,1,.5\nCBAR,2,7,1,2,0.,1.,0.\nPBAR,7,1,1.,1.,1.,1.\n"
+    model, found = bdf.read(tmp_path, grids + deck + bdf.MAT1)
+    ((terms, k),) = model["joints"]["springs"]
+    points = [0, *range(-1, -len(model["joints"]["points"]) - 1, -1)]
+    x = {n: found.points[n] for n in (0, 1)}
+    x |= {n: np.array(model["joints"]["points"][-1 - n]) * 1e3 for n in points[1:]}
+    G, t, area, skew = bdf.E / 2.6, 0.5e-3, 600e-6, 0.5
+
+    def stretch(field) -> float:
+        return sum(c * field(x[n])[m] for n, m, c in terms if m < 3)
+
+    assert stretch(lambda p: (1.0, 2.0, 3.0)) == pytest.approx(0, abs=1e-12)
+    assert stretch(lambda p: np.cross((1.0, 2.0, 3.0), p)) == pytest.approx(0, abs=1e-10)
+    # u_x = γ y does the work of the shear flow q along the sides: q = γ G t / (1 + 2 tan²θ/(1+ν))
+    energy = k * stretch(lambda p: (1e-3 * p[1], 0.0, 0.0)) ** 2 / 2
+    assert energy == pytest.approx(G * t * area / (1 + 2 * skew**2 / 1.3) / 2)
+
+
+def test_copies_of_shells_add_up(tmp_path):
+    """Their nodes follow those of the first; a triangle copies the half of a quadrilateral."""
+    plate = PLATE + "PSHELL,7,1,.4,1,,1\nSPC1,1,123456,1\n"
+    more = plate + "CQUAD4,2,7,2,3,4,1\nCTRIA3,3,7,1,2,3\n"
+    model, deck = bdf.read(tmp_path, more)
+    assert [len(block) for block in deck.blocks] == [2, 1]
+    followed = {(own, node): 0 for (own, *_), (node, *_) in model["joints"]["equations"]}
+    assert len(followed) == 7
+    for own, node in followed:
+        assert np.array_equal(deck.points[own], deck.points[node])
+    assert len(model["joints"]["equations"]) == 6 * 7
+    assert any("repeat" in text for text in deck.told)
+
+
+def test_superelements_that_divide_a_deck(tmp_path):
+    """Parts by BEGIN SUPER are read as the whole; pairs of SECONCT are one node."""
+    grids = bdf.GRIDS.splitlines(keepends=True)
+    lines = "CBAR,1,7,1,2,0.,0.,1.\nPBAR,7,1,1.,1.,1.,1.\n" + bdf.MAT1
+    other = "CBAR,2,7,{},3,0.,0.,1.\n"
+    whole = "".join(grids[:3]) + lines + other.format(2)
+    parts = "SEBULK,1,PRIMARY,,MANUAL\nSECONCT,1,0,,NO\n,2,2\n" + "".join(grids[:2]) + lines
+    parts += "BEGIN SUPER=1\n" + "".join(grids[1:3]) + other.format(2)
+    same(bdf.read(tmp_path, whole)[0], bdf.read(tmp_path, parts)[0])
+    apart = parts.replace(",2,2\n", ",9,2\n").replace(other.format(2), other.format(9))
+    model, _ = bdf.read(tmp_path, apart + "GRID,9,,20.,0.,0.\n")
+    assert len(model["joints"]["equations"]) == 6
+    with pytest.raises(MeshError, match="MIRROR"):
+        bdf.read(tmp_path, parts.replace("PRIMARY", "MIRROR"))
+
+
+@pytest.mark.parametrize(
+    ("older", "newer"),
+    [
+        ("CQUAD2,1,7,1,2,3,4\nPQUAD2,7,1,.4\n", "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.4,1,,1\n"),
+        ("CTRIA2,1,9,1,2,3\nPTRIA2,7,1,.4,,9,1,.3\n", "CTRIA3,1,9,1,2,3\nPSHELL,9,1,.3,1,,1\n"),
+        ("CHEXA1,1,1,1,2,3,4,5,6,\n,7,8\n", "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n"),
+        ("CWEDGE,1,1,1,2,3,5,6,7\n", "CPENTA,1,1,1,2,3,5,6,7\nPSOLID,1,1\n"),
+        (
+            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD1,5,9,1,2\n",
+            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123456,1,2\n",
+        ),
+    ],
+)
+def test_elements_of_older_versions(tmp_path, older, newer):
+    same(*(bdf.read(tmp_path, bdf.GRIDS + bdf.MAT1 + text)[0] for text in (newer, older)))
+
+
+def test_materials_without_density_beside_masses(tmp_path):
+    bare = BLOCK.replace(",8.-9", "")
+    with pytest.raises(MeshError, match="density"):
+        bdf.read(tmp_path, bare)
+    model, _ = bdf.read(tmp_path, bare + "CONM2,9,1,,1.\n")
+    ((_, _, arguments, _),) = model["families"]
+    assert 0 < arguments["rho"] < 1e-8 * bdf.RHO
+    assert any("MAT1 1" in text for text in model["ignored"])
+
+
+def test_a_shear_modulus_of_beams_that_does_not_follow(tmp_path):
+    """E and G of a beam are those of its material, also where ν would be 0.5 or more."""
+    bar = BAR.replace(bdf.MAT1, "MAT1,1,2.+5,4.+4,,8.-9\n")
+    bar += "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,1.,1.,1.,2.\n,,,,,,,,\n,.8,.8\n"
+    model, _ = bdf.read(tmp_path, bar)
+    ((_, _, arguments, _),) = model["families"]
+    section, G = arguments["section"], arguments["E"] / (2 + 2 * arguments["nu"])
+    assert G * section["J"] == pytest.approx(4e10 * 2e-12)
+    assert G * section["A"] * section["shear"] == pytest.approx(4e10 * 0.8e-6)
+
+
+def test_a_bush_along_a_line(tmp_path):
+    one, _ = bdf.read(tmp_path, BLOCK + "CBUSH1D,9,3,1,3\nPBUSH1D,3,4.\n")
+    other, _ = bdf.read(tmp_path, BLOCK + "CBUSH,9,3,1,3\nPBUSH,3,K,4.\n")
+    same(one, other)
+
+
+def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
+    folder = tmp_path / "jobs" / "one"
+    folder.mkdir(parents=True)
+    (tmp_path / "grids.inc").write_text(bdf.GRIDS)
+    (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '../../grids.inc'\n{bdf.HEXA}")
+    found = nastran.read(folder / "part.bdf", "part.bdf", root=str(tmp_path))
+    assert found.deck.n_elements == 1
+    with pytest.raises(MeshError, match="root="):
+        nastran.read(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs"))
+
+
+def test_plane_elements_with_the_thickness_of_a_shell(tmp_path):
+    plane = inp.CUBE.split("*ELEMENT")[0] + "*ELEMENT,TYPE=CPS3,ELSET=ALL\n1,1,2,3\n" + inp.STEEL
+    section = "*{} SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
+    same(*(inp.read(tmp_path, plane + section.format(kind))[0] for kind in ("SOLID", "SHELL")))
+
+
+def test_orthotropic_solids_by_nine_constants(tmp_path):
+    """MAT11: E1 to G23 as stated; with those of an isotropic material it is MAT1."""
+    given = "MAT11,1,2.+5,2.+5,2.+5,.3,.3,.3,{0},\n,{0},{0},8.-9\n".format(repr(2e5 / 2.6))
+    same(*(bdf.read(tmp_path, BLOCK.replace(bdf.MAT1, text))[0] for text in (bdf.MAT1, given)))
+    skew = given.replace("2.+5", "1.+5", 1)
+    model, _ = bdf.read(
+        tmp_path, BLOCK.replace(bdf.MAT1, skew).replace("PSOLID,7,1", "PSOLID,7,1,0")
+    )
+    ((_, kind, arguments, _),) = model["families"]
+    assert kind == "AnisotropicSolid"
+    assert 1 / np.linalg.inv(arguments["stiffness"])[0, 0] == pytest.approx(1e11)
+
+
+def test_layers_of_one_material_are_a_solid(tmp_path):
+    layers = "PCOMPS,7\n,1,1,5.,0.\n,2,1,5.,90.\n"
+    same(
+        *(bdf.read(tmp_path, BLOCK.replace("PSOLID,7,1\n", p))[0] for p in ("PSOLID,7,1\n", layers))
+    )
+    with pytest.raises(MeshError, match="PCOMPS"):
+        bdf.read(
+            tmp_path, BLOCK.replace("PSOLID,7,1\n", layers + ",3,2,5.\nMAT1,2,1.+5,,.3,8.-9\n")
+        )
+
+
+def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
+    """As hinges do: their displacements are free of each other."""
+    bodies = "*NODE\n99,0,0,0\n*NSET,NSET=P\n1,2,3\n*NSET,NSET=Q\n5,6,8\n"
+    bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
+    model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
+    equations = model["joints"]["equations"]
+    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
+    rows = np.zeros((len(equations), len(motions)))
+    for row, terms in zip(rows, equations, strict=True):
+        for node, motion, coefficient in terms:
+            row[motions.index((node, motion))] += coefficient
+    assert len(motions) - np.linalg.matrix_rank(rows) == 3 + 3 + 3

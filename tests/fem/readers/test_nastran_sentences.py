@@ -44,7 +44,7 @@ REFUSED = {
     **{f"{card} {prop}": (f"{card}{MAT1}{prop},7,1\nPARAM,7\nPELAS,7,1.\n", 9, f"as {instead}")
        for card, prop, instead in (
            (HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
-           (TUBE, "PSHEAR", "PTUBE"), (SHELL, "PLPLANE", "PSHELL or PCOMP"),
+           (TUBE, "PWELD", "PTUBE"), (SHELL, "PLPLANE", "PSHELL or PCOMP"),
            ("CBAR,1,7,1,2,0.,1.,0.\n", "PBEND", "PBAR"))},
     "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
     "area": ("CONROD,1,1,2,1\n", 9, "area"),

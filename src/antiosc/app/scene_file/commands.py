@@ -18,8 +18,8 @@ from antiosc.base.progress import say
 #: Command -> the object of the scene that it is for, and what a scene without it lacks.
 STUDIES = {
     "run": (
-        "history",
-        "no simulation to run: give [simulate], or [run] for a scene of several contacts",
+        "simulation",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, or [drop]",
     ),
     "sweep": (
         "batch",
@@ -45,7 +45,7 @@ def guarded(options: Namespace) -> int:
 
 
 def _new(options: Namespace) -> int:
-    path, told = template.write(options.file, options.part)
+    path, told = template.write(options.file, options.part, options.drop)
     say(f"wrote {path}; next: edit it, then antiosc check {path}")
     for sentence in told:
         say(sentence)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi
+from collections.abc import Mapping
+from math import pi, sqrt
 from typing import Any
 
 from antiosc.app.scene_file.group_names import outlines
@@ -11,10 +12,12 @@ from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base.errors import AntioscError
 from antiosc.base.memory import free_memory
-from antiosc.simulation.compared_impact import COARSEST
+from antiosc.simulation.comparison import FIRST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL
 from antiosc.studies.advice import advise
+from antiosc.studies.drops.body import MODES
+from antiosc.studies.drops.drop import GRAVITY
 
 
 def text(scene: Compiled) -> str:
@@ -25,6 +28,8 @@ def text(scene: Compiled) -> str:
         rows += _of_structure(found)
     rows += [(f"box of {one.name}", one.text()) for one in outlines(scene)]
     rows += _of_model(scene, found)
+    if scene.fall is not None:
+        rows += _of_fall(scene.fall.arguments)
     if found.impactor is not None and found.contact is not None:
         rows += _of_impact(scene, found)
     rows += [("warning", sentence) for sentence in found.warnings]
@@ -74,6 +79,18 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 
+def _of_fall(asked: Mapping[str, Any]) -> list[tuple[str, str]]:
+    height, gravity = asked["height"], asked.get("gravity", GRAVITY)
+    rows = [
+        ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
+        ("first touch", f"after {sqrt(2 * height / gravity):.4g} s"),
+        ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
+    ]
+    if "ensemble" in asked:
+        rows.append(("falls", f"{asked.get('n', 100)}"))
+    return rows
+
+
 def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
     rows = []
@@ -89,7 +106,7 @@ def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     rows.append(("contact time", f"at least {time:.3g} s, that on a rigid wall"))
     rows.append(("band of the impact", f"up to {band / (2 * pi):.3g} Hz"))
     if "strike" not in scene.document.data:
-        step = asked.get("step", time / COARSEST)
+        step = asked.get("step", time / FIRST)
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{step:.3g} s, {how}"))

@@ -36,6 +36,8 @@ from antiosc.fem.site.site import SNAP_SHARE
 LARGEST = 50_000_000
 #: Endings of files that have to be meshed first.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
+#: Sections of named points, and their key.
+POINTS = (("sites", "point"), ("probes", "point"), ("accelerometers", "at"))
 #: Names of groups that are listed, and digits of a box.
 MOST_NAMES, DIGITS = 12, 4
 
@@ -123,9 +125,9 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
     data = found.document.data
     places = _at(found)
     boxes = {part: one.placed(placement(part, places.get(part))) for part, one in known.items()}
-    for section in ("sites", "probes"):
+    for section, name in POINTS:
         for key, table in data.get(section, {}).items():
-            point, snap = table.get("point"), table.get("snap")
+            point, snap = table.get(name), table.get("snap")
             if not boxes or not isinstance(point, list) or len(point) not in (2, 3):
                 continue
             x = np.pad(np.array(point, dtype=float), (0, 3 - len(point)))
@@ -133,7 +135,7 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
             nearest = min(own, key=lambda one: one.distance(x))
             off = nearest.distance(x)
             if off and (isinstance(snap, bool) or snap is None or off > snap):
-                place = (section, key, "point")
+                place = (section, key, name)
                 found.document.problems.add(
                     place,
                     f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside the "
@@ -228,11 +230,13 @@ def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
         for i, table in enumerate(own.get(name, ())):
             yield (*start, name, i, "where"), table.get("where")
     ends: list[tuple[Place, Any]] = [
-        ((name, key, "point"), table.get("point"))
-        for name in ("sites", "probes")
-        for key, table in data.get(name, {}).items()
+        ((section, key, name), table.get(name))
+        for section, name in POINTS
+        for key, table in data.get(section, {}).items()
     ]
     if not part:
+        face = str(data.get("drop", {}).get("face", ""))
+        ends.append((("drop", "face"), face if face[:1] not in ("", "+", "-") else None))
         yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
         return
     for i, table in enumerate(data.get("joints", ())):

@@ -11,7 +11,7 @@ from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.parameters import resolved
 from antiosc.app.scene_file.problems import label
-from antiosc.app.scene_file.sections import KIND, LAWS, SECTIONS
+from antiosc.app.scene_file.sections import KIND, LAWS, MODELS, SECTIONS
 from antiosc.contact.base import ContactLaw
 
 #: The name of the structure among the bodies of a scene.
@@ -159,7 +159,7 @@ class Ends:
     def _sites(self, body: str) -> list[str] | None:
         """Names of the sites of a body; None where the file does not tell them."""
         if body == STRUCTURE and struck.source(self.build):
-            return None if "model" in self.build.data else list(self.build.part("sites"))
+            return None if set(MODELS) & set(self.build.data) else list(self.build.part("sites"))
         made = self.bodies[body]
         if made is None or made.name == "AntiOscillators.load":
             return None

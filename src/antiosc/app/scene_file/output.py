@@ -20,7 +20,7 @@ from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models.body import places_of
-from antiosc.simulation.error_bars import CAUSES
+from antiosc.simulation.history import SceneHistory
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -101,7 +101,7 @@ def numbers(history: Any) -> dict[str, Any]:
     """The results of one run as JSON values; SI units."""
     budget = result_tables.error_budget(history)
     bars = {
-        name: {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
+        name: {cause: getattr(bar, cause) for cause in (*budget.causes, "total")}
         for name, bar in budget.items()
     }
     return history.numbers() | ({"error_budget": bars} if bars else {})
@@ -163,10 +163,13 @@ def write(found: Results, target: Path) -> list[Path]:
             paths.append(target / "model.npz")
         if found.map is not None and wanted.fields:
             paths.append(found.map.write(target / "map.vtu"))
+        if found.worst is not None and wanted.fields:
+            paths.append(found.worst.write(target / "worst.vtu"))
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
+            shown |= {"fall": found.fall, "worst": found.worst}
             for name, one in shown.items():
-                if hasattr(one, "plot"):
+                if hasattr(one, "plot") and not isinstance(one, SceneHistory):
                     paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
         return paths, told
 
@@ -182,6 +185,8 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
     for k, (at, columns) in enumerate(probe_columns(found) if found.probes else ()):
         name = f"probes_{k + 1}.csv" if k else "probes.csv"
         tables.append((name, {"time (s)": at, **columns}))
+    if found.fall is not None:
+        tables.append(("fall.csv", result_tables.fall_columns(found.fall)))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
     if found.map is not None:
@@ -202,6 +207,14 @@ def _numbers_of(found: Results) -> dict[str, Any]:
     if found.history is not None:
         content["result"] = numbers(found.history)
         content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
+    if found.fall is not None:
+        content["fall"] = result_tables.fall_columns(found.fall)
+        content["fall"] |= {"status": getattr(found.fall, "status", "")}
+        content["accelerometers"] = {
+            n: vars(p) | {"g": p.g} for n, p in (found.peaks or {}).items()
+        }
+    if found.worst is not None:
+        content["worst"] = {found.worst.quantity: float(found.worst.values.max())}
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
     if found.map is not None:

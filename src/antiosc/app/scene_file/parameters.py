@@ -25,6 +25,8 @@ WITHHELD = {
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
 FILES = {("Structure.from_files", "map")}
+#: Parameters that take an object of a class, beside those whose annotation says it.
+OBJECTS = {("Floor", "material"): "Solid"}
 
 #: (name, value) -> the value, or InputError
 Check = Callable[[str, Any], Any]
@@ -54,12 +56,14 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         kinds = kinds_of(given.annotation)
         if (function, name) in FILES:
             kinds = (PATH, *kinds)
+        if (function, name) in OBJECTS:
+            kinds = (Kind("object", (resolved(OBJECTS[function, name]),)),)
         if PATH in kinds:
             kinds = tuple(kind for kind in kinds if kind not in (TEXT, DATA))
         if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
             needed = given.default is given.empty
             default = None if needed else given.default
-            check = CHECKS.get(name) if checked else None
+            check = CHECKS.get(f"{function}.{name}", CHECKS.get(name)) if checked else None
             about = described.get(name, "")
             found[name] = Parameter(name, kinds, needed, default, about, check)
     return found
@@ -82,7 +86,7 @@ def resolved(function: str) -> Any:
 def light(function: str) -> bool:
     """Whether a call only checks and stores values: a class of antiosc that holds data."""
     head = function.partition(".")[0]
-    heavy = head in ("Structure", "Scene", "AntiOscillators")
+    heavy = head in ("Structure", "Scene", "AntiOscillators", "Fall")
     return function == "named_impactor" or (inspect.isclass(resolved(head)) and not heavy)
 
 
@@ -132,6 +136,18 @@ def _quantity(name: str, value: Any) -> Any:
     return checks.choice(name, value, PROBED_QUANTITIES)
 
 
+def _until(_: str, value: Any) -> Any:
+    from antiosc.studies.drops.drop import end_of
+
+    return end_of(value)
+
+
+def _cfc(name: str, value: Any) -> Any:
+    from antiosc.studies.drops.filters import CLASSES
+
+    return checks.choice(name, value, tuple(CLASSES))
+
+
 def _count_or_auto(name: str, value: Any) -> Any:
     return value if value == "auto" else checks.whole(name, value, least=0)
 
@@ -140,16 +156,17 @@ def _of(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
-#: Parameter of a function -> the check of its value. A function checks its values when it runs,
-#: which is too late for a file that is only looked at.
+#: Parameter, or function and parameter, -> the check of its value. A function checks its values
+#: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
     **dict.fromkeys(("duration", "step", "timeout"), _of("s")),
-    **dict.fromkeys(("size", "merge", "radius"), _of("m")),
+    **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _of("m")),
     **dict.fromkeys(("max_contacts", "max_steps", "modes"), checks.whole),
     "accuracy": checks.positive,
     "band": _of("rad/s"),
     "damping": lambda _, value: as_damping(value),
     "density": _of("kg/m³"),
+    "filter": _cfc,
     "gap": functools.partial(checks.nonnegative, unit="m"),
     "method": _method,
     "n": _count_or_auto,
@@ -158,4 +175,11 @@ CHECKS: dict[str, Check] = {
     "times": checks.filled,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _unit,
+    "from_frf.band": functools.partial(checks.array, shape=(2,)),
+    "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
+    "read_frf.quantity": functools.partial(
+        checks.choice, options=("receptance", "mobility", "accelerance")
+    ),
+    "read_frf.unit": checks.positive,
+    "until": _until,
 }

@@ -18,7 +18,7 @@ from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError
-from antiosc.simulation.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.results import covers
 from antiosc.studies.advice import advise
 
@@ -71,6 +71,9 @@ def _sections(found: Results) -> list[tuple[str, list[Block]]]:
     hit, sections = found.history, []
     if hit is not None:
         sections.append(("Results", [*_results(hit), tables.probe_rows(found)]))
+    if found.fall is not None:
+        blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
+        sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
     if found.batch is not None:
         sections.append(("Sweep", [tables.sweep_columns(found)]))
     if found.map is not None:
@@ -114,7 +117,7 @@ def _errors(history: Any) -> list[Block]:
         return [rows]
     columns: dict[str, Any] = {"Error budget": [name.replace("_", " ") for name in budget]}
     columns["value"] = [f"{bar.value:.5g} {QUANTITIES[name]}" for name, bar in budget.items()]
-    for cause in (*CAUSES, "total"):
+    for cause in (*budget.causes, "total"):
         columns[cause] = [f"{100 * getattr(bar, cause):.2g} %" for bar in budget.values()]
     return [rows, columns, *budget.notes]
 

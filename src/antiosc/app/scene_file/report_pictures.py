@@ -65,6 +65,17 @@ def pictures(found: Results) -> Iterator[Picture]:
             partial(plot_model, found.model),
             ".svg",
         )
+    if hasattr(found.fall, "plot"):
+        yield _drawn(
+            "Fall",
+            "The part as it first touches, the heights (m), the energies (J) and the peak forces"
+            " of the impacts (N).",
+            found.fall.plot,
+            ".png",
+        )
+    if found.worst is not None:
+        about = "The largest value at each node over all impacts."
+        yield _drawn("Largest stress", about, found.worst.plot, ".png")
     if found.batch is not None:
         yield _chart(
             "Sweep",

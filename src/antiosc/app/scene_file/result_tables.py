@@ -11,7 +11,7 @@ from antiosc.app.scene_file.run import Results
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.history import SceneHistory
 
 #: Names and values.
 Rows = list[tuple[str, str]]
@@ -22,6 +22,9 @@ PROBE_UNITS = {
     **{"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "rotation": "rad"},
     **{"stress": "Pa", "von_mises": "Pa", "section_forces": "SI"},
 }
+#: Quantities of an ensemble of falls with their units, and quantiles that are told.
+FALL_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s", "lost": "J"}
+QUANTILES = (0.5, 0.9, 0.99)
 #: Units of the quantities of a map.
 MAP_UNITS = {
     **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
@@ -39,6 +42,8 @@ def text(found: Results) -> str:
     if found.history is not None:
         pieces += [found.history.summary(), str(error_budget(found.history) or "")]
         pieces.append(lines(probe_rows(found)))
+    if found.fall is not None:
+        pieces += [fall_text(found.fall), lines(fall_rows(found))]
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
     if found.map is not None:
@@ -99,7 +104,7 @@ def model_rows(model: Any) -> Rows:
     return [*rows, ("antiresonances", f"{first or 'none'}{more} Hz")]
 
 
-def error_budget(history: Any) -> Mapping[str, Any]:
+def error_budget(history: Any) -> Any:
     """The error budget of a history; empty where it has none."""
     try:
         budget = getattr(history, "error_budget", None)
@@ -129,6 +134,38 @@ def sweep_columns(found: Results) -> dict[str, Any]:
     results = (getattr(found.batch, key) for key in keys)
     varied = {name: list(values) for name, values in found.compiled.varied.items()}
     return varied | dict(zip((*names, "status"), results, strict=True))
+
+
+def fall_text(fall: Any) -> str:
+    """The table of the impacts of a fall, or the quantiles of an ensemble."""
+    return str(fall.summary()) if hasattr(fall, "summary") else columns(fall_columns(fall))
+
+
+def fall_columns(fall: Any) -> dict[str, Any]:
+    """The impacts of a fall, or quantiles of the largest values of an ensemble of falls."""
+    if hasattr(fall, "impacts") and hasattr(fall.impacts, "columns"):
+        return dict(fall.impacts.columns())
+    table: dict[str, Any] = {"quantity": [], "quantile": [], "value": [], "low": [], "high": []}
+    for name, unit in FALL_UNITS.items():
+        for q in QUANTILES:
+            one = fall.quantile(name, q)
+            row = (f"{name.replace('_', ' ')} ({unit})", q, one.value, one.low, one.high)
+            for column, value in zip(table.values(), row, strict=True):
+                column.append(value)
+    return table
+
+
+def fall_rows(found: Results) -> Rows:
+    """The peaks of the accelerometers, and the largest stress."""
+    rows = [
+        (f"accelerometer {name}", f"at most {peak.g:.5g} g, in impact {peak.impact + 1}")
+        for name, peak in (found.peaks or {}).items()
+    ]
+    if found.worst is not None:
+        value, place, time = found.worst.largest(1)[0]
+        where = f"at {checks.in_words(place)}, {time:.5g} s"
+        rows.append((f"largest {found.worst.quantity}", f"{value:.5g} {found.worst.unit} {where}"))
+    return rows
 
 
 def named(quantity: str) -> str:

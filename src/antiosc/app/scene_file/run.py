@@ -23,14 +23,21 @@ DOING = {
         ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
     ),
     **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
+    "from_frf": "fitting the measurement",
     **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
     "simulate_many": "simulating the sweep",
     "impact_map": "mapping the surface",
     "probe": "motion of the probes",
+    "drop": "computing the fall",
+    "Fall.peak": "peaks of the accelerometers",
+    "Fall.worst": "largest stresses",
 }
 #: Command -> the objects that it makes.
 COMMANDS = {
-    "run": ("structure", "model", "impactor", "contact", "history", "probes"),
+    "run": (
+        *("structure", "model", "impactor", "contact", "history", "probes"),
+        *("fall", "peaks", "worst"),
+    ),
     "sweep": ("structure", "model", "impactor", "batch"),
     "map": ("structure", "impactor", "contact", "map"),
     "dry run": ("structure", "impactor", "contact"),
@@ -56,6 +63,9 @@ class Results:
     probes: Any = None
     batch: Any = None
     map: Any = None
+    fall: Any = None
+    peaks: Any = None
+    worst: Any = None
     warnings: list[str] = field(default_factory=list)
 
 

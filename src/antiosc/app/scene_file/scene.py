@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from antiosc.app.scene_file import impact, struck, studies
+from antiosc.app.scene_file import fall, impact, struck, studies
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.read import Document
-from antiosc.app.scene_file.sections import SECTIONS
+from antiosc.app.scene_file.sections import MODELS, SECTIONS
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Compiled:
     history : of the simulation.
     probes : name -> call, of the structure and the history.
     batch, map : of [sweep] and [map].
+    fall : of [drop]; `peaks` name -> call, and `worst`, of the fall.
     output : the files that are written.
     warnings : of the objects that were made.
     """
@@ -41,6 +42,9 @@ class Compiled:
     probes: Mapping[str, Call] = field(default_factory=dict)
     batch: Call | None = None
     map: Call | None = None
+    fall: Call | None = None
+    peaks: Mapping[str, Call] = field(default_factory=dict)
+    worst: Call | None = None
     output: Call | None = None
     warnings: list[str] = field(default_factory=list)
 
@@ -55,9 +59,14 @@ class Compiled:
         table = self.document.data.get("sweep", {})
         return {f"{a}.{b}": values for a, lists in table.items() for b, values in lists.items()}
 
+    @property
+    def simulation(self) -> Call | None:
+        """What `antiosc run` computes."""
+        return self.history or self.fall
+
     def does(self) -> list[str]:
         """The commands that this scene is for."""
-        there = {"run": self.history, "sweep": self.batch, "map": self.map}
+        there = {"run": self.simulation, "sweep": self.batch, "map": self.map}
         return [f"antiosc {name}" for name, call in there.items() if call is not None]
 
 
@@ -75,15 +84,16 @@ def compiled(document: Document) -> Compiled:
         of_probes = Call(_structure, {"history": history})
     probes = build.named("probes", {"structure": of_probes, "history": history})
     if "probes" in build.data and (
-        source in ("", "model") or not {"simulate", "run", "strike"} & set(build.data)
+        source in ("", *MODELS) or not {"simulate", "run", "strike"} & set(build.data)
     ):
         build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
     batch = studies.sweep(build, model, impactor, contact)
     surface = studies.surface(build, source, structure, impactor, contact)
+    fallen = fall.fall(build, source, structure)
     output = build.table("output")
     build.problems.raise_if_any()
     return Compiled(
-        document, structure, model, **made, probes=probes, batch=batch, map=surface,
+        document, structure, model, **made, **fallen, probes=probes, batch=batch, map=surface,
         output=output, warnings=build.told,
     )  # fmt: skip
 

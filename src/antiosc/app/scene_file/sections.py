@@ -107,6 +107,8 @@ SECTIONS: dict[str, Section] = {
         given="parts joints at points supports attached",
     ),
     "model": Section("table", "AntiOscillators.load", "a reduced model that antiosc has saved"),
+    "frf": Section("table", "read_frf", "measured frequency responses in place of a structure"),
+    "from_frf": Section("table", "from_frf", "the model of a measurement", given="frf"),
     "sites": Section("named", "Site", "where the structure is struck"),
     "extract": Section("table", "extract", "the reduction to a model", given="structure site"),
     "impactor": Section("table", IMPACTORS, "what strikes the structure"),
@@ -143,10 +145,27 @@ SECTIONS: dict[str, Section] = {
         "the same impact at many points of the surface",
         given="structure impactor contact",
     ),
+    "drop": Section(
+        "table",
+        "drop",
+        "the fall of the structure from a height onto a floor, in place of an impact",
+        given="part executor",
+    ),
+    "accelerometers": Section(
+        "named",
+        "Fall.peak",
+        "points of a fall whose peak acceleration is told",
+        given="self quantity",
+    ),
+    "worst": Section(
+        "table", "Fall.worst", "the largest stress of a fall at every node", given="self"
+    ),
     "probes": Section("named", "probe", "points whose motion is written", given="structure"),
     "output": Section("table", "output", "the files that are written"),
 }
 #: Sections of which exactly one says what is struck.
-SOURCES = ("geometry", "deck", "matrices", "parts", "model")
+SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
+#: Those that have no structure: their model has its own sites.
+MODELS = ("model", "frf")
 #: Sections whose values a sweep may vary.
 VARIED = ("impactor", "contact", "simulate")

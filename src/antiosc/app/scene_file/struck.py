@@ -1,4 +1,4 @@
-"""What is struck: a mesh, a deck, matrices, an assembly or a saved model, and its reduction."""
+"""What is struck: a mesh, a deck, matrices, an assembly, a model or a measurement, reduced."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from antiosc.app.scene_file.kinds import NUMBER, Kind
 from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.parameters import Parameter
 from antiosc.app.scene_file.problems import label, unknown
-from antiosc.app.scene_file.sections import SECTIONS, SOURCES
+from antiosc.app.scene_file.sections import MODELS, SECTIONS, SOURCES
 
 #: What a support may fix.
 FIXED = ("all", "x", "y", "z", "rx", "ry", "rz")
@@ -24,6 +24,7 @@ _BESIDE = {
         'matrices have their own; fix nodes by supports = {{12 = "all"}} in [matrices]',
     ),
     "model": ("", "a saved model has its own"),
+    "frf": ("", "a measurement has none"),
 }
 
 
@@ -168,10 +169,14 @@ def model(build: Builder, source: str, structure: Call | None) -> Call | None:
     """The reduced model, where something needs one."""
     sites = build.named("sites")
     given = build.data.get("sites")
-    if source in ("", "model") and given:
+    if "from_frf" in build.data and source != "frf":
+        build.note(("from_frf",), "[from_frf] belongs to a measurement; this scene has no [frf].")
+    if source in ("", *MODELS) and given:
         build.note(("sites",), "[sites] belong to a structure; this scene has none of its own.")
     if source == "model":
         return build.table("model")
+    if source == "frf":
+        return build.section("from_frf", {"frf": build.table("frf")})
     needed = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
     if not source or "strike" in build.data or not (needed or sites):
         return None

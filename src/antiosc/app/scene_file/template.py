@@ -21,10 +21,10 @@ DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 CAD_ENDINGS = {".step", ".stp", ".iges", ".igs", ".brep", ".geo"}
 
 
-def text(name: str, part: str | None, around: Outline | None = None) -> str:
+def text(name: str, part: str | None, around: Outline | None = None, drop: bool = False) -> str:
     """The scene as a text; `part` is the file of the structure, as the scene names it.
 
-    `around`: its box; the site lies in the middle of its upper side.
+    `around`: its box; the site lies in the middle of its upper side. `drop`: it falls.
     """
     source = part or "part.step"
     ending = Path(source).suffix.lower()
@@ -41,6 +41,7 @@ def text(name: str, part: str | None, around: Outline | None = None) -> str:
         cad=ending in CAD_ENDINGS,
         point=point,
         plane=plane,
+        drop=drop,
     )
 
 
@@ -57,7 +58,9 @@ def _outline(part: str) -> tuple[Outline | None, list[str]]:
     return found, [f"{name} reaches {found.text()}."]
 
 
-def write(path: str | os.PathLike[str], part: str | None = None) -> tuple[Path, list[str]]:
+def write(
+    path: str | os.PathLike[str], part: str | None = None, drop: bool = False
+) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; its path, and what is told of the part.
 
     InputError if it exists.
@@ -71,7 +74,7 @@ def write(path: str | os.PathLike[str], part: str | None = None) -> tuple[Path, 
         part = os.path.relpath(part, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    content = text(target.name, part, around)
+    content = text(target.name, part, around, drop)
     beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
         with beside.open("x", encoding="utf-8") as stream:

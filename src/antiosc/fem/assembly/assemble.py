@@ -138,8 +138,9 @@ def put_together(
     supports: Sequence[Support] = (),
     attached: Sequence[PointMass | Spring] = (),
     solver: Choice = "auto",
+    apart: bool = False,
 ) -> Structure:
-    """`assemble` with checked joints."""
+    """`assemble` with checked joints; `apart`: parts may be joined to nothing, for each is held."""
     started = time.perf_counter()
     solver = checked_choice(solver)
     given = checked_parts(parts)
@@ -155,6 +156,7 @@ def put_together(
             joints,
             supports,
             several("attached", attached, (PointMass, Spring), "PointMass and Spring objects"),
+            apart,
         )
         whole.extend((K, M))
         of.append(constraints)
@@ -211,6 +213,7 @@ def _joined(
     joints: Sequence[Joint],
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring],
+    apart: bool,
 ) -> tuple[_Joined, Constraints, PETSc.Mat, PETSc.Mat]:
     """(what is found, of which constraints, K, M) of parts that this rank has whole."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
@@ -226,7 +229,8 @@ def _joined(
     for one in attached:
         elastic += attachment(layout, one)
     elastic += [superelement(layout, one) for one in layout.condensed.values()]
-    _check_joined(layout, rows, elastic)
+    if not apart:
+        _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
     basis = nested_basis(everything, fixed, layout.positions)
     eliminated = eliminate(rows, fixed, scale, basis)

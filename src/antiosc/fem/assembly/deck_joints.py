@@ -70,6 +70,7 @@ def joined(
         supports=[*point_supports, *_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
+        apart=model["held"],
     )
 
 

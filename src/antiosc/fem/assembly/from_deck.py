@@ -9,7 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 from antiosc.base.checks import instance, path as checked_path, positive, several, shown, whole
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
 from antiosc.fem.elements.beam import Beam
@@ -54,6 +54,7 @@ def read_model(
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
+    root: str | Path | None = None,
     solver: Choice = "auto",
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -79,7 +80,11 @@ def read_model(
         masses on nodes of the others alone are left out, and a warning counts them.
     piece
         Of elements that fall into pieces without a node in common: 1 for the largest, 2 for the
-        next; the others are left out likewise.
+        next; the others are left out likewise. Without it, several pieces are read where each of
+        them is held.
+    root
+        Folder of the files that the deck may include; by default that of the deck, or the one above
+        it where both are the user's own.
     solver
         As for `Structure`.
 
@@ -111,7 +116,7 @@ def read_model(
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    read = _reader(file, unit, density, merge, parts, piece, timeout)
+    read = _reader(file, unit, density, merge, parts, piece, root, timeout)
     more = several("supports", supports, Support, "Support objects")
     added: list[PointMass | Spring] = several(
         "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
@@ -141,7 +146,7 @@ def outline_of_deck(
     Nothing is assembled. `options` are others of `read_model`; those that reading does not need
     are not looked at.
     """
-    needed = ("density", "merge", "parts", "piece", "timeout")
+    needed = ("density", "merge", "parts", "piece", "root", "timeout")
     file = checked_path("path", path)
     by_dim = _reader(file, unit, *(options.get(name) for name in needed))()
     names = dict.fromkeys(group for raw in by_dim.values() for group in raw.groups)
@@ -152,7 +157,14 @@ def outline_of_deck(
 
 
 def _reader(
-    file: Path, unit: Any, density: Any, merge: Any, parts: Any, piece: Any, timeout: Any
+    file: Path,
+    unit: Any,
+    density: Any,
+    merge: Any,
+    parts: Any,
+    piece: Any,
+    root: Any,
+    timeout: Any,
 ) -> Callable[[], dict[int, RawMesh]]:
     """A function that reads the deck: cells by their dimension; arguments are those of a user."""
     units = UnitSystem.of(unit)
@@ -169,16 +181,26 @@ def _reader(
         parts = list(parts)
     if piece is not None:
         piece = whole("piece", piece, least=1)
+    if root is not None:
+        folder = Path(checked_path("root", root)).resolve()
+        if not folder.is_dir():
+            raise InputError(f"root must be a folder; there is none at {shown(str(root))}.")
+        root = str(folder)
 
     def work() -> dict[int, RawMesh]:
-        options = {"density": density, "parts": parts, "piece": piece}
+        options = {"density": density, "parts": parts, "piece": piece, "root": root}
         found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
         for dim, raw in found.items():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
-            found[dim] = sound(
-                flat, file.name, made_here=False, pieces=model["joined"], by=_choices(flat)
-            )
+            if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
+                raise MeshError(
+                    f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
+                    "supports do not hold each: join or hold them (nodes that coincide: "
+                    f"merge=1e-6) or read one of them ({_choices(flat)})."
+                )
+            pieces = model["joined"] or model["held"]
+            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
         return found
 
     return work
@@ -224,10 +246,11 @@ def _part(
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
     """A section's class with its arguments; InputError that names the deck's line."""
     try:
+        for name in ("axis", "top"):  # one direction, or one in each element
+            if isinstance(arguments.get(name), dict):
+                arguments = {**arguments, name: Nearest(**arguments[name])}
         if kind in PLAIN:
             return PLAIN[kind](**arguments)
-        if isinstance(arguments.get("axis"), dict):
-            arguments = {**arguments, "axis": Nearest(**arguments["axis"])}
         if kind == "GivenSheet":
             return GivenSheet(**arguments)
         if kind == "Laminate":

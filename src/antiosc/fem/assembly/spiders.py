@@ -56,7 +56,7 @@ class Rigid(Joint):
         if self.point is None:
             leader = motion(layout, label)
             rows = following(layout, member, nodes, leader, label)
-            return [rows, *_untold(layout, member, nodes, leader)]
+            return [rows, *_untold(member, nodes, leader)]
         leader = motion(layout, self.point)
         own = leader.displacements.indices, leader.rotations.indices
         columns = np.unique(np.concatenate(own))
@@ -148,7 +148,7 @@ def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, l
     return Rows(matrix, np.concatenate(pivots), label)
 
 
-def _untold(layout: Layout, member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+def _untold(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
     """Rotations of a point that no node shows: they are fixed."""
     if member.has_rotations:
         return []

@@ -78,7 +78,7 @@ class Tie(Between):
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
-        common = self._common(layout, sides, label)
+        common = self._common(sides, label)
         self._tell_overlap(sides, common, label)
         taken = fixed.copy()
         for rows in before:
@@ -94,7 +94,7 @@ class Tie(Between):
             common = common.exchanged()
         return _projection(layout, follower, leader, common, taken, label)
 
-    def _common(self, layout: Layout, sides: Sequence[Facets], label: str) -> Overlap:
+    def _common(self, sides: Sequence[Facets], label: str) -> Overlap:
         dims = [side.dim for side in sides]
         if not set(dims) <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}

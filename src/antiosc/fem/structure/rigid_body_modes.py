@@ -229,6 +229,7 @@ def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
     _, values, right = np.linalg.svd(motions[3:])
     turning = int(np.sum(values > MOTION_ROUNDING))
     moves = _reduced((motions @ right[turning:].T)[:3].T)
+    moves = moves[moves.any(axis=1)]
     turning_ones = (motions @ right[:turning].T).T
     # spins in echelon form, so that axes of the mesh show where they are among them
     order = _reduced(turning_ones[:, [3, 4, 5, 0, 1, 2]], columns=3)

@@ -23,7 +23,7 @@ class JointContacts:
 
     Attributes
     ----------
-    closed : (p,) whether each contact touches.
+    closed : whether each contact touches.
     states : of the laws; None before the first touch.
     anchor : (m,) where the springs of friction hang [m]; only tangential rows have one.
     events : [time, contact, 0 parts or 1 touches, closing speed] of all touches and partings.
@@ -31,7 +31,8 @@ class JointContacts:
 
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
         self.system, self.laws = system, laws
-        self.closed = system.pressed > 0
+        self.closed = (system.pressed > 0).tolist()
+        self._tangents = [slice(i, i + count) for i, count in system.tangents.tolist()]
         self.states: list[State | None] = [
             law.touch(0.0) if closed else None
             for law, closed in zip(laws, self.closed, strict=True)
@@ -44,10 +45,14 @@ class JointContacts:
         """How often a contact has closed."""
         return sum(piece for _, _, piece, _ in self.events)
 
+    @property
+    def active(self) -> list[int]:
+        """The closed contacts."""
+        return [c for c, closed in enumerate(self.closed) if closed]
+
     def tangents(self, c: int) -> slice:
         """The tangential rows of a contact."""
-        first, count = self.system.tangents[c]
-        return slice(first, first + count)
+        return self._tangents[c]
 
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
@@ -75,7 +80,7 @@ class JointContacts:
 
     def slide(self, way: Array, force: Array) -> None:
         """Let the springs of friction hang where `force` (m,) acts at the displacements `way`."""
-        for c in np.flatnonzero(self.closed):
+        for c in self.active:
             rows = self.tangents(c)
             if rows.start < rows.stop:
                 self.anchor[rows] = way[rows] - force[rows] / self.system.slip[c, 1]
@@ -86,9 +91,10 @@ class JointContacts:
         A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force.
         """
         F = guess.copy()
-        for c in np.flatnonzero(~self.closed):
-            F[c] = 0.0
-            F[self.tangents(c)] = 0.0
+        for c, closed in enumerate(self.closed):
+            if not closed:
+                F[c] = 0.0
+                F[self.tangents(c)] = 0.0
 
         def sweep(c: int) -> None:
             F[c] = self._normal(c, free, A, rate, A_rate, F)
@@ -99,7 +105,7 @@ class JointContacts:
     def normal_forces(self, free: Array, A: Array, rate: Array, guess: Array) -> Array:
         """The same for the normal forces (p,) alone, at the rates that are there already."""
         F = np.where(self.closed, guess, 0.0)
-        none = np.zeros_like(A)
+        none = 0.0 * A
 
         def sweep(c: int) -> None:
             F[c] = self._normal(c, free, A, rate, none, F)
@@ -108,31 +114,33 @@ class JointContacts:
 
     def settled(self, sweep: Callable[[int], None], F: Array, share: float = SETTLED) -> Array:
         """F once sweeps over the closed contacts, which change it, change less than a share."""
-        active = np.flatnonzero(self.closed)
+        active = self.active
+        if len(active) == 1 and len(F) <= len(self.laws):  # nothing that its force has to suit
+            sweep(active[0])
+            return F
         for _ in range(MOST_SWEEPS):
             before = F.copy()
             for c in active:
-                sweep(int(c))
+                sweep(c)
             change = float(np.abs(F - before).max())
             if change <= share * float(np.abs(F).max()) or not np.isfinite(change):
                 return F
         raise NotConvergedError(
-            f"the forces of {active.size} contacts have not converged after {MOST_SWEEPS} sweeps;"
+            f"the forces of {len(active)} contacts have not converged after {MOST_SWEEPS} sweeps;"
             f" use method='exact' or a smaller step."
         )
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
         """The normal force of one contact, with the other forces as they are."""
-        state = self.states[c]
+        law, state = self.laws[c], self.states[c]
         assert state is not None
-        return self.laws[c].implicit(
-            float(free[c] - A[c] @ F + A[c, c] * F[c]),
-            float(A[c, c]),
-            float(rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c]),
-            float(A_rate[c, c]),
-            state,
-            float(F[c]),
-        )
+        free_rate, slowed = 0.0, 0.0
+        if law.rate_dependent:
+            slowed = float(A_rate[c, c])
+            free_rate = float(rate[c] - A_rate[c] @ F) + slowed * float(F[c])
+        held = float(A[c, c])
+        way = float(free[c] - A[c] @ F) + held * float(F[c])
+        return law.implicit(way, held, free_rate, slowed, state, float(F[c]))
 
     def _rub(self, c: int, free: Array, A: Array, F: Array) -> None:
         """Friction of one contact: its spring, within the cone."""

@@ -16,26 +16,32 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.simulation.engine import Run
-from antiosc.simulation.integrators.joint_contacts import JointContacts
+from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod, joined
 from antiosc.simulation.system import System
 
+IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed
-EVALUATIONS = 12
+EVALUATIONS = 5
 #: events one after the other without any time in between
 IDLE = 200
-#: nodes for each step of the solver, between which the forces are parabolas
-NODES_A_STEP = 2
+#: parabolas of the forces for each step of the solver
+NODES_A_STEP = 4
 
 
-class SceneIVP:
+class SceneIVP(SceneMethod):
     """`solve_ivp` with relative tolerance `rtol` on a system of several contacts.
 
     `max_step` [s] bounds its steps, so that no touch is stepped over.
     """
 
     def __init__(
-        self, method: str, rtol: float, system: System, laws: Sequence[ContactLaw], max_step: float
+        self,
+        method: str,
+        rtol: float,
+        system: System,
+        laws: Sequence[ContactLaw],
+        max_step: float,
+        driven: bool = False,
     ) -> None:
         rubs = system.tangents[:, 1] > 0
         if any(law.rate_dependent and rubs[c] for c, law in enumerate(laws)):
@@ -48,41 +54,38 @@ class SceneIVP:
                 f"{method} does not support a rate-dependent law at a massless contact point"
                 " (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
-        self.name, self.rtol, self.max_step = method, rtol, max_step
-        self.system, self.laws = system, laws
-        self.contacts = JointContacts(system, laws)
-        self.size, self.p = system.omega.size, len(laws)
+        super().__init__(system, laws, max_step, driven)
+        self.name, self.rtol = method, rtol
+        self.size = system.omega.size
         self.sliding = np.zeros(self.p, dtype=bool)
         self.turning = np.full(self.p, -1.0)  # the way in which the indentation turns next
         self.evaluations, self.most = 0, 0
 
-    def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
-        """All of the scene, as the march writes it down."""
+    def press(
+        self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
+    ) -> tuple[Piece, int]:
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
         s, contacts = self.system, self.contacts
-        y = np.concatenate((s.q, s.v, np.zeros(len(s.beta) - self.p)))
-        t, answer, steps, idle = 0.0, march.DONE, 0, 0
+        y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
+        answer, idle = march.DONE, 0
         self.most = EVALUATIONS * max_steps
-        at = np.zeros(1)
-        free, _, force = self._felt(0.0, y)
-        depth = free - s.R @ force
-        begin = y[None, : 2 * self.size].reshape(1, 2, self.size)
-        pieces = [(at, force[None], depth[None], begin)]
-        breaks = [b for b in s.breaks[1:] if b < duration] + [duration]
+        depth = s.beta @ begin[0] - self.acting(t)[1] - s.R @ force
+        pieces = [Piece(np.array([t]), force[None], depth[None], begin[None])]
+        breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
-        while duration - t > 1e-14 * duration:
-            end = next(b for b in breaks if b > t)
+        while answer == march.DONE and self.busy and end - t > ROUNDING * end:
+            until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
                     solution: Any = solve_ivp(
                         self._slope,
-                        (t, end),
+                        (t, until),
                         y,
                         method=self.name,
                         rtol=self.rtol,
                         atol=atol,
-                        max_step=self.max_step,
+                        max_step=self.step,
                         events=[event for c in range(self.p) for event in self._events(c)],
                         dense_output=True,
                     )
@@ -91,53 +94,42 @@ class SceneIVP:
                 break
             if solution.t.size > 1:
                 pieces.append(self._recorded(solution))
-                steps += solution.t.size - 1
+                self.steps += solution.t.size - 1
             moved = float(solution.t[-1])
             y = self._clipped(moved, solution.y[:, -1].copy())
-            free, rate, force = self._felt(moved, y)
-            contacts.advance(free - s.R @ force, rate)
+            free, rate, felt = self._felt(moved, y)
+            contacts.advance(free - s.R @ felt, rate)
             if solution.status == 1:
                 self._change(moved, y, solution.t_events)
             elif solution.status < 0:
                 answer = march.STUCK
-            if steps > max_steps:
+            if self.steps > max_steps:
                 answer = march.TOO_MANY_STEPS
             elif contacts.touches > max_contacts:
                 answer = march.TOO_MANY_CONTACTS
-            idle = 0 if moved - t > 1e-14 * duration else idle + 1
+            idle = 0 if moved - t > ROUNDING * end else idle + 1
             if idle > IDLE:
                 answer = march.STUCK
-            t = end if solution.status == 0 else moved
-            if answer != march.DONE:
-                break
-        return self._written(pieces, answer, steps)
+            t = until if solution.status == 0 else moved
+        return joined(pieces), answer
+
+    def touched(self, c: int, free: Array, rate: Array, force: Array) -> None:
+        z = np.zeros(self.system.tangents[c, 1])
+        self.turning[c] = -1.0
+        self.sliding[c] = z.size > 0 and self._slip(c, free, z, rate, force) > 0.0
 
     # -- motion
-
-    def _acting(self, t: float) -> tuple[Array, Array, Array]:
-        """Modal loads (J,), gaps and their rates (m,) at time t."""
-        s = self.system
-        k = int(np.clip(np.searchsorted(s.breaks, t, side="right") - 1, 0, s.breaks.size - 1))
-        if k + 1 == s.breaks.size:
-            return s.loads[k], s.offsets[k], np.zeros(len(s.beta))
-        part = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
-        drift = (s.offsets[k + 1] - s.offsets[k]) / (s.breaks[k + 1] - s.breaks[k])
-        return (
-            s.loads[k] + part * (s.loads[k + 1] - s.loads[k]),
-            s.offsets[k] + part * (s.offsets[k + 1] - s.offsets[k]),
-            drift,
-        )
 
     def _felt(self, t: float, y: Array) -> tuple[Array, Array, Array]:
         """Indentations without contact forces, their rates, and the forces, (m,) each."""
         s, n, p = self.system, self.size, self.p
-        _, gap, drift = self._acting(t)
+        _, gap, drift = self.acting(t)
         free, rate = s.beta @ y[:n] - gap, s.beta @ y[n : 2 * n] - drift
         force = np.zeros(len(free))
-        if not self.contacts.closed.any():
+        if not self.contacts.active:
             return free, rate, force
         force[:p] = self.contacts.normal_forces(free[:p], s.R[:p, :p], rate[:p], force[:p])
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size and self.sliding[c]:
                 force[self.contacts.tangents(c)] = s.slip[c, 0] * force[c] * self._way(c, z, rate)
@@ -161,10 +153,10 @@ class SceneIVP:
         self.evaluations += 1
         if self.evaluations > self.most:
             raise _GaveUp
-        load, _, _ = self._acting(t)
+        load, _, _ = self.acting(t)
         free, rate, force = self._felt(t, y)
         change = np.zeros(y.size)
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size:
                 speed = rate[self.contacts.tangents(c)]
@@ -181,7 +173,7 @@ class SceneIVP:
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
-        for other in np.flatnonzero(self.contacts.closed):
+        for other in self.contacts.active:
             state = self.contacts.states[other]
             assert state is not None
             stiff[other] = self.laws[other].tangent(float(depth[other]), 0.0, state)[0]
@@ -246,8 +238,7 @@ class SceneIVP:
                 z[:] = 0.0
             elif touch:
                 self.contacts.touch(c, t, float(rate[c]), free)
-                self.turning[c] = -1.0
-                self.sliding[c] = z.size > 0 and self._slip(c, free, z, rate, force) > 0.0
+                self.touched(c, free, rate, force)
             elif turn:
                 self.turning[c] *= -1.0
             elif switch:
@@ -270,7 +261,7 @@ class SceneIVP:
         )
         return np.asarray(np.maximum(1e-3 * self.rtol * np.concatenate(parts), 1e-300))
 
-    def _recorded(self, solution: Any) -> tuple[Array, Array, Array, Array]:
+    def _recorded(self, solution: Any) -> Piece:
         """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
         part = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
         t = (solution.t[:-1, None] + np.diff(solution.t)[:, None] * part).ravel()
@@ -280,28 +271,7 @@ class SceneIVP:
         force = np.array([f for _, _, f in felt])
         depth = np.array([free - self.system.R @ f for free, _, f in felt])
         states = y[::2, : 2 * self.size].reshape(-1, 2, self.size)
-        return t, force, depth, states
-
-    def _written(
-        self, pieces: list[tuple[Array, Array, Array, Array]], answer: int, steps: int
-    ) -> Run:
-        time, force, depth, states = (
-            np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-            for parts in zip(*pieces, strict=True)
-        )
-        return Run(
-            time=time,
-            force=force,
-            depth=depth,
-            states=states,
-            events=np.array(self.contacts.events, dtype=float).reshape(-1, 4),
-            answer=answer,
-            steps=steps,
-            attempts=steps,
-            touches=self.contacts.touches,
-            highest=self.system.given
-            + march.mechanical(np.stack((self.system.q, self.system.v)), self.system.omega),
-        )
+        return Piece(t, force, depth, states)
 
 
 class _GaveUp(Exception):

@@ -1,13 +1,15 @@
 """Newmark's method, the conserving midpoint rule and leapfrog on scenes, with a fixed step.
 
-They know no events: a contact touches and parts somewhere within a step, so that what is said of
-its time and closing speed is interpolated. Order 2 for forces without jumps.
+The first touch after a flight and the last release before one are located; what touches or parts
+beside a closed contact does so somewhere within a step, its time and closing speed are
+interpolated. Order 2 for forces without jumps.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -15,14 +17,13 @@ import numpy as np
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.contact import ContactLaw
-from antiosc.simulation.engine import Run
-from antiosc.simulation.integrators.conserving import Quotient
-from antiosc.simulation.integrators.joint_contacts import JointContacts
+from antiosc.contact import ContactLaw, State
+from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod
 from antiosc.simulation.system import System
 
-#: times the energy that was there or given, beyond which a run counts as unstable
-BLOW_UP = 10.0
+#: times the energy that was there or given, beyond which a run counts as unstable; less may be the
+#: error of a coarse step
+BLOW_UP = 2.0
 #: rounding of a difference quotient of potentials, relative to the force
 QUOTIENT = 1e-9
 
@@ -39,23 +40,28 @@ class Step(NamedTuple):
 
 
 class Acting(NamedTuple):
-    """Modal loads (J,) and gaps (m,) at the start and the end of a step."""
+    """Modal loads (J,) at the start and the end of a step, and gaps (m,) at its end."""
 
     load: Array
     load1: Array
     gap1: Array
 
 
-class SceneStep(ABC):
-    """A one-step method on a system of several contacts; subclasses give one step."""
+class SceneStep(SceneMethod):
+    """A one-step method of fixed `step` [s] from each first touch on; subclasses give one step."""
 
     name: ClassVar[str]
     order: ClassVar[int] = 2
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
-        self.system, self.laws = system, laws
-        self.square = system.omega**2
-        self.contacts = JointContacts(system, laws)
+    @cached_property
+    def square(self) -> Array:
+        """omega^2 [rad^2/s^2]."""
+        return self.system.omega**2
+
+    @cached_property
+    def struck(self) -> Array:
+        """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
+        return np.any(self.system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
     def advance(self, start: Step, acting: Acting, h: float) -> Step:
@@ -66,64 +72,54 @@ class SceneStep(ABC):
         """The longest step [s] that is stable."""
         return np.inf
 
-    def run(self, duration: float, step: float, max_contacts: int, max_steps: int) -> Run:
-        """All of the scene in steps of `step` [s], as the march writes it down."""
-        system, contacts = self.system, self.contacts
-        count = max(1, int(np.ceil(duration / step - 1e-9)))
-        times = np.linspace(0.0, duration, count + 1)
-        loads, gaps = (
-            np.array([np.interp(times, system.breaks, row) for row in values.T]).T.reshape(
-                times.size, -1
-            )
-            for values in (system.loads, system.offsets)
-        )
-        delta = system.beta @ system.q - gaps[0] - system.R @ self._pressed()
-        node = Step(
-            system.q, system.v, self._pressed(), delta, system.beta @ system.v, self._pressed()
-        )
-        for c in np.flatnonzero(contacts.closed):
-            contacts.anchor[contacts.tangents(c)] = delta[contacts.tangents(c)]
-        nodes, answer = [node], march.DONE
-        start = system.given + march.mechanical(np.stack((node.q, node.v)), system.omega)
-        work, highest = 0.0, start
-        for i in range(count):
-            if i >= max_steps:
-                answer = march.TOO_MANY_STEPS
-                break
-            if contacts.touches > max_contacts:
-                answer = march.TOO_MANY_CONTACTS
-                break
-            h = times[i + 1] - times[i]
-            with np.errstate(over="ignore", invalid="ignore"):
-                new = self._step(node, Acting(loads[i], loads[i + 1], gaps[i + 1]), times[i], h)
-                work += float(0.5 * (loads[i] + loads[i + 1]) @ (new.q - node.q))
-                energy = march.mechanical(np.stack((new.q, new.v)), system.omega)
-            kick = 0.5 * float(np.sum((h * loads[i + 1]) ** 2))  # at rest, all that was given
-            highest = max(highest, start + work + kick)
-            if not energy <= BLOW_UP * highest:
-                answer = march.GREW
-                break
-            node = new
-            nodes.append(node)
-        return _written(times[: len(nodes)], nodes, contacts, answer, highest)
+    def press(
+        self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
+    ) -> tuple[Piece, int]:
+        s, contacts = self.system, self.contacts
+        (q, v), gap = begin, self.acting(t)[1]
+        node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
+        nodes, times, answer, work = [node], [t], march.DONE, 0.0
+        start = self._energy(node) + (s.given if t == 0.0 else 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            while self.busy and end - t > ROUNDING * end and answer == march.DONE:
+                if self.steps >= max_steps:
+                    answer = march.TOO_MANY_STEPS
+                    break
+                h, new, acting = self._step(node, t, min(self.step, end - t))
+                work += float(0.5 * (acting.load + acting.load1) * self.struck @ (new.q - node.q))
+                kick = 0.5 * float((h * acting.load1) ** 2 @ self.struck)
+                self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
+                if not self._energy(new) <= BLOW_UP * self.highest:
+                    answer = march.GREW
+                    break
+                if contacts.touches > max_contacts:
+                    answer = march.TOO_MANY_CONTACTS
+                self.steps += 1
+                node, t = new, t + h
+                nodes.append(node)
+                times.append(t)
+        return _written(np.array(times), nodes), answer
 
     def slide(self, start: Step, end: Step) -> None:
         """Remember how far friction slid in a step."""
         self.contacts.slide(end.delta, end.force)
 
-    def _pressed(self) -> Array:
-        force = np.zeros(len(self.system.beta))
-        force[: len(self.laws)] = self.system.pressed
-        return force
+    def _energy(self, node: Step) -> float:
+        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.struck)
 
-    def _step(self, node: Step, acting: Acting, t: float, h: float) -> Step:
-        """One step; what touches in it is found first, without its own force."""
-        contacts = self.contacts
+    def _acting(self, t: float, h: float) -> Acting:
+        load1, gap1, _ = self.acting(t + h)
+        return Acting(self.acting(t)[0], load1, gap1)
+
+    def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, Acting]:
+        """One step of at most h; what touches in it is found first, without its own force.
+
+        It ends where the last contact parts.
+        """
+        contacts, acting = self.contacts, self._acting(t, h)
         new = self.advance(node, acting, h)
         touching = [
-            c
-            for c in range(len(self.laws))
-            if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
+            c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
         for c in touching:
             part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
@@ -132,13 +128,35 @@ class SceneStep(ABC):
             contacts.touch(c, t + part * h, float(speed), way)
         if touching:
             new = self.advance(node, acting, h)
+        closed = contacts.active
+        ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
+        if ended == closed and not self.driven:
+            h, new, acting = self._release(node, t, h, new, closed)
         self.slide(node, new)
         contacts.advance(new.delta, new.rate)
-        for c in range(len(self.laws)):
-            if contacts.closed[c] and new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c):
-                part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
-                contacts.part(c, t + part * h)
-        return new
+        for c in ended:
+            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
+            contacts.part(c, t + part * h)
+        return h, new, acting
+
+    def _release(
+        self, node: Step, t: float, h: float, last: Step, closed: list[int]
+    ) -> tuple[float, Step, Acting]:
+        """The part of the step after which the last of the closed contacts is at its origin."""
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+        def over(delta: Array) -> float:
+            return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
+
+        def above(part: float) -> float:
+            return over(self.advance(node, self._acting(t, part), part).delta)
+
+        if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
+            return h, last, self._acting(t, h)
+        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
+        acting = self._acting(t, part)
+        new = self.advance(node, acting, part)
+        return part, new._replace(force=np.zeros_like(new.force)), acting
 
 
 def _crossed(before: float, after: float, origin: float) -> float:
@@ -201,15 +219,61 @@ class LeapfrogScene(SceneStep):
         return Step(q1, v1 - F1 @ pull, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
 
 
+class Quotient:
+    """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
+
+    The unloaded indentation includes that of the residual compliance r in series.
+    """
+
+    def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:
+        self.law, self.r, self.state, self.before, self.h = law, r, state, before, h
+        self.start = self._potential(before)
+
+    def solve(self, free: float, alpha: float) -> float:
+        """F = mean(free - alpha F): the right-hand side does not rise with F."""
+        high = self.mean(free)
+        if high <= 0.0:
+            return 0.0
+
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+        def excess(F: float) -> float:
+            return F - self.mean(free - alpha * F)
+
+        if excess(high) <= 0.0:  # by rounding, when alpha F is nothing beside the indentation
+            return high
+        return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
+
+    def mean(self, after: float) -> float:
+        law, change = self.law, after - self.before
+        energy, force = self._potential(after)
+        energy0, force0 = self.start
+        if abs(change) > 1e-5 * max(abs(after), abs(self.before)):
+            F = (energy - energy0) / change
+        else:
+            F = 0.5 * (force + force0)
+        if law.rate_dependent:
+            middle = 0.5 * (after + self.before)
+            F = max(F + law.damping(middle, change / self.h, self.state), 0.0)
+        return F
+
+    def _potential(self, free: float) -> tuple[float, float]:
+        """Energy of contact and residual compliance in series, and the force."""
+        F = self.law.implicit(free, self.r, 0.0, 0.0, self.state)
+        delta = free - self.r * F
+        return self.law.potential(delta, self.state) + 0.5 * self.r * F * F, F
+
+
 class ConservingScene(SceneStep):
     """Midpoint rule with the difference quotient of each contact's potential."""
 
     name = "conserving"
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
-        super().__init__(system, laws)
-        p = len(laws)
-        R = system.R
+    def __init__(
+        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
+    ) -> None:
+        super().__init__(system, laws, step, driven)
+        p, R = self.p, system.R
         if np.any(R - np.diag(R.diagonal())) or np.any(R[p:, p:]):
             raise InputError(
                 "method='conserving' does not support a residual compliance that couples contacts,"
@@ -242,7 +306,7 @@ class ConservingScene(SceneStep):
         """Mean forces (m,) over the step, by sweeps over the contacts."""
         contacts = self.contacts
         F = np.zeros_like(guess)
-        active = np.flatnonzero(contacts.closed)
+        active = contacts.active
         quotients = {}
         for c in active:
             state = contacts.states[c]
@@ -277,7 +341,7 @@ class ConservingScene(SceneStep):
     def _nodal(self, after: Array, rate: Array, mean: Array) -> Array:
         """Forces (m,) at the end of the step, by the laws."""
         force = np.zeros_like(mean)
-        for c in np.flatnonzero(self.contacts.closed):
+        for c in self.contacts.active:
             state = self.contacts.states[c]
             assert state is not None
             r = float(self.system.R[c, c])
@@ -287,11 +351,9 @@ class ConservingScene(SceneStep):
         return force
 
 
-def _written(
-    times: Array, nodes: list[Step], contacts: JointContacts, answer: int, highest: float
-) -> Run:
-    """A run as the march writes it: between two nodes a parabola with the impulse of the step."""
-    n, m = len(nodes) - 1, len(contacts.system.beta)
+def _written(times: Array, nodes: list[Step]) -> Piece:
+    """Between two nodes a parabola with the impulse of the step, and its work on a straight way."""
+    n, m = len(nodes) - 1, len(nodes[0].force)
     time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
     depth[::2] = [node.delta for node in nodes]
@@ -300,18 +362,7 @@ def _written(
         mean = np.array([node.mean for node in nodes[1:]])
         force[1::2] = (6 * mean - force[:-1:2] - force[2::2]) / 4
         depth[1::2] = (depth[:-1:2] + depth[2::2]) / 2
-    return Run(
-        time=time,
-        force=force,
-        depth=depth,
-        states=np.array([(node.q, node.v) for node in nodes]),
-        events=np.array(contacts.events, dtype=float).reshape(-1, 4),
-        answer=answer,
-        steps=n,
-        attempts=n,
-        touches=contacts.touches,
-        highest=highest,
-    )
+    return Piece(time, force, depth, np.array([(node.q, node.v) for node in nodes]))
 
 
 #: the methods by name

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 MODES = 60
 #: Damping ratio of the free modes where none is given.
 RATIO = 0.01
+#: Vertices of the hull up to which the patches of all of them are made with the modes.
+FEW = 16
 #: Poisson's ratio of a material without one, for the tangential compliance of its patch.
 UNKNOWN_NU = 0.3
 
@@ -80,6 +82,11 @@ class FreeBody:
         moments, axes = np.linalg.eigh(self.tensor)
         return moments, np.asarray(axes.T)
 
+    @cached_property
+    def largest_shapes(self) -> Array:
+        """(J,) largest component of each mode at a point [kg^-1/2]."""
+        return np.asarray(np.abs(self.shapes).max(axis=(0, 2), initial=0.0))
+
     @property
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 of a rigid body."""
@@ -102,7 +109,8 @@ class FreeBody:
         """The same without its structure, all its sites known: for other processes."""
         self.sites(np.arange(len(self.points)))
         state = {**self.__dict__, "structure": None, "basis": None, "residual": None}
-        state.pop("principal", None)
+        for name in ("principal", "largest_shapes"):
+            state.pop(name, None)
         return FreeBody(**state)
 
 
@@ -193,7 +201,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
     centre = whole.centre
     balls = skin.balls[own]
     site = _Residual(structure, phi, omega, skin.points[own], skin.normals[own], skin, own)
-    return FreeBody(
+    body = FreeBody(
         mass=whole.mass,
         centre=centre,
         tensor=_about_centre(whole.matrix, whole.point - centre, whole.mass),
@@ -210,6 +218,9 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         basis=phi,
         residual=site,
     )
+    if len(own) <= FEW:  # all of them will touch, and together they cost less
+        body.sites(np.arange(len(own)))
+    return body
 
 
 def _about_centre(matrix: Array, arm: Array, mass: float) -> Array:

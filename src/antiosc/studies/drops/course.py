@@ -10,8 +10,9 @@ from antiosc.base._types import Array
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.fall import Fall
-from antiosc.studies.drops.flight import Flight, State, turned
+from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.rotation import turned
 
 #: A fall is at rest whose speed would lift it by this share of the height at most.
 REST = 1e-3

@@ -21,6 +21,8 @@ from antiosc.studies.drops.fall import Fall, warn_of
 from antiosc.studies.drops.floor import Floor
 from antiosc.studies.drops.orientation import orientation
 
+#: Of the floor [m/s^2].
+GRAVITY = 9.81
 #: Longest first flight [s], and least height [m]: below it there is no flight.
 LONGEST, LEAST_HEIGHT = 1e4, 1e-9
 
@@ -40,7 +42,7 @@ def drop(
     toward: Sequence[float] | None = None,
     spin: Sequence[float] = (0.0, 0.0, 0.0),
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
     damping: Any = None,
     modes: int = MODES,
     corner_radius: float | None = None,
@@ -54,9 +56,10 @@ def drop(
 
     Parameters
     ----------
-    part : Structure, RigidBody or Sphere
+    part : Structure, RigidBody, Sphere or FreeBody
         Free in space, without supports: of a mesh, an assembly, or matrices with coordinates. Of a
-        RigidBody the sites are the points that may touch. z of its mesh points up.
+        RigidBody the sites are the points that may touch. z of its mesh points up. The `body` of
+        another fall has its modes, damping and corner_radius already.
     height : float
         Of the lowest point over the floor [m].
     tilt : (a, b, c)
@@ -104,17 +107,11 @@ def drop(
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
         does not come to rest.
     """
-    whole = isinstance(until, int) and not isinstance(until, bool)
-    impacts = checks.whole("until", until) if whole else MOST_IMPACTS
-    if isinstance(until, str) and until != "rest":
-        raise InputError(f'until is "rest", a number of impacts or a time in s; got {until!r}.')
-    timed = not whole and not isinstance(until, str)
     setting = Setting(
         checks.instance("floor", Floor() if floor is None else floor, Floor, "a Floor"),
         checks.positive("gravity", gravity, "m/s^2"),
         checks.positive("height", height, "m"),
-        impacts,
-        checks.positive("until", until, "s") if timed else inf,
+        *end_of(until),
         checks.positive("tol", tol),
     )
     moving = {
@@ -134,6 +131,17 @@ def drop(
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     check_executor(executor)
     return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)
+
+
+def end_of(until: str | int | float) -> tuple[int, float]:
+    """Most impacts and longest time [s] of a fall; InputError for what is neither nor "rest"."""
+    if isinstance(until, str):
+        if until != "rest":
+            raise InputError(f'until is "rest", a number of impacts or a time in s; got {until!r}.')
+        return MOST_IMPACTS, inf
+    if isinstance(until, int) and not isinstance(until, bool):
+        return checks.whole("until", until), inf
+    return MOST_IMPACTS, checks.positive("until", until, "s")
 
 
 def _check_flight(setting: Setting, speed: float) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -16,9 +15,11 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.progress import counting
 from antiosc.simulation.executors import returned
+from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.flight import State, turned
+from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.rotation import turned
 
 if TYPE_CHECKING:
     from antiosc.studies.drops.fall import Fall
@@ -112,7 +113,7 @@ class Drops(Brief):
     def quantile(
         self,
         quantity: str,
-        q: ArrayLike,
+        q: float,
         impact: int | None = None,
         confidence: float = 0.95,
     ) -> Quantile:
@@ -121,19 +122,10 @@ class Drops(Brief):
         The bar is that between order statistics, for any distribution (binomial).
         """
         found = self.largest(quantity, impact)
-        found = np.sort(found[np.isfinite(found)])
-        share, confidence = checks.number("q", q), checks.number("confidence", confidence)
-        if not 0 < share < 1 or not 0 < confidence < 1:
-            raise InputError("q and confidence must lie between 0 and 1.")
+        found = found[np.isfinite(found)]
         if not len(found):
             raise InputError("no fall has such an impact.")
-        from scipy.stats import binom
-
-        low, high = binom.ppf([(1 - confidence) / 2, (1 + confidence) / 2], len(found), share)
-        # one of the sample beyond each end, or infinity where there is none
-        lower = found[int(low) - 1] if low >= 1 else -np.inf
-        upper = found[int(high)] if high < len(found) else np.inf
-        return Quantile(float(np.quantile(found, share)), float(lower), float(upper))
+        return quantile(found, q, confidence)
 
     def _facts(self) -> list[tuple[str, str]]:
         q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
@@ -141,18 +133,6 @@ class Drops(Brief):
             ("falls", f"{len(self)}, {len(self.failed)} of them failed"),
             ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
         ]
-
-
-@dataclass(frozen=True)
-class Quantile:
-    """A quantile with the bar (low, high) of its sampling; inf where the sample is too small."""
-
-    value: float
-    low: float
-    high: float
-
-    def __float__(self) -> float:
-        return self.value
 
 
 def tumbles(

@@ -18,96 +18,23 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.episode import BODY, Episode
+from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.studies.drops.flight import Flight, State, ringing
+from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from antiosc.studies.drops.worst import WorstField
 
-#: Standard gravity, for results in g [m/s^2].
-G = 9.80665
 #: Samples of a period of the highest mode, and most samples of a signal.
 SAMPLES, MOST = 12, 200_000
 #: Spin over the lowest natural frequency above which the stiffening by the spin matters.
 STIFFENS = 0.02
 #: Nudges of the predictability: angle [rad], and what a peak force may differ by.
 NUDGE, SPREAD = 1e-4, 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Impact:
-    """One impact: all contacts with less than a period of the slowest mode between them.
-
-    Attributes
-    ----------
-    time : of the first touch [s]; contact_time : from there to the last release [s].
-    place : (3,) point that takes most of the impulse, in the axes of the mesh [m].
-    contacts : number of points that touched.
-    peak_force : largest sum of the normal forces [N]; impulse : of the normal forces [N s].
-    speed_before, speed_after : of that point along the normal, > 0 toward the floor before and
-        away from it after [m/s], without vibrations.
-    spin_before, spin_after : (3,) in the axes of the floor [rad/s].
-    lost : energy that contacts and damping took [J].
-    """
-
-    time: float
-    contact_time: float
-    place: Array
-    contacts: int
-    peak_force: float
-    impulse: float
-    speed_before: float
-    speed_after: float
-    spin_before: Array
-    spin_after: Array
-    lost: float
-
-
-class Impacts(tuple[Impact, ...]):
-    """The impacts of a fall; as text a table."""
-
-    def column(self, name: str) -> Array:
-        """One value of all impacts, (n,) or (n, 3)."""
-        return np.array([getattr(one, name) for one in self])
-
-    def __str__(self) -> str:
-        rows = [
-            f"{'':>3} {'time s':>10} {'place m':>26} {'peak N':>10} {'impulse Ns':>10} "
-            f"{'contact s':>9} {'before m/s':>10} {'after m/s':>9} {'spin rad/s':>10} {'lost J':>9}"
-        ]
-        for k, one in enumerate(self):
-            place = ", ".join(f"{c:.3g}" for c in one.place)
-            rows.append(
-                f"{k + 1:>3} {one.time:>10.5f} {place:>26} {one.peak_force:>10.4g} "
-                f"{one.impulse:>10.4g} {one.contact_time:>9.3g} {one.speed_before:>10.4g} "
-                f"{one.speed_after:>9.4g} {np.linalg.norm(one.spin_after):>10.4g} {one.lost:>9.3g}"
-            )
-        return "\n".join(rows)
-
-
-@dataclass(frozen=True)
-class Peak:
-    """The largest value of a signal.
-
-    Attributes
-    ----------
-    value : in SI units; time : [s]; impact : number of the impact, from 0.
-    """
-
-    value: float
-    time: float
-    impact: int
-
-    @property
-    def g(self) -> float:
-        """An acceleration in g."""
-        return self.value / G
-
-    def __float__(self) -> float:
-        return self.value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,39 +62,8 @@ class Fall(Brief):
     @cached_property
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
-        return Impacts(self._impact([self.episodes[k] for k in own]) for own in self.groups)
-
-    def _impact(self, own: list[Episode]) -> Impact:
-        body, gravity = self.body, self.setting.gravity
-        impulses: dict[int, float] = {}
-        peak = 0.0
-        for one in own:
-            f = one.forces()[1]
-            peak = max(peak, float(f.sum(axis=1).max(initial=0.0)))
-            for i, value in zip(one.which.tolist(), one.impulses().tolist(), strict=True):
-                impulses[i] = impulses.get(i, 0.0) + value
-        most = max(impulses, key=lambda i: impulses[i])
-        before, after = own[0].start, own[-1].end
-        energies = [sum(s.energies(body, gravity)) for s in (before, after)]
-        return Impact(
-            before.time,
-            after.time - before.time,
-            body.points[most] - body.balls[most] * before.R[2] + body.centre,
-            sum(value > 0 for value in impulses.values()),
-            peak,
-            sum(impulses.values()),
-            -self._rising(before, most),
-            self._rising(after, most),
-            before.spin(body),
-            after.spin(body),
-            energies[0] - energies[1],
-        )
-
-    def _rising(self, state: State, point: int) -> float:
-        """Speed [m/s] at which a point of the rigid body rises."""
-        body = self.body
-        arm = state.R @ body.points[point] - body.balls[point] * np.eye(3)[2]
-        return float((state.velocity + np.cross(state.spin(body), arm))[2])
+        groups = ([self.episodes[k] for k in own] for own in self.groups)
+        return Impacts(impact_of(self.body, self.setting.gravity, own) for own in groups)
 
     @property
     def peak_force(self) -> float:
@@ -181,14 +77,17 @@ class Fall(Brief):
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
 
     def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 3) [J] there.
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
 
-        Of the rigid motion, of the vibration, and of the height of the centre.
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
         """
-        states = [self.start, *(s for e in self.episodes for s in (e.start, e.end)), self.end]
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += zip((one.start, one.end), one.stored, strict=True)
+        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
         gravity = self.setting.gravity
-        energies = np.array([s.energies(self.body, gravity) for s in states])
-        return np.array([s.time for s in states]), energies
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
 
     # -- what a point feels
 
@@ -294,7 +193,7 @@ class Fall(Brief):
         return np.asarray(elastic @ phi.T + _carried(body, spin[None], np.zeros((1, 3)), arm))
 
     def _in_contact(self, one: Episode, t: Array, arm: Array, phi: Array) -> Array:
-        body, R = self.body, one.start.R
+        body, R = self.body, one.posed.R
         own = one.history.at(np.clip(t - one.start.time, 0.0, one.history.time[-1]))[BODY]
         moments, axes = body.principal
         linear = own.a[:, :3] / np.sqrt(body.mass) + [0.0, 0.0, self.setting.gravity]
@@ -366,11 +265,16 @@ class Fall(Brief):
         peak = float(np.linalg.norm(a, axis=1).max())
         return peak, float(np.pi * self.velocity_change(at, impact) / (2 * peak))
 
-    def worst(self, quantity: str = "von_mises", **options: Any) -> WorstField:
-        """The largest value at every node over all impacts, and its time; see `peak_field`."""
+    def worst(
+        self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
+    ) -> WorstField:
+        """The largest value at every node, and its time; options as of `peak_field`.
+
+        impacts: numbers from 0; default: all.
+        """
         from antiosc.studies.drops.worst import worst
 
-        return worst(self, quantity, **options)
+        return worst(self, quantity, impacts, **options)
 
     # -- how far it is predictable
 

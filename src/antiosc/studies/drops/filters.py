@@ -1,7 +1,9 @@
 """Channel frequency classes of SAE J211-1 and ISO 6487: filters without phase for shock signals.
 
 A two-pole Butterworth low pass of 2.0775 times the class, run forward and backward, with the
-coefficients of SAE J211-1, appendix C; together -3 dB at 5/3 of the class.
+coefficients of SAE J211-1, appendix C; together -3 dB at 5/3 of the class. ISO 6487:2000, whose
+coefficients differ slightly, has the same kind of filter with -3 dB at 100, 300, 1000 and 1650 Hz
+(weisang.com/en/cfcfilter_en).
 """
 
 from __future__ import annotations

@@ -48,6 +48,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     peaks = fall.impacts.column("peak_force")
     force.bar(np.arange(1, len(peaks) + 1), peaks)
     force.set(xlabel="impact", ylabel="peak force (N)")
+    force.xaxis.get_major_locator().set_params(integer=True)
     return finished(figure, path)
 
 
@@ -100,7 +101,7 @@ def _posed(
     x = points @ state.R.T
     x[:, 2] += state.centre[2]
     half = 0.6 * fall.body.extent
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 1.3 * half
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     axes.add_collection3d(
         Poly3DCollection([np.column_stack((square, np.zeros(4)))], facecolors="0.85")
     )
@@ -114,7 +115,8 @@ def _posed(
         axes.scatter(*x.T, s=12)
     top = max(float(x[:, 2].max()), half)
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, top))
-    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.5)
+    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.15)
+    axes.view_init(elev=18.0)
     axes.set_axis_off()
 
 

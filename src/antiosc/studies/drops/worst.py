@@ -16,7 +16,7 @@ from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.simulation.scene_history import BodyHistory
-from antiosc.studies.drops.episode import BODY
+from antiosc.studies.drops.contact_scene import BODY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.modal import ModalBody
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
-from antiosc.simulation.scene_states import between, starts
+from antiosc.simulation.scene_states import starts
 from antiosc.simulation.system import System
 
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
@@ -64,39 +61,14 @@ class Recorded:
 
 def recorded(hit: Any) -> Recorded:
     """The run of a history; InputError for what has none with all that gradients need."""
-    if isinstance(hit, SceneHistory):
-        a = hit.assembly
-        parts = {
-            name: Part(body.body, body.modes, a.spans[name], a.columns[name])
-            for name, body in a.bodies.items()
-        }
-        ends = [(contact.a, contact.b) for contact in a.scene.contacts]
-        driven = bool(a.scene.loads) or a.scene.base is not None
-        found = Recorded(a.system, hit.run, a.load, parts, ends, a.B, a.r, a.G, driven)
-    elif isinstance(hit, History) and hit.trajectory.march is not None:
-        found = _of_two(hit, *hit.trajectory.march)
-    else:
-        raise InputError(f"hit must be {EXACT}; got {type(hit).__name__}.")
-    if found.run.exits is None or found.run.states is None:
-        raise InputError(f"hit must be {EXACT}: this run did not keep its states.")
-    return found
-
-
-def _of_two(hit: History, system: System, run: Run) -> Recorded:
-    modes: list[ModalBody] = list(hit.bodies)
-    at = [0, *np.cumsum([each.omega.size for each in modes]).tolist()]
-    names = {"structure": hit.model, "impactor": hit.impactor}
+    run = hit.run if isinstance(hit, History) else None
+    if run is None or run.exits is None or run.states is None:
+        raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
+    a = hit.assembly
     parts = {
-        name: Part(body, modes[i], slice(at[i], at[i + 1]), slice(i, i + 1))
-        for i, (name, body) in enumerate(names.items())
+        name: Part(body.body, body.modes, a.spans[name], a.columns[name])
+        for name, body in a.bodies.items()
     }
-    return Recorded(
-        system=system,
-        run=run,
-        load=partial(between, breaks=system.breaks, values=system.loads),
-        parts=parts,
-        ends=[("structure", "impactor")],
-        B=block_diag(*(each.b[:, None] for each in modes)),
-        r=np.diag([each.r for each in modes]),
-        G=np.array([[-1.0, 1.0]]),
-    )
+    ends = [(contact.a, contact.b) for contact in a.scene.contacts]
+    driven = bool(a.scene.loads) or a.scene.base is not None
+    return Recorded(a.system, run, a.load, parts, ends, a.B, a.r, a.G, driven)

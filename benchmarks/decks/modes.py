@@ -1,0 +1,88 @@
+"""First natural frequencies and masses of Nastran decks beside those that their .f06 file states.
+
+    python benchmarks/decks/modes.py DECK F06 [DECK F06 ...]
+
+Frequencies are those of the same set of elastic modes; frequencies and masses are in the deck's
+units. One line a deck: mass, the first frequencies of both, their largest difference.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+#: Modes that are compared.
+COUNT = 3
+#: Frequencies below this share of the next are those of rigid motions.
+RIGID = 1e-3
+NUMBER = r"\s+(-?\d\.\d+E[+-]\d+)"
+MODE = re.compile(rf"^0?\s*(\d+)\s+\d+{NUMBER}{NUMBER}{NUMBER}", re.MULTILINE)
+#: Of the grid point weight generator: mass along x.
+MASS = re.compile(rf"MASS AXIS SYSTEM \(S\).*\n\s+X{NUMBER}")
+
+
+def stated(f06: Path) -> tuple[np.ndarray, float]:
+    """(frequencies in Hz, mass or nan) of a result file."""
+    text = f06.read_text("latin-1")
+    start = max(text.find("R E A L   E I G E N V A L U E S"), 0)
+    tables: list[list[float]] = [[]]
+    for match in MODE.finditer(text, start):
+        if int(match[1]) == 1 and tables[-1]:
+            tables.append([])
+        tables[-1].append(float(match[4]))
+    # of superelements, the whole comes last
+    found = tables[-1 if "SUPERELEMENT 1" in text else 0]
+    mass = MASS.search(text)
+    return np.array(found), float(mass[1]) if mass else float("nan")
+
+
+def computed(deck: Path) -> tuple[np.ndarray, float]:
+    """The same by antiosc."""
+    import antiosc as ao
+
+    for unit in ("m", 1e3, 1e-3, 1e6, 1e-6):  # plausible speeds of waves; the frequencies are alike
+        try:
+            part = ao.read_model(deck, unit)
+        except ao.AntioscError as error:
+            if "wave speed" not in str(error):
+                raise
+            continue
+        factor = unit if isinstance(unit, float) else 1.0
+        return np.array(
+            ao.natural_modes(part, min(4 * COUNT, part.dofs)).frequency
+        ), part.mass * factor
+    raise ValueError("no unit of length makes the speed of waves plausible")
+
+
+def elastic(frequency: np.ndarray) -> np.ndarray:
+    """The first ones that are not of rigid motions."""
+    kept = frequency[frequency > RIGID * np.nanmax(frequency[: 2 * COUNT + 3], initial=0.0)]
+    return kept[:COUNT]
+
+
+def main() -> int:
+    """The command line."""
+    warnings.simplefilter("ignore")
+    pairs = list(map(Path, sys.argv[1:]))
+    for deck, f06 in zip(pairs[::2], pairs[1::2], strict=True):
+        name = "/".join(deck.parts[-2:])
+        try:
+            theirs, their_mass = stated(f06)
+            ours, mass = computed(deck)
+        except Exception as error:
+            print(f"{name}: {type(error).__name__}: {error}"[:200])
+            continue
+        both = [elastic(ours), elastic(theirs)]
+        count = min(map(len, both))
+        off = np.abs(both[0][:count] / both[1][:count] - 1).max(initial=0.0)
+        shown = [", ".join(f"{f:.6g}" for f in one) for one in both]
+        print(f"{name}: mass {mass:.6g} ({their_mass:.6g}); f {shown[0]} ({shown[1]}): {off:.1e}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Models from measured frequency responses, and measured forces beside computed ones."""

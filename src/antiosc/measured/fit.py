@@ -1,0 +1,270 @@
+"""The passive body in modes that fits measured receptances best, and what is left open.
+
+1. Poles by vector fitting; residues by least squares, their semidefinite part of rank one.
+2. Gauss-Newton (Levenberg-Marquardt) in the logarithms of frequencies and damping ratios and in
+   the displacements of the modes. Modes that do not stand above the noise go; where the residual
+   has peaks above the noise, a mode is added.
+3. The modes above the band go on as those in it, with the spread of such modes (`expected_tail`):
+   the fit is the most probable body. The fits to other noise, and with other tails as probable,
+   show what the measurement leaves open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray, ComplexArray
+from antiosc.measured.gauss_newton import (
+    FEW_STEPS,
+    LAST_STEPS,
+    MOST_DAMPED,
+    STEPS,
+    Measured,
+    covariance,
+    lifted,
+    noise,
+    refined,
+    residuals,
+    whitened,
+)
+from antiosc.measured.modes import Modes, Pairs, Tail, factors
+from antiosc.measured.poles import poles
+from antiosc.measured.tail import BEYOND, TYPICAL, drawn, expected_tail, with_tail
+
+#: A mode stands above the noise if its displacement is this many standard deviations from 0, and
+#: is added if its part in the residual is.
+STANDS, ADDED = 6.0, 5.5
+#: Rounds of adding and dropping modes; modes that are added in one.
+ROUNDS, AT_ONCE = 10, 12
+#: Least damping ratio of a pole that is taken for a mode.
+LEAST_DAMPED = 1e-6
+#: Peaks of the residual where a mode is sought, and its damping over the median.
+PLACES, WIDTHS = 40, (0.4, 1.0, 2.5)
+#: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
+#: probability up to which a body counts, and bodies that always do.
+DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
+#: Ratio of the weights before and after a round below which the noise is known.
+SETTLED = 1.05
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most probable body.
+
+    weight : 1/sigma (W, M); chi2 : over the degrees of freedom; cost : minus twice the logarithm of
+    its probability; tails : bodies with other tails that are hardly less probable.
+    """
+
+    modes: Modes
+    weight: Array
+    chi2: float
+    cost: float
+    tails: tuple[Modes, ...] = ()
+
+
+def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Tail | None) -> Fit:
+    """The most probable body.
+
+    `free`: with rigid-body motion, None: if seen; `hysteretic`: the form of damping, None: the more
+    probable one; `given`: the modes above the band.
+    """
+    weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
+    modes = _first(data, weight, free, bool(hysteretic), given)
+    for _ in range(ROUNDS):
+        modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
+        if data.sigma is None:
+            weight = 1 / noise(data, modes)
+        kept = _standing(modes, covariance(normal))
+        modes = modes.with_seen(*(each[: modes.seen][kept] for each in _of_modes(modes)))
+        more = _missing(data, weight, modes)
+        if more is None and kept.all():
+            break
+        modes = modes if more is None else more
+        if given is None:
+            modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+    if free is None and modes.rigid is not None and not _rigid(modes, covariance(normal)):
+        modes = replace(modes, rigid=None)
+    best = _finished(data, weight, modes)
+    bodies = [best.modes, *_other_tails(data, best)]
+    best = min(
+        (_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]), key=_cost
+    )
+    if hysteretic is None:
+        other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
+        best = min(best, other, key=_cost)
+    return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
+
+
+def _cost(fit: Fit) -> float:
+    return fit.cost
+
+
+def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
+    """The fit with the modes that were found."""
+    for _ in range(ROUNDS):
+        modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
+        if data.sigma is not None:
+            break
+        before, weight = weight, 1 / noise(data, modes)
+        if np.median(weight / before) < SETTLED:
+            break
+    return Fit(modes, weight, chi2, _unlikely(data, weight, modes))
+
+
+def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
+    """Minus twice the logarithm of the probability of a body."""
+    residual = residuals(data, weight, modes)
+    return float(residual @ residual - 4 * np.sum(np.log(weight)))
+
+
+def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
+    """The bodies that are not much less probable than the best, in order; some always."""
+    costs = [_unlikely(data, fit.weight, one) for one in bodies]
+    order = np.argsort(costs)
+    least = min(costs)
+    return [bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < least + PROBABLE]
+
+
+# -- the first body
+
+
+def _first(
+    data: Measured, weight: Array, free: bool | None, hysteretic: bool, given: Tail | None
+) -> Modes:
+    """Modes at the poles of vector fitting, with the residues of least squares."""
+    omega, zeta = poles(data.w, data.H, weight)
+    low, top = data.w[0] * (1 - BEYOND), data.w[-1] * (1 + BEYOND)
+    real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
+    omega, zeta = omega[real], zeta[real]
+    beyond = data.w[-1] * np.array([1.2, 1.6, 2.5])
+    D = factors(data.w, np.append(omega, beyond), np.append(zeta, np.full(3, TYPICAL)), hysteretic)
+    basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
+    basis = basis[:, : -1 if free is False else None]
+    residues = np.zeros((len(omega) + 5, data.sites, data.sites))
+    for column, (m, n) in enumerate(data.pairs):
+        A: ComplexArray = weight[:, column, None] * basis
+        size = np.linalg.norm(A, axis=0)
+        right = whitened(weight[:, column] * data.H[:, column])
+        found = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
+        residues[: len(found), m, n] = residues[: len(found), n, m] = found
+    residues = _completed(residues, data.pairs)
+    b = np.array([rank_one(each) for each in residues[: len(omega)]]).reshape(-1, data.sites)
+    nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
+    rigid = None if free is False else _root(residues[-1])
+    modes = Modes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
+    modes = modes.with_seen(*_of_modes(modes))
+    return with_tail(modes, given or expected_tail(modes, float(data.w[-1])))
+
+
+def _completed(residues: Array, pairs: Pairs) -> Array:
+    """Residues (n, p, p) whose sites without a driving point have the value of rank one."""
+    own = sorted({m for m, n in pairs if m == n})
+    for residue in residues:
+        r = max(own, key=lambda site: residue[site, site])
+        for m in range(len(residue)):
+            if m not in own and residue[r, r] > 0:
+                residue[m] = residue[:, m] = residue[m, r] / residue[r, r] * residue[:, r]
+                residue[m, m] = residue[m, r] ** 2 / residue[r, r]
+    return residues
+
+
+def rank_one(residue: Array) -> Array:
+    """b (p,) of the positive semidefinite matrix b b' that is nearest."""
+    values, vectors = np.linalg.eigh(residue)
+    return np.asarray(np.sqrt(max(values[-1], 0.0)) * vectors[:, -1])
+
+
+def _root(matrix: Array) -> Array:
+    """A lower triangle L with L L' near the semidefinite part of the matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    least = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
+    return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)
+
+
+def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
+    return modes.omega, modes.zeta, modes.b
+
+
+# -- which modes there are
+
+
+def _standing(modes: Modes, spreads: Array) -> BoolArray:
+    """Which modes in the band stand above the noise at one site or more."""
+    own = modes.b[: modes.seen]
+    first = len(modes.omega) + modes.seen
+    spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
+    return np.asarray(np.any(np.abs(own) > STANDS * spread, axis=1))
+
+
+def _rigid(modes: Modes, spreads: Array) -> bool:
+    """Whether a rigid-body motion stands above the noise."""
+    first = sum(modes.sizes[:3])
+    part = slice(first, first + modes.sizes[3])
+    return bool(np.any(np.abs(modes.values[part]) > STANDS * np.sqrt(np.diag(spreads)[part])))
+
+
+def _missing(data: Measured, weight: Array, modes: Modes) -> Modes | None:
+    """The body with the modes that the residual shows at driving points; None for no such mode."""
+    off = weight * (data.H - modes.receptance(data.w, data.pairs))
+    J = modes.jacobian(data.w, data.pairs) * weight[:, :, None]
+    typical = float(np.median(modes.zeta[: modes.seen])) if modes.seen else TYPICAL
+    smooth = np.convolve(np.sum(np.abs(off) ** 2, axis=1), np.ones(5) / 5, mode="same")
+    at = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
+    at = at[np.argsort(-smooth[at])][:PLACES]
+    omega, zeta = np.repeat(data.w[at], len(WIDTHS)), np.tile(typical * np.array(WIDTHS), len(at))
+    D = factors(data.w, omega, zeta, modes.hysteretic)
+    score = np.full(len(omega), -np.inf)
+    found = np.zeros((len(omega), data.sites, data.sites))
+    for column, (m, n) in enumerate(data.pairs):
+        A = whitened(J[:, column])
+        A = A[:, A.any(axis=0)]
+        G = whitened(weight[:, column, None] * D)
+        G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
+        size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
+        along = G.T @ whitened(off[:, column])
+        found[:, m, n] = found[:, n, m] = along / size**2
+        if m == n:
+            score = np.maximum(score, along / size)
+    chosen: list[int] = []
+    for i in np.argsort(-score):
+        if score[i] < ADDED or len(chosen) == AT_ONCE:
+            break
+        if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in chosen):
+            chosen.append(int(i))
+    if not chosen:
+        return None
+    parts = _completed(found[chosen], data.pairs)
+    seen, b = modes.seen, np.array([rank_one(each) for each in parts])
+    return modes.with_seen(
+        np.append(modes.omega[:seen], omega[chosen]),
+        np.append(modes.zeta[:seen], zeta[chosen]),
+        np.vstack((modes.b[:seen], b)),
+    )
+
+
+# -- what is left open
+
+
+def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
+    """Bodies that other noise would have given; seeded."""
+    random, lines = np.random.default_rng(0), 2 * data.H.size
+    found = []
+    for _ in range(DRAWS):
+        shift = np.zeros(lines + len(fit.modes.expected()[0]))
+        shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
+        start = lifted(data, fit.modes)
+        found.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
+    return found
+
+
+def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
+    """Bodies with other tails among those expected; seeded by the number of modes."""
+    random = np.random.default_rng(fit.modes.seen)
+    found = []
+    for _ in range(max(STARTS // data.sites, 1)):
+        tail = drawn(fit.modes.tail, float(data.w[-1]), random)
+        start = lifted(data, with_tail(fit.modes, tail))
+        found.append(refined(data, fit.weight, start, LAST_STEPS)[0])
+    return found

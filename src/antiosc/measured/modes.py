@@ -1,0 +1,164 @@
+"""A passive body in modes, as it is fitted to measured receptances.
+
+Between the sites m and n, at the circular frequency w,
+
+    H_mn = sum_j b_jm b_jn D_j(w) - sum_k a_mk a_nk/w^2 + sum_k l_mk l_nk,
+    D_j = 1/(w_j^2 - w^2 + 2i zeta_j w_j w)  viscous,  1/(w_j^2 (1 + 2i zeta_j) - w^2)  hysteretic:
+
+modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is semidefinite:
+whatever the parameters, the body is passive. The last modes lie above the measured band; of these
+something is known beforehand (`Tail`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from antiosc.base._types import Array, ComplexArray, Index
+
+#: Columns of a measurement: (response, excitation), numbers of sites.
+Pairs = list[tuple[int, int]]
+
+
+@dataclass(frozen=True, eq=False)
+class Tail:
+    """Expected modes above the band: omega (U,) [rad/s] and squares b2 (U, p) of the displacements
+    [1/kg], with relative standard deviations (U,) of either."""
+
+    omega: Array
+    spread: Array
+    b2: Array
+    doubt: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The parameters of the fit.
+
+    Attributes
+    ----------
+    omega, zeta : (J,) frequencies [rad/s] and damping ratios; the last U modes are the tail.
+    b : (J, p) displacements of the sites in modes of unit mass [kg^-1/2].
+    tail : what is known of the last modes beforehand; their damping ratios are given.
+    root, rigid : (p, p) l and a, lower triangles [(m/N)^1/2], [kg^-1/2]; rigid None: supported.
+    hysteretic : the form of the damping.
+    """
+
+    omega: Array
+    zeta: Array
+    b: Array
+    tail: Tail
+    root: Array
+    rigid: Array | None = None
+    hysteretic: bool = False
+
+    @property
+    def seen(self) -> int:
+        """Number of modes in the band."""
+        return len(self.omega) - len(self.tail.omega)
+
+    def receptance(self, w: Array, pairs: Pairs) -> ComplexArray:
+        """H (W, M) of the pairs at circular frequencies (W,) [rad/s]."""
+        D = factors(w, self.omega, self.zeta, self.hysteretic)
+        m, n = np.array(pairs).T
+        H = D @ (self.b[:, m] * self.b[:, n]) + (self.root @ self.root.T)[m, n]
+        if self.rigid is not None:
+            H = H - (self.rigid @ self.rigid.T)[m, n] / w[:, None] ** 2
+        return np.asarray(H)
+
+    def jacobian(self, w: Array, pairs: Pairs) -> ComplexArray:
+        """Derivatives (W, M, n) of H by `values`."""
+        D = factors(w, self.omega, self.zeta, self.hysteretic)
+        m, n = np.array(pairs).T
+        at, p = w[:, None], self.b.shape[1]
+        weight = (self.b[:, m] * self.b[:, n]).T  # (M, J)
+        loss = self.zeta * self.omega * (self.omega if self.hysteretic else at)
+        by_zeta = -2j * loss * D**2
+        by_omega = -2 * self.omega**2 * D**2 + by_zeta * (2 if self.hysteretic else 1)
+        band = slice(self.seen)
+        blocks = [by_omega[:, None, :] * weight, by_zeta[:, None, band] * weight[:, band]]
+        # d(b_m b_n)/db_s = [m = s] b_n + [n = s] b_m, of every mode and site
+        moved = np.zeros((len(pairs), len(self.omega), p))
+        columns = np.arange(len(pairs))
+        moved[columns, :, m] += self.b[:, n].T
+        moved[columns, :, n] += self.b[:, m].T
+        blocks.append((D[:, None, :, None] * moved).reshape(len(w), len(pairs), -1))
+        for L, factor in ((self.rigid, -1 / at**2), (self.root, np.ones_like(at))):
+            if L is not None:
+                blocks.append(factor[:, :, None] * _of_root(L, m, n))
+        return np.concatenate(blocks, axis=2)
+
+    def expected(self) -> tuple[Array, Array]:
+        """What the tail is off its expectation, in standard deviations (E,), and its Jacobian."""
+        seen, p = self.seen, self.b.shape[1]
+        omega, b, tail = self.omega[seen:], self.b[seen:], self.tail
+        size = tail.doubt[:, None] * tail.b2
+        off = np.concatenate(
+            (np.log(omega / tail.omega) / tail.spread, ((b**2 - tail.b2) / size).ravel())
+        )
+        J = np.zeros((len(off), len(self.values)))
+        U = len(omega)
+        J[np.arange(U), seen + np.arange(U)] = 1 / tail.spread
+        first = len(self.omega) + seen + seen * p
+        J[U + np.arange(U * p), first + np.arange(U * p)] = (2 * b / size).ravel()
+        return off, J
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of `values` of each kind."""
+        triangle = len(self.root) * (len(self.root) + 1) // 2
+        rigid = 0 if self.rigid is None else triangle
+        return [len(self.omega), self.seen, self.b.size, rigid, triangle]
+
+    @property
+    def values(self) -> Array:
+        """All parameters: ln omega, ln zeta of modes in the band, b, a and l."""
+        lower = np.tril_indices(len(self.root))
+        parts = [np.log(self.omega), np.log(self.zeta[: self.seen]), self.b.ravel()]
+        return np.concatenate(parts + [L[lower] for L in (self.rigid, self.root) if L is not None])
+
+    def at(self, values: Array) -> Modes:
+        """The same body with other `values`."""
+        omega, zeta, b, rigid, root = np.split(values, np.cumsum(self.sizes)[:-1])
+        p = len(self.root)
+        return replace(
+            self,
+            omega=np.exp(omega),
+            zeta=np.append(np.exp(zeta), self.zeta[self.seen :]),
+            b=b.reshape(self.b.shape),
+            root=_triangle(root, p),
+            rigid=None if self.rigid is None else _triangle(rigid, p),
+        )
+
+    def with_seen(self, omega: Array, zeta: Array, b: Array) -> Modes:
+        """The body with other modes in the band."""
+        order, seen = np.argsort(omega), self.seen
+        return replace(
+            self,
+            omega=np.append(omega[order], self.omega[seen:]),
+            zeta=np.append(zeta[order], self.zeta[seen:]),
+            b=np.vstack((b[order], self.b[seen:])),
+        )
+
+
+def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
+    """D (W, J) at circular frequencies (W,) of modes (J,)."""
+    at = w[:, None]
+    loss = 2j * zeta * omega * (omega if hysteretic else at)
+    return np.asarray(1 / (omega**2 - at**2 + loss))
+
+
+def _of_root(L: Array, m: Index, n: Index) -> Array:
+    """Derivatives (M, p(p+1)/2) of (L L')_mn by the lower triangle of L."""
+    rows, columns = np.tril_indices(len(L))
+    by_m = (m[:, None] == rows) * L[n][:, columns]
+    by_n = (n[:, None] == rows) * L[m][:, columns]
+    return np.asarray(by_m + by_n, dtype=float)
+
+
+def _triangle(values: Array, size: int) -> Array:
+    L = np.zeros((size, size))
+    L[np.tril_indices(size)] = values
+    return L

@@ -1,0 +1,1 @@
+"""What chance does: results of runs whose inputs are uncertain."""

@@ -1,0 +1,232 @@
+"""`monte_carlo`: runs with drawn inputs, kept as they come."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.files import complete
+from antiosc.base.progress import counting
+from antiosc.simulation.batch import simulate_many
+from antiosc.simulation.executors import check_executor, returned
+from antiosc.studies.chance.inputs import checked, draws
+from antiosc.studies.chance.sample import Sample
+
+#: Least number of runs that are made, stored and, with an executor, sent together; and the largest
+#: number of such parts.
+TOGETHER, PARTS = 100, 100
+#: Most runs of a study.
+MOST = 10_000_000
+#: What is kept of an impact.
+QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
+#: Status of a scene of a batch that has no numbers.
+STOPPED = 2
+#: Columns of a stored campaign: number of the run, and why it failed.
+NUMBER, ERROR = "run", "error"
+
+#: Results of a run by name, or the message of its failure.
+Row = dict[str, float] | str
+
+
+def monte_carlo(
+    run: Callable[..., Any],
+    inputs: Mapping[str, Any],
+    n: int = 1000,
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    store: str | os.PathLike[str] | None = None,
+) -> Sample:
+    """Runs with independent random inputs: the distribution of what comes out.
+
+    Parameters
+    ----------
+    run : callable
+        A function of the inputs' names. It returns the arguments of `simulate`, (model, impactor,
+        contact, duration), and the impacts are then simulated in batches; or a `History`; or
+        numbers by name; or one number. Make once, outside, what no input changes: a model above
+        all. AntioscErrors that it raises are kept as the failure of that run.
+    inputs : dict
+        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats, or
+        a sequence of values that are equally probable (points, models, laws).
+    n : int
+        Number of runs.
+    seed : int
+        Of the draws; more runs of the same seed begin with those of fewer.
+    executor : concurrent.futures.Executor, optional
+        What makes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
+        `Client.get_executor()`. What it loses is recorded as failed.
+    store : path, optional
+        A CSV file of the finished runs, written as they come. If it exists, its runs are taken
+        and only the others are made, those that failed included: a broken campaign goes on.
+
+    Returns
+    -------
+    Sample
+
+    Raises
+    ------
+    InputError
+        For inputs that are no distributions, a `store` of another campaign, and a `run` that
+        returns something else.
+    AntioscError
+        If all runs fail.
+    """
+    checks.function("run", run, "a function of the inputs")
+    given, size = checked(inputs), checks.whole("n", n, most=MOST)
+    check_executor(executor)
+    drawn = draws(given, size, checks.whole("seed", seed, least=0))
+    path = None if store is None else checks.new_file("store", store)
+    rows = {} if path is None else _stored(path, drawn)
+    if path is not None:
+        _store(path, drawn, rows)  # told now if it cannot be written
+    todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
+    together = max(TOGETHER, -(-len(todo) // PARTS))
+    parts = [todo[k : k + together] for k in range(0, len(todo), together)]
+    given_of = [[_values(given, drawn, i) for i in part] for part in parts]
+    with counting("runs", len(todo)) as ready:
+        for part, found in zip(parts, _made(run, given_of, executor), strict=True):
+            rows.update(zip(part, found, strict=True))
+            if path is not None:
+                _store(path, drawn, rows)
+            ready(min(todo.index(part[-1]) + 1, len(todo)))
+    return _sample(drawn, [rows[i] for i in range(size)])
+
+
+def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
+    """The arguments of run `i`."""
+    return {
+        name: float(drawn[name][i]) if hasattr(what, "ppf") else what[int(drawn[name][i])]
+        for name, what in inputs.items()
+    }
+
+
+def _made(
+    run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
+) -> Iterator[list[Row]]:
+    """The rows of each part, in order; those of a part that the executor lost are failures."""
+    if executor is None:
+        yield from (_rows(run, part) for part in given)
+        return
+    found = returned(executor, _rows, [((run, part), {}) for part in given])
+    for part, rows in zip(given, found, strict=True):
+        if isinstance(rows, InputError):
+            raise rows
+        yield [str(rows)] * len(part) if isinstance(rows, AntioscError) else rows
+
+
+def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
+    """What one part of the runs gives; impacts that `run` only describes are simulated together."""
+    rows: list[Row] = [""] * len(given)
+    scenes: dict[int, tuple[Any, ...]] = {}
+    with without_warnings():
+        for i, values in enumerate(given):
+            try:
+                found = run(**values)
+            except AntioscError as error:
+                rows[i] = f"{type(error).__name__}: {error}"
+                continue
+            if isinstance(found, tuple):
+                scenes[i] = found
+            else:
+                rows[i] = _numbers(found)
+        if scenes:
+            rows_of_scenes = _simulated(list(scenes.values()))
+            for i, row in zip(scenes, rows_of_scenes, strict=True):
+                rows[i] = row
+    return rows
+
+
+def _simulated(scenes: list[tuple[Any, ...]]) -> list[Row]:
+    """The impacts of (model, impactor, contact, duration) in one batch."""
+    if any(len(scene) != 4 for scene in scenes):
+        raise InputError("a tuple that `run` returns must be (model, impactor, contact, duration).")
+    models, impactors, contacts, durations = map(list, zip(*scenes, strict=True))
+    try:
+        batch = simulate_many(models, impactors, contacts, durations)
+    except InputError as error:
+        return [str(error)] if len(scenes) == 1 else [r for s in scenes for r in _simulated([s])]
+    return [
+        {name: float(getattr(batch, name)[i]) for name in QUANTITIES}
+        if batch.status[i] != STOPPED
+        else batch.message[i]
+        for i in range(len(scenes))
+    ]
+
+
+def _numbers(found: Any) -> Row:
+    """The results of one run by name."""
+    if isinstance(found, Mapping):
+        return {str(name): _result(str(name), value) for name, value in found.items()}
+    if all(hasattr(found, name) for name in QUANTITIES):
+        values = {name: getattr(found, name) for name in QUANTITIES}
+        return {name: np.nan if v is None else float(v) for name, v in values.items()}
+    return {"value": _result("what `run` returns", found)}
+
+
+def _result(name: str, value: Any) -> float:
+    """A result as a float, NaN for None and what is not finite."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return np.nan
+    return checks.number(name, value)
+
+
+def _sample(drawn: dict[str, Array], rows: list[Row]) -> Sample:
+    failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
+    if len(failed) == len(rows):
+        raise AntioscError(f"all {len(rows)} runs failed, the first one so: {failed[0]}")
+    names = list(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))
+    values = {
+        name: np.array([np.nan if isinstance(r, str) else r.get(name, np.nan) for r in rows])
+        for name in names
+    }
+    return Sample(drawn, values, failed)
+
+
+def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
+    """The runs of a stored campaign; InputError if it cannot be read or has other inputs."""
+    try:
+        with path.open(newline="") as file:
+            return dict(_run_of(line, drawn) for line in csv.DictReader(file, strict=True))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, TypeError, KeyError, csv.Error) as error:
+        said = getattr(error, "strerror", None) or " ".join(str(error).split())
+        shown = checks.shown(str(path))
+        raise InputError(f"{shown} is no stored campaign ({said}): name a new file.") from error
+
+
+def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]:
+    """The number of a run and its results; ValueError for one of other inputs."""
+    i, failure = int(line.pop(NUMBER)), line.pop(ERROR)
+    for name, draw in drawn.items():
+        text = line.pop(name)
+        if not 0 <= i < len(draw):
+            raise ValueError(f"it has a run {i}, more than n = {len(draw)}")
+        if float(text) != draw[i]:
+            raise ValueError(f"run {i} has {name} = {text}, not {draw[i]:.17g}")
+    return i, failure or {name: float(x) for name, x in line.items() if x}
+
+
+def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> None:
+    """Write the campaign anew: the file is complete at any time."""
+    names = dict.fromkeys(name for row in rows.values() if not isinstance(row, str) for name in row)
+    with (
+        complete(path, "the campaign") as part,
+        part.open("w", encoding="utf-8", newline="") as file,
+    ):
+        table = csv.DictWriter(file, [NUMBER, *drawn, *names, ERROR], restval="")
+        table.writeheader()
+        for i, row in sorted(rows.items()):
+            results = {ERROR: row} if isinstance(row, str) else row
+            given = {name: draw[i].item() for name, draw in drawn.items()}
+            table.writerow({NUMBER: i, **given, **results})

@@ -1,0 +1,175 @@
+"""`Sample`: the runs of a Monte Carlo study, and what they say."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
+from antiosc.charts.figures import finished, panels
+from antiosc.studies.chance.quantiles import Quantile, probability, quantile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Samples of a bootstrap, and the share of them within a bar.
+RESAMPLES, CONFIDENCE = 200, 0.95
+#: Least number of runs for indices of sensitivity.
+LEAST = 50
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample(Brief):
+    """The runs of a Monte Carlo study.
+
+    Attributes
+    ----------
+    inputs : name -> (n,) draws of each input; of a sequence of values the indices into it.
+    values : name -> (n,) results in SI units, NaN where a run failed or has no such result.
+    failed : message of each run that failed, by its number.
+    """
+
+    inputs: dict[str, Array]
+    values: dict[str, Array]
+    failed: dict[int, str]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.inputs.values())))
+
+    def finite(self, quantity: str) -> Array:
+        """(k,) the results that are numbers; InputError for an unknown quantity or none."""
+        found = self._of(quantity)
+        found = found[np.isfinite(found)]
+        if not len(found):
+            raise InputError(f"no run has a finite {quantity}.")
+        return found
+
+    def quantile(self, quantity: str, q: float, confidence: float = CONFIDENCE) -> Quantile:
+        """The quantile `q` of a quantity with the bar of its sampling; see `quantiles.quantile`."""
+        return quantile(self.finite(quantity), q, confidence)
+
+    def exceedance(self, quantity: str, limit: float, confidence: float = CONFIDENCE) -> Quantile:
+        """The probability that a quantity exceeds `limit`, with its bar."""
+        found, limit = self.finite(quantity), checks.number("limit", limit)
+        return probability(int(np.sum(found > limit)), len(found), confidence)
+
+    def sensitivity(self, quantity: str) -> Sensitivity:
+        """Sobol's first-order index of each input: its share of the variance of the quantity.
+
+        Estimated from these runs by the means of bins of the input. What the indices lack of 1 is
+        due to several inputs together. InputError for fewer than 50 runs or a constant quantity.
+        """
+        found = self._of(quantity)
+        good = np.isfinite(found)
+        y = found[good]
+        if len(y) < LEAST:
+            raise InputError(f"sensitivity needs {LEAST} runs at least; {len(y)} have {quantity}.")
+        if np.ptp(y) == 0:
+            raise InputError(f"{quantity} is the same in all runs: there is no variance to share.")
+        rng = np.random.default_rng(0)
+        picks = rng.integers(len(y), size=(RESAMPLES, len(y)))
+        ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
+        first, bars = [], []
+        for x in self.inputs.values():
+            groups = _groups(x[good])
+            first.append(_share_of_variance(groups, y))
+            again = [_share_of_variance(groups[p], y[p]) for p in picks]
+            # a resample has the noise of the sample twice in its bins: its bias is that of the mean
+            centred = np.array(again) - (np.mean(again) - first[-1])
+            bars.append(np.quantile(centred, ends))
+        return Sensitivity(quantity, list(self.inputs), np.array(first), np.array(bars))
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, quantity: str | None = None
+    ) -> Figure | Path:
+        """The distribution of a quantity (of the first without a name): histogram, and quantiles.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        name = next(iter(self.values)) if quantity is None else quantity
+        found = self.finite(name)
+        figure, ((axes,),) = panels(1, 1, (6.4, 4.0), shown=path is None)
+        axes.hist(found, bins="auto", color="tab:blue", alpha=0.6)
+        for q in (0.05, 0.5, 0.95):
+            at = self.quantile(name, q)
+            line = axes.axvline(at.value, color="black", linestyle="--" if q != 0.5 else "-")
+            line.set_label(f"{100 * q:g} %: {at.value:.4g}")
+            axes.axvspan(max(at.low, found.min()), min(at.high, found.max()), alpha=0.15, color="k")
+        axes.set(xlabel=name.replace("_", " "), ylabel="runs")
+        axes.legend()
+        return finished(figure, path)
+
+    def _of(self, quantity: str) -> Array:
+        return self.values[checks.choice("quantity", quantity, tuple(self.values))]
+
+    def _facts(self) -> list[tuple[str, str]]:
+        facts = [("runs", f"{len(self)} of {', '.join(self.inputs)}; {len(self.failed)} failed")]
+        for name in list(self.values)[:3]:
+            q = [self.quantile(name, s).value for s in (0.05, 0.5, 0.95)]
+            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q)))
+        return facts
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Brief):
+    """First-order indices of the inputs.
+
+    Attributes
+    ----------
+    quantity : whose variance is shared.
+    inputs : names of the inputs.
+    first : (inputs,) Sobol's first-order indices.
+    bars : (inputs, 2) of 95 %, by bootstrap.
+    """
+
+    quantity: str
+    inputs: list[str]
+    first: Array
+    bars: Array
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The indices as bars; with `path` the picture is written, and the path returned."""
+        figure, ((axes,),) = panels(1, 1, (6.4, 3.2), shown=path is None)
+        order = np.argsort(self.first)
+        off = np.abs(self.bars - self.first[:, None])[order].T
+        axes.barh([self.inputs[i] for i in order], self.first[order], xerr=off, color="tab:blue")
+        axes.set(xlabel=f"share of the variance of {self.quantity.replace('_', ' ')}")
+        return finished(figure, path)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        order = np.argsort(-self.first)
+        return [
+            (
+                self.inputs[i],
+                f"{self.first[i]:.3f} ({self.bars[i, 0]:.3f} to {self.bars[i, 1]:.3f})",
+            )
+            for i in order
+        ]
+
+
+def _groups(x: Array) -> Array:
+    """(n,) number of the bin of each draw: a value of its own, or one of about n^⅓ equal parts."""
+    different, number = np.unique(x, return_inverse=True)
+    bins = max(2, round(2 * len(x) ** (1 / 3)))
+    if len(different) <= bins:
+        return np.asarray(number)
+    return np.asarray(np.argsort(np.argsort(x, kind="stable")) * bins // len(x))
+
+
+def _share_of_variance(groups: Array, y: Array) -> float:
+    """Share of the variance of y between groups (one-way analysis of variance, unbiased: ω²)."""
+    count = np.bincount(groups)
+    total = np.bincount(groups, weights=y)
+    k = int(np.sum(count > 0))
+    mean = y.mean()
+    between = np.sum((total[count > 0] / count[count > 0] - mean) ** 2 * count[count > 0])
+    whole = np.sum((y - mean) ** 2)
+    within = (whole - between) / max(len(y) - k, 1)
+    return float((between - (k - 1) * within) / (whole + within)) if whole > 0 else 0.0

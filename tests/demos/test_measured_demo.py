@@ -1,0 +1,36 @@
+"""The measured part is struck as the part itself, and the benchmark's parts are sound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paths import demo
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.mark.slow
+def test_measured_part(tmp_path):
+    found = demo("measured_part").main(top=6e3, lines=500, out=tmp_path)
+    assert abs(found["peak error"]) < 0.02
+    assert found["L2"] < 0.03
+    assert (tmp_path / "measured_part.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize("kind", ["bar", "plate", "solid"])
+def test_parts_of_the_benchmark(kind):
+    omega, b, mass = demo("measured_frf").KINDS[kind](np.random.default_rng(0))
+    assert np.all(np.diff(omega) >= 0)
+    free = omega == 0
+    # a free body is not easier to move than its half
+    assert np.sum(b[free] ** 2) < 8 / mass
+    assert np.mean(b[~free][:40] ** 2) == pytest.approx(1 / mass, rel=0.9)
+
+
+@pytest.mark.slow
+def test_measured_frf(tmp_path):
+    (case,) = demo("measured_frf").main(parts=1, kinds=("bar",), page=str(tmp_path / "page.md"))[:1]
+    assert case["passive"]
+    assert case["L2"] < 0.01
+    assert "| bar, 1% |" in (tmp_path / "page.md").read_text()

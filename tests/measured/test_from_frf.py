@@ -1,0 +1,237 @@
+"""Models from measured frequency responses: the same parameters, passive, with bars."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.measured.from_frf import anti_oscillators
+from antiosc.measured.gauss_newton import Measured, refined
+from antiosc.measured.modes import Modes, Tail
+from antiosc.models.model_info import ModelInfo
+
+F = np.linspace(8.0, 4000.0, 500)
+W = 2 * np.pi * F
+#: A supported part: modes in the band, some above it.
+OMEGA = 2 * np.pi * np.array([300.0, 900.0, 1900.0, 3100.0, 4900.0, 7000.0])
+B = np.array([[1.0, 0.5], [0.8, -0.7], [1.1, 0.6], [0.6, -0.9], [0.9, 0.4], [0.7, 0.6]])
+ZETA = np.array([0.01, 0.008, 0.012, 0.006, 0.01, 0.01])
+
+
+def part(free: bool = False, hysteretic: bool = False) -> ao.SiteModes | object:
+    """Receptances (W, 2, 2) of the part."""
+    x = OMEGA**2 * (1 + 2j * ZETA) if hysteretic else OMEGA**2 + 2j * ZETA * OMEGA * W[:, None]
+    D = 1 / (x - W[:, None] ** 2)
+    H = np.einsum("wj,jm,jn->wmn", D, B, B) + 1e-9 * np.eye(2)
+    return H - np.array([[1.0, 0.3], [0.3, 0.5]]) / W[:, None, None] ** 2 if free else H
+
+
+def noisy(H: np.ndarray, share: float = 0.01) -> np.ndarray:
+    random = np.random.default_rng(1)
+    return H * (1 + share * (random.standard_normal((*H.shape, 2)) @ [1, 1j]) / np.sqrt(2))
+
+
+def accelerance(H: np.ndarray) -> np.ndarray:
+    return -H * (W**2).reshape(-1, *[1] * (H.ndim - 1))
+
+
+@pytest.fixture(scope="module")
+def model() -> ao.AntiOscillators:
+    frf = ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance")
+    return ao.from_frf(frf, damping="viscous")
+
+
+def test_derivatives_are_those_of_differences():
+    tail = Tail(np.array([3e4]), np.array([0.1]), np.array([[1.0, 0.5]]), np.array([0.7]))
+    root = np.array([[1e-4, 0.0], [2e-5, 5e-5]])
+    for hysteretic in (False, True):
+        one = Modes(OMEGA[:3], ZETA[:3], B[:3], tail, root, np.diag([1.0, 0.5]), hysteretic)
+        pairs, w = [(0, 0), (0, 1), (1, 1)], W[::40]
+        values, J = one.values, one.jacobian(w, pairs)
+        assert np.allclose(one.at(values).receptance(w, pairs), one.receptance(w, pairs))
+        for i, size in enumerate(values):
+            step = np.zeros_like(values)
+            step[i] = 1e-6 * max(abs(size), 1e-6)
+            two = (one.at(values + step), one.at(values - step))
+            slope = (two[0].receptance(w, pairs) - two[1].receptance(w, pairs)) / (2 * step[i])
+            assert np.allclose(J[:, :, i], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
+
+
+def test_modes_come_back_and_the_model_has_them(model):
+    body = model.modal()
+    for omega, b, zeta in zip(OMEGA[:4], B[:4, 0], ZETA[:4], strict=True):
+        j = int(np.argmin(np.abs(body.omega - omega)))
+        assert body.omega[j] == pytest.approx(omega, rel=1e-3)
+        assert abs(body.b[j]) == pytest.approx(abs(b), rel=0.01)
+        assert body.decay[j] / body.omega[j] == pytest.approx(zeta, rel=0.05)
+    exact = part()[:, 0, 0]
+    assert np.median(np.abs(body.receptance(W) / exact - 1)) < 0.003
+    assert model.k0 == pytest.approx(1 / (np.sum(B[:, 0] ** 2 / OMEGA**2) + 1e-9), rel=0.01)
+
+
+def test_the_impact_is_that_of_the_part_within_its_bars(model):
+    truth = ao.SiteModes(OMEGA, B[:, :1], ["tip"], r=[[1e-9]], decay=ZETA * OMEGA)
+    ball, law = ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e8)
+    exact = ao.Scene({"part": truth, "ball": ball}, [ao.Contact("part:tip", "ball", law)])
+    true = exact.run(3e-3, tol=1e-5)["part:tip", "ball"]
+    hit = ao.simulate(model, ball, law, 3e-3, tol=1e-5)
+    budget = hit.error_budget
+    assert hit.peak_force == pytest.approx(true.peak_force, rel=0.005)
+    for name in ("peak_force", "impulse"):
+        bar = budget[name]
+        assert abs(getattr(hit, name) / getattr(true, name) - 1) <= bar.total
+        assert bar.total == pytest.approx(bar.noise + bar.band + bar.time)
+        assert 0 < bar.noise < 0.02
+    assert "noise" in str(budget)
+
+
+def test_a_low_band_is_said(model):
+    light, hard = ao.RigidMass(1e-4, velocity=1.0), ao.Hertz(1e10)
+    with pytest.warns(ao.AccuracyWarning, match="half-sine"):
+        hit = ao.simulate(model, light, hard, 1e-3)
+    assert any("half-sine" in note for note in hit.error_budget.notes)
+
+
+def test_the_bars_survive_a_file(model, tmp_path):
+    path = tmp_path / "model.npz"
+    model.save(path)
+    again = ao.AntiOscillators.load(path)
+    run = (ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e8), 2e-3)
+    one, two = (ao.simulate(each, *run).error_budget for each in (model, again))
+    assert one["peak_force"] == two["peak_force"]
+
+
+def test_models_are_passive_far_beyond_the_band(model):
+    w = np.geomspace(1e-3, 100.0, 2000) * W[-1]
+    assert np.all((1j * w * model.modal().receptance(w)).real >= 0)
+
+
+def test_several_sites_have_modes_of_rank_one():
+    values = accelerance(noisy(part(free=True)))
+    sites = {"sites": ("tip", "heel")}
+    found = ao.from_frf(ao.FRF(F, values, "accelerance", **sites), damping="viscous", free=True)
+    assert found.sites == ("tip", "heel")
+    H = found.site_modes().receptance(W)
+    exact = part(free=True)
+    size = np.sqrt(np.abs(exact[:, 0, 0] * exact[:, 1, 1]))
+    assert np.median(np.abs(H - exact) / size[:, None, None]) < 0.005
+    w = np.geomspace(1.0, 1e7, 300)
+    power = (1j * w[:, None, None] * found.site_modes().receptance(w)).real
+    assert np.linalg.eigvalsh(power).min() >= -1e-9 * power.max()
+    column = ao.FRF(F, values[:, :, :1], "accelerance", **sites, references=("tip",))
+    one = ao.from_frf(column, damping="viscous", free=True).site_modes().receptance(W)
+    assert np.median(np.abs(one[:, 1, 0] - exact[:, 1, 0]) / size) < 0.005
+
+
+def test_damping_that_is_hysteretic_is_recognised():
+    H = noisy(part(hysteretic=True)[:, 0, 0])
+    found = ao.from_frf(ao.FRF(F, H, "receptance"))
+    assert found.info["damping"] == "hysteretic"
+    assert found.damping.ratio[0] == pytest.approx(ZETA[0], rel=0.05)
+
+
+def test_a_sensors_mass_is_removed_to_rounding():
+    H, m = part(), 0.05
+    loaded = np.linalg.inv(np.linalg.inv(H) - m * W[:, None, None] ** 2 * np.eye(2))
+    frf = ao.FRF(F, loaded, "receptance", sites=("a", "b"))
+    assert np.allclose(frf.without_sensor(m).receptance, H, rtol=1e-9)
+    single = 1 / (1 / H[:, 0, 0] - m * W**2)
+    assert np.allclose(ao.FRF(F, single, "receptance").without_sensor(m).receptance, H[:, 0, 0])
+    column = ao.FRF(F, loaded[:, :, :1], "receptance", sites=("a", "b"), references=("a",))
+    with pytest.raises(ao.InputError, match="references"):
+        column.without_sensor(m)
+
+
+def test_noise_follows_from_the_coherence():
+    """A coherence of one measurement in which noise adds to the response (H1)."""
+    frf = ao.FRF(F, part()[:, 0, 0], "receptance", coherence=np.full(F.size, 0.9), averages=10)
+    expected = np.sqrt(0.1 / 0.9 / 10) * np.abs(frf.receptance)
+    assert np.allclose(frf.receptance_sigma, expected)
+
+
+def test_signs_and_places_that_are_no_driving_point_are_said():
+    H = noisy(part())
+    with pytest.warns(ao.AntioscWarning, match="sign"):
+        turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
+    assert turned.k0 > 0
+    with pytest.warns(ao.AntioscWarning, match="beside"), suppress(ao.AccuracyError):
+        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
+
+
+def test_modes_above_the_band_may_come_from_a_mesh():
+    body = ao.SiteModes(OMEGA, B[:, :1], ["tip"], r=[[1e-9]])
+    C = float(np.sum(B[:, 0] ** 2 / OMEGA**2) + 1e-9)
+    mesh = ao.from_free_modes(body.omega, body.b[:, 0], compliance=C)
+    frf = ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance")
+    found = ao.from_frf(frf, above=mesh, damping="viscous").modal()
+    assert np.min(np.abs(found.omega / OMEGA[4] - 1)) < 0.05
+    with pytest.raises(ao.InputError, match="no mode above"):
+        ao.from_frf(frf, above=mesh.truncated(2))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"frequency": F[::-1]}, {"values": part()[:10, 0, 0]}, {"quantity": "impedance"},
+        {"coherence": np.full(F.size, 1.5)}, {"sigma": np.zeros(F.size)}, {"values": 0 * F},
+        {"values": np.full(F.size, np.nan)}, {"sites": ("a", "a")}, {"averages": 0},
+    ],
+)  # fmt: skip
+def test_unsound_measurements_are_refused(change):
+    sound = {"frequency": F, "values": part()[:, 0, 0], "quantity": "receptance"}
+    with pytest.raises(ao.InputError):
+        ao.FRF(**(sound | change))
+
+
+def test_more_lines_than_can_be_fitted_are_refused():
+    many = ao.FRF(np.arange(1.0, 100_002.0), np.ones(100_001) + 0j, "mobility")
+    with pytest.raises(ao.InputError, match="band"):
+        ao.from_frf(many)
+
+
+def test_what_no_part_can_be_is_refused():
+    random = np.random.default_rng(0)
+    rubbish = random.standard_normal((F.size, 2)) @ [1, 1j]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        with pytest.raises(ao.AccuracyError, match="passive"):
+            ao.from_frf(ao.FRF(F, rubbish, "accelerance"), damping="viscous")
+
+
+def test_gauss_newton_meets_the_noise():
+    """At the true body chi^2 is one, and refining it stays there."""
+    tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:, :1] ** 2, np.full(2, 0.5))
+    true = Modes(OMEGA, ZETA, B[:, :1], tail, np.array([[1e-9**0.5]]))
+    H = noisy(part()[:, 0, 0])
+    data = Measured(W, H[:, None], [(0, 0)], 1, np.abs(H[:, None]) * 0.01, 0)
+    _, _, chi2 = refined(data, 1 / data.sigma, true, 20)
+    assert chi2 == pytest.approx(1.0, abs=0.15)
+
+
+def test_fitted_bodies_become_passive_models():
+    """Of one site and of two, supported and free: the model has the receptance of the body."""
+    random = np.random.default_rng(0)
+    for k in range(24):
+        p, J = 1 + k % 2, int(random.integers(1, 12))
+        omega = np.sort(10 ** random.uniform(2, 4, J))
+        body = Modes(
+            omega,
+            10 ** random.uniform(-2.5, -1, J),
+            random.standard_normal((J, p)),
+            Tail(np.zeros(0), np.zeros(0), np.zeros((0, p)), np.zeros(0)),
+            np.tril(random.uniform(0.5, 1.0, (p, p))) * 1e-5,
+            np.tril(random.uniform(0.5, 1.0, (p, p))) if k % 3 == 0 else None,
+        )
+        made = anti_oscillators(body, ("a", "b")[:p] if p > 1 else (), ModelInfo())
+        modes = made.site_modes() if p > 1 else made.modal()
+        w = np.geomspace(1e-2, 100.0, 300) * omega[-1]
+        H = modes.receptance(w).reshape(-1, p, p)
+        pairs = [(m, n) for m in range(p) for n in range(p)]
+        exact = body.receptance(w, pairs).reshape(-1, p, p)
+        assert np.abs(H - exact).max() < 1e-5 * np.abs(exact).max()
+        power = (1j * w[:, None, None] * H).real
+        assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()

@@ -1,0 +1,126 @@
+"""Falls in scene files: what a run writes, mistakes, and the scene that `antiosc new` writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+import antiosc as ao
+from antiosc.app import cli
+from antiosc.app.scene_file.problems import SceneFileError
+from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.scene import compiled
+
+pytestmark = pytest.mark.fem
+
+BOX = """\
+SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.12, 0.06, 0.03};
+Physical Volume("part") = {1};
+"""
+SCENE = """\
+[geometry]
+source = "box.geo"
+size = 0.06
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700
+[drop]
+height = 0.2
+tilt = [10, 5, 0]
+until = 1
+modes = 3
+corner_radius = 1e-3
+floor = {friction = 0.3, material = {E = 30e9, nu = 0.2, rho = 2400}}
+"""
+ASKED = """\
+[accelerometers.middle]
+at = [0.06, 0.03, 0.03]
+filter = "CFC1000"
+[worst]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "box.geo").write_text(BOX)
+    return tmp_path
+
+
+def test_a_fall_is_that_of_drop(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "drop.toml").write_text(SCENE + ASKED)
+    assert cli.main(["check", "drop.toml"]) == 0
+    assert cli.main(["run", "drop.toml", "--dry-run"]) == 0
+    assert "1.981 m/s" in capsys.readouterr().out
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    printed, page = capsys.readouterr().out, (folder / "page.html").read_text()
+    found = json.loads((folder / "out/result.json").read_text())
+    part = ao.Structure(ao.read_mesh("box.geo", size=0.06), ao.Solid(70e9, 0.33, 2700.0))
+    floor = ao.Floor(ao.Solid(30e9, 0.2, 2400.0), friction=0.3)
+    fall = ao.drop(part, 0.2, (10, 5, 0), floor, until=1, modes=3, corner_radius=1e-3)
+    peak = fall.peak("acceleration", (0.06, 0.03, 0.03), "CFC1000")
+    assert found["fall"]["peak force (N)"] == pytest.approx([fall.peak_force])
+    assert found["accelerometers"]["middle"]["g"] == pytest.approx(peak.g)
+    assert found["worst"]["von_mises"] == pytest.approx(fall.worst().values.max())
+    assert found["fall"]["status"] == "1 impacts"
+    row = next(csv.DictReader((folder / "out/fall.csv").read_text().splitlines()))
+    assert float(row["place x (m)"]) == pytest.approx(0.12)
+    for text in (printed, page):
+        assert f"{peak.g:.5g} g" in text
+    assert page.count("<img") >= 2
+
+
+def test_an_ensemble_has_quantiles(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "many.toml").write_text(f"{SCENE}n = 12\nensemble = {{sigma = 2.0}}\n[output]\n")
+    assert cli.main(["run", "many.toml", "--out", "out"]) == 0
+    table = json.loads((folder / "out/result.json").read_text())["fall"]
+    k = table["quantile"].index(0.5)
+    assert 0 < table["low"][k] < table["value"][k] < table["high"][k]
+    assert "peak force (N)" in capsys.readouterr().out
+
+
+def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for face, code in (("-z", 0), ("top", 1)):
+        (folder / "drop.toml").write_text(f'{SCENE}face = "{face}"\n')
+        assert cli.main(["check", "drop.toml"]) == code
+    assert "drop.toml:16:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "word"),
+    [
+        (SCENE + "[[supports]]\nwhere = 'x'\n", 16, "free"),
+        (SCENE + "[sites.a]\npoint = [0, 0, 0]\n", 16, "sites"),
+        (SCENE + "[[contacts]]\n", 16, "contacts"),
+        (SCENE + "ensemble = {sigma = 2.0}\n" + ASKED, 17, "ensemble"),
+        (SCENE.replace("until = 1", 'until = "now"'), 12, "rest"),
+        (SCENE.replace("0.2\n", "-0.2\n"), 10, "height"),
+        (SCENE.replace("friction", "fricton"), 15, "friction"),
+        (SCENE + ASKED.replace("CFC1000", "CFC100"), 18, "CFC180"),
+        (SCENE[: SCENE.index("[drop]")] + ASKED, 9, "accelerometers"),
+        ('[model]\npath = "box.geo"\n[drop]\nheight = 1.0\n', 3, "structure"),
+    ],
+)
+def test_mistakes(folder: Path, text: str, line: int, word: str) -> None:
+    (folder / "wrong.toml").write_text(text)
+    with pytest.raises(SceneFileError) as caught:
+        compiled(read("wrong.toml"))
+    assert any(
+        one.startswith(f"wrong.toml:{line}:") and word in one
+        for one in str(caught.value).split("\n")
+    )
+
+
+@pytest.mark.parametrize("part", ["box.geo", "deck.inp"])
+def test_a_new_fall_has_no_mistakes(folder: Path, part: str) -> None:
+    (folder / "deck.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    assert cli.main(["new", "new.toml", part, "--drop"]) == 0
+    found = compiled(read("new.toml"))
+    assert found.does() == ["antiosc run"]
+    assert found.fall is not None
+    assert not {"supports", "sites", "simulate"} & set(found.document.data)

@@ -1,0 +1,141 @@
+"""Monte Carlo: distributions, bars and indices against closed forms; campaigns that break off."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import antiosc as ao
+
+WALL = ao.AntiOscillators(m0=1e6, k0=0.0, m=[], omega=[])
+
+
+def blow(mass, velocity, K):
+    """A mass on a wall that hardly moves: F = (5/4)^(3/5) K^(2/5) m^(3/5) v^(6/5)."""
+    return WALL, ao.RigidMass(mass, velocity), ao.Hertz(K), 30 * (mass / K / velocity**0.5) ** 0.4
+
+
+INPUTS = {
+    "mass": ao.lognormal(0.1, 0.05),
+    "velocity": ao.lognormal(2.0, 0.1),
+    "K": ao.lognormal(1e8, 0.3),
+}
+POWERS = {"mass": 0.6, "velocity": 1.2, "K": 0.4}
+
+
+def test_the_force_of_a_blow_is_lognormal():
+    many = ao.monte_carlo(blow, INPUTS, 400)
+    spreads = {name: law.kwds.get("s", law.args[0]) for name, law in INPUTS.items()}
+    spread = np.sqrt(sum((POWERS[name] * s) ** 2 for name, s in spreads.items()))
+    medians = {name: law.median() for name, law in INPUTS.items()}
+    middle = 1.25**0.6 * np.prod([medians[name] ** power for name, power in POWERS.items()])
+    for q in (0.05, 0.5, 0.95):
+        true = middle * np.exp(spread * stats.norm.ppf(q))
+        found = many.quantile("peak_force", q, confidence=0.999)
+        assert found.low < true < found.high
+    share = many.exceedance("peak_force", middle, confidence=0.999)
+    assert share.low < 0.5 < share.high
+    assert not many.failed
+    assert "400" in repr(many)
+
+
+def test_bars_of_quantiles_and_probabilities_cover():
+    rng = np.random.default_rng(1)
+    inside = []
+    for q in (0.1, 0.95):
+        for sample in rng.exponential(size=(80, 120)):
+            found = ao.Sample({"x": sample}, {"y": sample}, {}).quantile("y", q)
+            inside.append(found.low <= -np.log(1 - q) <= found.high)
+            share = ao.Sample({"x": sample}, {"y": sample}, {}).exceedance("y", -np.log(q))
+            inside.append(share.low <= q <= share.high)
+    assert np.mean(inside) >= 0.94
+
+
+def test_indices_are_those_of_ishigamis_function():
+    """T. Ishigami, T. Homma, Proc. ISUMA (1990) 398: a = 7, b = 0.1."""
+    a, b = 7.0, 0.1
+    angle = ao.uniform(-np.pi, np.pi)
+
+    def function(x, y, z):
+        return float(np.sin(x) + a * np.sin(y) ** 2 + b * z**4 * np.sin(x))
+
+    many = ao.monte_carlo(function, {"x": angle, "y": angle, "z": angle}, 4000)
+    found = many.sensitivity("value")
+    variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5
+    true = np.array([0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, 0.0]) / variance
+    assert found.first == pytest.approx(true, abs=0.03)
+    assert np.all(found.bars[:, 0] - 0.02 <= true)
+    assert np.all(true <= found.bars[:, 1] + 0.02)
+
+
+def test_values_may_be_drawn_from_a_list_and_failures_are_kept():
+    def run(law, mass):
+        if law is None:
+            raise ao.AccuracyError("no law")
+        return {"mass": mass, "power": law.exponent}
+
+    laws = [ao.Power(1e8, 1.5), ao.Power(1e8, 2.0), None]
+    many = ao.monte_carlo(run, {"law": laws, "mass": ao.uniform(1.0, 2.0)}, 60)
+    assert set(many.failed) == set(np.flatnonzero(many.inputs["law"] == 2))
+    assert np.isnan(many.values["power"]).sum() == len(many.failed)
+    assert set(many.finite("power")) == {1.5, 2.0}
+
+
+def test_a_campaign_that_breaks_off_goes_on(tmp_path):
+    path, calls = tmp_path / "campaign.csv", []
+
+    def run(x):
+        calls.append(x)
+        if len(calls) == 250:
+            raise KeyboardInterrupt
+        return {"square": x**2}
+
+    inputs = {"x": ao.normal(0.0, 1.0)}
+    with pytest.raises(KeyboardInterrupt):
+        ao.monte_carlo(run, inputs, 400, store=path)
+    many = ao.monte_carlo(run, inputs, 400, store=path)
+    assert len(calls) == 250 + 200  # what was finished in parts of 100 is not made again
+    assert np.array_equal(many.values["square"], many.inputs["x"] ** 2)
+    more = ao.monte_carlo(run, inputs, 500, store=path)
+    assert len(calls) == 250 + 300
+    assert np.array_equal(more.inputs["x"][:400], many.inputs["x"])
+    with pytest.raises(ao.InputError, match="name a new file"):
+        ao.monte_carlo(run, inputs, 500, seed=1, store=path)
+    for wrong in (b"", path.read_bytes()[:-9], b"\xff\xfe", b"run,x,error\n0,1"):
+        path.write_bytes(wrong)
+        if wrong:
+            with pytest.raises(ao.InputError, match="name a new file"):
+                ao.monte_carlo(run, inputs, 10, store=path)
+
+
+def test_an_executor_gives_the_same():
+    with ThreadPoolExecutor(2) as executor:
+        many = ao.monte_carlo(blow, INPUTS, 150, seed=3, executor=executor)
+    one = ao.monte_carlo(blow, INPUTS, 150, seed=3)
+    assert np.array_equal(one.values["impulse"], many.values["impulse"])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "run"),
+    [
+        ({}, blow),
+        ({"mass": 1.0}, blow),
+        ({"mass": "abc"}, blow),
+        ({"two words": ao.normal(1, 1)}, blow),
+        ({"x": ao.normal(1, 1)}, lambda x: (x, x)),
+        ({"x": ao.normal(1, 1)}, lambda x: "text"),
+        ({"x": stats.cauchy(loc=np.nan)}, lambda x: x),
+    ],
+)
+def test_what_cannot_be_drawn_or_kept_is_refused(inputs, run):
+    with pytest.raises(ao.InputError):
+        ao.monte_carlo(run, inputs, 5)
+
+
+def test_pictures(tmp_path):
+    many = ao.monte_carlo(lambda x, y: x + y, {"x": ao.uniform(0, 1), "y": ao.uniform(0, 2)}, 100)
+    assert many.plot(tmp_path / "sample.png").exists()
+    assert many.sensitivity("value").plot(tmp_path / "shares.png").exists()
