@@ -326,7 +326,7 @@ typedef struct aom_goal {
 
 /* The derivatives of a goal by the numbers of a system; arrays of the caller's that are added to. */
 typedef struct aom_slopes {
-    double *square, *decay;    /* [n_modes] by omega^2, decay */
+    double *square, *decay;    /* [n_modes] by omega^2; by the decay, NULL: not wanted */
     double *beta;              /* [n_rows][n_modes] */
     double *residual;          /* [n_rows][n_rows] */
     double *loads, *offsets;   /* [n_breaks][n_modes], [n_breaks][n_rows] */

@@ -125,32 +125,40 @@ static void to_load(int J, const double *restrict R, const double *restrict by_q
     }
 }
 
-/* From derivatives by the state after t to those by the state at the start, by omega^2 and decay. */
-static void to_start(const adjoint *a, const double *restrict R, const double *restrict D,
-                     const double *restrict q0, const double *restrict v0,
-                     const double *restrict by_q, const double *restrict by_v) {
-    int J = a->st->system.n_modes;
-    const double *restrict omega = a->st->system.omega, *restrict decay = a->st->system.decay;
-    const double *restrict g = a->load;
-    double *restrict to_q = a->q0, *restrict to_v = a->v0;
-    double *restrict to_square = a->out->square, *restrict to_decay = a->out->decay;
-    for (int j = 0; j < J; j++) {
-        double Q = by_q[j], V = by_v[j], x = omega[j] * omega[j], d = decay[j], S = R[2 * J + j];
-        double q = q0[j], v = v0[j], g0 = g[j], g1 = g[J + j], g2 = g[2 * J + j], slope[2];
-        to_q[j] += R[j] * Q - x * S * V;
-        to_v[j] += S * Q + R[J + j] * V;
-        for (int k = 0; k < 2; k++) { /* by x = omega^2, by the decay */
-            const double *T = D + 4 * k * J + j;
-            double s = T[0], j0 = T[J], j1 = T[2 * J], j2 = T[3 * J];
-            double P = -x * j0 - (k == 0 ? R[3 * J + j] : 0.0);
-            double W = P - 2.0 * d * s - (k == 0 ? 0.0 : 2.0 * S);
-            double back = x * s + (k == 0 ? S : 0.0);
-            slope[k] = Q * (P * q + s * v + j0 * g0 + j1 * g1 + j2 * g2) +
-                       V * (W * v - back * q + s * g0 + j0 * g1 + j1 * g2);
-        }
-        to_square[j] += slope[0];
-        to_decay[j] += slope[1];
+/* Add the derivatives by the squares of the frequencies, or by the decays: D has the slopes [4][J] of
+ * S, J0, J1, J2. */
+static inline void by_modes(ptrdiff_t J, bool square, const aom_system *system,
+                            const double *restrict R, const double *restrict D,
+                            const double *restrict q0, const double *restrict v0,
+                            const double *restrict g, const double *restrict by_q,
+                            const double *restrict by_v, double *restrict to) {
+    const double *restrict omega = system->omega, *restrict decay = system->decay;
+    for (ptrdiff_t j = 0; j < J; j++) {
+        double x = omega[j] * omega[j], S = R[2 * J + j], g0 = g[j], g1 = g[J + j], g2 = g[2 * J + j];
+        double s = D[j], j0 = D[J + j], j1 = D[2 * J + j], j2 = D[3 * J + j];
+        double P = -x * j0 - (square ? R[3 * J + j] : 0.0);
+        double W = P - 2.0 * decay[j] * s - (square ? 0.0 : 2.0 * S);
+        double back = x * s + (square ? S : 0.0);
+        to[j] += by_q[j] * (P * q0[j] + s * v0[j] + j0 * g0 + j1 * g1 + j2 * g2) +
+                 by_v[j] * (W * v0[j] - back * q0[j] + s * g0 + j0 * g1 + j1 * g2);
     }
+}
+
+/* From derivatives by the state after t to those by the state at the start and by the modes. */
+static void to_start(const adjoint *a, const double *restrict R, const double *D, const double *q0,
+                     const double *v0, const double *restrict by_q, const double *restrict by_v) {
+    const aom_system *system = &a->st->system;
+    ptrdiff_t J = system->n_modes;
+    const double *restrict omega = system->omega;
+    double *restrict to_q = a->q0, *restrict to_v = a->v0;
+    for (ptrdiff_t j = 0; j < J; j++) {
+        double S = R[2 * J + j];
+        to_q[j] += R[j] * by_q[j] - omega[j] * omega[j] * S * by_v[j];
+        to_v[j] += S * by_q[j] + R[J + j] * by_v[j];
+    }
+    by_modes(J, true, system, R, D, q0, v0, a->load, by_q, by_v, a->out->square);
+    if (a->out->decay != NULL)
+        by_modes(J, false, system, R, D + 4 * J, q0, v0, a->load, by_q, by_v, a->out->decay);
 }
 
 /* Derivative by the time t of the state. */
@@ -242,9 +250,11 @@ static void recall(adjoint *a, int64_t k, bool ended) {
                 add(J, -c[n], beta_row(st, i), a->load + n * J);
         }
     }
+    memcpy(a->q + J, state + 2 * J, (size_t)J * sizeof(double));
+    memcpy(a->v + J, state + 3 * J, (size_t)J * sizeof(double));
     for (int s = 0; s < 2; s++) {
-        moved(J, st->slots[a->index + 1 - s].response, omega, state, state + J, a->load, a->q + s * J,
-              a->v + s * J);
+        if (s == 0)
+            moved(J, st->slots[a->index + 1].response, omega, state, state + J, a->load, a->q, a->v);
         for (int i = 0; i < m; i++)
             a->rates[s * m + i] = rate_at(a, s, i);
         for (int i = 0; i < m; i++) {

@@ -81,9 +81,13 @@ static void by_quadrature(double x, double d, double t, double out[8]) {
 }
 
 /* The same where x t^2 is not small, from P = 1 - x J0, J1 = (t - S - 2 d J0)/x, ... */
-static void by_division(double x, double d, double t, const double J[3], double out[8]) {
-    double S, C;
-    kernel(x, d, t, &S, &C, out);
+static void by_division(double x, double d, double t, double P, double S, const double J[3],
+                        double out[8]) {
+    double y = x - d * d, C = P - d * S;
+    if (fabs(y) * t * t > 0.1)
+        out[0] = 0.5 * (t * C - S) / y;
+    else
+        kernel(x, d, t, &S, &C, out);
     out[4] = -t * S - 2.0 * d * out[0];
     double P_x = -0.5 * t * S + d * out[0], P_d = d * t * S - t * C + S + d * out[4];
     out[1] = (-P_x - J[0]) / x;
@@ -99,9 +103,9 @@ void response_slopes(int n, const double *omega, const double *decay, double t,
                      const double *response, double *out) {
     for (int j = 0; j < n; j++) {
         double x = omega[j] * omega[j], d = decay[j], each[8];
-        const double *J0 = response + 3 * (ptrdiff_t)n + j;
+        const double *S = response + 2 * (ptrdiff_t)n + j, *J0 = S + n;
         if (x * t * t >= 1.0)
-            by_division(x, d, t, (double[]){J0[0], J0[n], J0[2 * (ptrdiff_t)n]}, each);
+            by_division(x, d, t, response[j], *S, (double[]){J0[0], J0[n], J0[2 * (ptrdiff_t)n]}, each);
         else if (d > 0.0)
             by_quadrature(x, d, t, each);
         else

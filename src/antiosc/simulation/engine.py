@@ -275,7 +275,7 @@ def run(
 class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
-    `square` (J,): by omega^2; `laws` (p, 3): by the first parameters of the laws.
+    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters of the laws.
     """
 
     square: Array
@@ -325,6 +325,8 @@ def gradient(
     like = (s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, np.empty((p, march.LAW_SLOPES)))
     out = [np.zeros(np.shape(each)) for each in (*like, s.q, s.v)]
     slopes = march.Slopes(*map(march.address, out))
+    if not s.decay.any():
+        slopes.decay = None
     work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
     answer = march.library.aom_gradient(
         space.stepper, byref(run), byref(goal), byref(slopes), march.address(work), work.nbytes
