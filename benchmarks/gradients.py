@@ -50,7 +50,9 @@ def main(sizes: tuple[int, ...] = SIZES, repeats: int = REPEATS) -> list[tuple[o
             python = least(lambda: ao.gradient(hit, goal), repeats)  # noqa: B023
             count = 2 * n + 5
             rows.append((n, goal, count, off, back / run, python / whole))
-            print(f"{n:3} {goal:<13} {count:11} {off:8.1e} {back / run:11.2f} {python / whole:11.2f}")
+            print(
+                f"{n:3} {goal:<13} {count:11} {off:8.1e} {back / run:11.2f} {python / whole:11.2f}"
+            )
     return rows
 
 

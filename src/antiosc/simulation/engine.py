@@ -275,7 +275,8 @@ def run(
 class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
-    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters of the laws.
+    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
+    of the laws.
     """
 
     square: Array

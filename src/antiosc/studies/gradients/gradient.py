@@ -12,10 +12,11 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief, short
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation import engine
 from antiosc.studies.gradients.goals import Seeds, seeds
-from antiosc.studies.gradients.parameters import ByModes, Values, by_body
+from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_material
 from antiosc.studies.gradients.recorded import Recorded, recorded
 
 #: Speed of a touch or release, over the fastest, below which it grazes.
@@ -75,7 +76,12 @@ class GradientNameError(InputError, AttributeError):
 
 
 def gradient(
-    hit: Any, goal: str, *, contact: tuple[str, str] | None = None, time: float | None = None
+    hit: Any,
+    goal: str,
+    *,
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+    part: Any = None,
 ) -> Gradient:
     """Derivatives of a result by masses, speeds, stiffnesses, gaps and the model's parameters.
 
@@ -95,6 +101,9 @@ def gradient(
         Ends of the contact, where a scene has several.
     time : float, optional
         [s], of the goals "force" and "displacement".
+    part : Structure, optional
+        Of one isotropic material, from which the model was extracted: `g.E` and `g.rho` too. The
+        stiffness of the contact law stays.
 
     Returns
     -------
@@ -106,12 +115,13 @@ def gradient(
     ------
     InputError
         For a history without its run, an unknown goal, friction, contacts that are closed at the
-        start, and laws made elsewhere.
+        start, laws made elsewhere, and a part of several materials or with attachments.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
     found = recorded(hit)
     _refuse(found)
+    material = None if part is None else _material(part)
     chosen = _contact(found, contact)
     wanted = seeds(found, goal, chosen, time)
     s = found.system
@@ -124,7 +134,8 @@ def gradient(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and {goal} has no derivative there; change an input slightly."
         )
-    return Gradient(goal, wanted.value, _bodies(found, wanted, slopes), _contacts(found, slopes))
+    bodies = _bodies(found, wanted, slopes, material)
+    return Gradient(goal, wanted.value, bodies, _contacts(found, slopes))
 
 
 def _refuse(found: Recorded) -> None:
@@ -154,8 +165,29 @@ def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
-def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
+def _material(part: Any) -> Any:
+    """The one material of a structure whose stiffness and mass all come from it."""
+    made = getattr(part, "made_of", None)
+    material = made[1] if made else None
+    values = getattr(material, "E", None), getattr(material, "rho", None)
+    if not made or made[2]["attached"] or not all(isinstance(each, float) for each in values):
+        raise InputError(
+            "part must be a Structure of one isotropic material without attachments: derivatives by"
+            " E and rho are known of those alone."
+        )
+    return material
+
+
+def _bodies(
+    found: Recorded, wanted: Seeds, slopes: engine.Slopes, material: Any
+) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
+    models = [each.body for each in found.parts.values() if isinstance(each.body, AntiOscillators)]
+    if material is not None and (len(models) != 1 or found.driven or models[0].sites):
+        raise InputError(
+            f"part needs a run with one extracted model of one site, without loads or a moving"
+            f" ground; this one has {len(models)} models."
+        )
     s = found.system
     by_B = slopes.beta.T @ found.G + wanted.B
     by_r = found.G.T @ slopes.residual @ found.G + wanted.r
@@ -179,6 +211,12 @@ def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, 
         rows = s.beta[touching][:, own]
         closing = float(rows[0] @ s.v[own]) if len(rows) else 0.0
         result[name] = by_body(part.body, part.modes, by, closing)
+        if material is not None and isinstance(part.body, AntiOscillators):
+            result[name] |= by_material(part.body, part.modes, by, material)
+            local = part.body.local_compliance
+            for c in np.flatnonzero(touching):  # of Hertz's law, freed from that of the patch
+                freed = local > 0 and s.laws[c] is not found.laws[c]
+                result[name]["E"] -= slopes.laws[c, 1] * local / material.E if freed else 0.0
     return result
 
 

@@ -34,6 +34,22 @@ class ByModes:
     g: Array
 
 
+def by_material(model: AntiOscillators, modes: ModalBody, by: ByModes, material: Any) -> Values:
+    """Derivatives by E and rho of a part of one isotropic material.
+
+    All frequencies go with sqrt(E/rho), k0 with E, the masses and what gravity and a start take of
+    them with rho.
+    """
+    slope = by_model(model, modes, by)
+    stiffer = 0.5 * float(slope["omega"] @ model.omega)
+    heavier = float(slope["m"] @ model.m) + (slope["m0"] or 0.0) * model.m0
+    heavier += float(by.load @ by.g) + (0.0 if modes.inertia is None else float(by.start @ by.v))
+    return {
+        "E": (stiffer + slope["k0"] * model.k0) / material.E,
+        "rho": (heavier - stiffer) / material.rho,
+    }
+
+
 def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
     """Derivatives by the parameters of a body of one site; {} for a foreign one.
 

@@ -11,6 +11,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_states import starts
@@ -33,7 +34,8 @@ class Part:
 class Recorded:
     """What the march took and wrote down; B (J, P), r (P, P), G (m, P) as in `Assembly`.
 
-    `ends`: the names of the ends of the contacts. `driven`: loads or the ground act in time.
+    `ends`: the names of the ends of the contacts; `laws`: as they were given. `driven`: loads or
+    the ground act in time.
     """
 
     system: System
@@ -41,6 +43,7 @@ class Recorded:
     load: Callable[[Array], Array]
     parts: dict[str, Part]
     ends: list[tuple[str, str]]
+    laws: list[ContactLaw]
     B: Array
     r: Array
     G: Array
@@ -69,6 +72,15 @@ def recorded(hit: Any) -> Recorded:
         name: Part(body.body, body.modes, a.spans[name], a.columns[name])
         for name, body in a.bodies.items()
     }
-    ends = [(contact.a, contact.b) for contact in a.scene.contacts]
-    driven = bool(a.scene.loads) or a.scene.base is not None
-    return Recorded(a.system, run, a.load, parts, ends, a.B, a.r, a.G, driven)
+    return Recorded(
+        system=a.system,
+        run=run,
+        load=a.load,
+        parts=parts,
+        ends=[(contact.a, contact.b) for contact in a.scene.contacts],
+        laws=[contact.law for contact in a.scene.contacts],
+        B=a.B,
+        r=a.r,
+        G=a.G,
+        driven=bool(a.scene.loads) or a.scene.base is not None,
+    )
