@@ -14,6 +14,15 @@ typedef struct edge { /* derivatives by what is there at an edge between two ste
     double time;
 } edge;
 
+/* Friction of a tangential row at a stage: f = stiffness (way - anchor), or, where it slips, f along
+ * the way u = way + held f - anchor that the force alone would not have held. */
+typedef struct slide {
+    bool slips;
+    double along;   /* direction of the force */
+    double turn[2]; /* how the force turns with u of the contact's rows */
+    double held;    /* the way that its own force holds back */
+} slide;
+
 typedef struct adjoint {
     aom_stepper *st;
     const aom_record *run;
@@ -38,6 +47,9 @@ typedef struct adjoint {
     double *by_load; /* [3][J] */
     double *by_q, *by_v;         /* [2][J] */
     double *by_depth, *by_rate, *rates;        /* [2][m] */
+    double *explicit_force, *anchor;           /* [2][m], [m] by the anchors at the start */
+    int *owner, *active;                       /* [m] the contact of a row; rows that press */
+    slide *slides;                             /* [2][m] */
     double *by_force, *by_parabola, *direct;   /* [3][m], [3][m], [2][m] multipliers */
     double *no_q, *no_depth, *no_rate; /* [J], [m], [m] */
     tangent *tangents;           /* [2][p] */
@@ -46,11 +58,16 @@ typedef struct adjoint {
 
 static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
     double **of_modes[] = {&a->now.q, &a->now.v, &a->q0, &a->v0, &a->no_q};
-    double **of_rows[] = {&a->now.force, &a->now.depth, &a->now.rate, &a->no_depth, &a->no_rate};
+    double **of_rows[] = {&a->now.force, &a->now.depth, &a->now.rate, &a->no_depth, &a->no_rate,
+                          &a->anchor};
     for (size_t k = 0; k < sizeof of_modes / sizeof *of_modes; k++)
         *of_modes[k] = take(m, J, sizeof(double));
     for (size_t k = 0; k < sizeof of_rows / sizeof *of_rows; k++)
         *of_rows[k] = take(m, rows, sizeof(double));
+    a->owner = take(m, rows, sizeof(int));
+    a->active = take(m, rows, sizeof(int));
+    a->slides = take(m, 2 * rows, sizeof(slide));
+    a->explicit_force = take(m, 2 * rows, sizeof(double));
     a->laws = take(m, rows, sizeof(law_slopes));
     a->slopes = take(m, 8 * SLOTS * J, sizeof(double));
     a->span = take(m, SLOTS, sizeof(double));
@@ -216,6 +233,31 @@ static double rate_at(const adjoint *a, int stage, int i) {
     return rate;
 }
 
+/* The friction of contact c at a stage. */
+static void rubbed(adjoint *a, int stage, int c) {
+    const aom_contact *contact = a->st->system.contacts + c;
+    int m = a->st->system.n_rows;
+    double stiffness = contact->tangential_stiffness, trial[2] = {0.0, 0.0}, soft[2], size;
+    const double *way = a->run->depth + 2 * a->step * m, *f = a->f;
+    for (int r = 0; r < contact->n_tangential; r++) {
+        int i = contact->first_tangential + r, now = (1 + stage) * m + i, before = stage * m + i;
+        double held = held_by(a, i, i)->depth[stage][1 + stage];
+        double anchor = way[before] - f[before] / stiffness;
+        soft[r] = stiffness / (1.0 + stiffness * held);
+        trial[r] = soft[r] * (way[now] + held * f[now] - anchor);
+        a->slides[stage * m + i].held = held;
+    }
+    double most = contact->friction * larger(f[(1 + stage) * m + c], 0.0);
+    size = sqrt(trial[0] * trial[0] + trial[1] * trial[1]);
+    for (int r = 0; r < contact->n_tangential; r++) {
+        slide *own = a->slides + stage * m + contact->first_tangential + r;
+        own->slips = size > most * (1.0 + 1e-12);
+        own->along = own->slips ? trial[r] / size : 0.0;
+        for (int q = 0; q < contact->n_tangential && own->slips; q++)
+            own->turn[q] = most / size * soft[q] * ((r == q) - own->along * trial[q] / size);
+    }
+}
+
 /* Forces, motion and slopes of the laws in step k. */
 static void recall(adjoint *a, int64_t k, bool ended) {
     aom_stepper *st = a->st;
@@ -238,7 +280,7 @@ static void recall(adjoint *a, int64_t k, bool ended) {
     memcpy(a->load + J, st->work.load_rate, (size_t)J * sizeof(double));
     clear(a->load + 2 * J, J);
     for (int i = 0; i < m; i++) {
-        bool presses = pressing(st->contacts[i].branch);
+        bool presses = pressing(st->contacts[a->owner[i]].branch);
         double f0 = presses ? node[i] : 0.0, f1 = node[m + i], f2 = presses ? node[2 * m + i] : 0.0;
         double c[3] = {f0, (4.0 * f1 - 3.0 * f0 - f2) / h, 4.0 * (f0 - 2.0 * f1 + f2) / (h * h)};
         a->f[i] = f0;
@@ -257,12 +299,13 @@ static void recall(adjoint *a, int64_t k, bool ended) {
             moved(J, st->slots[a->index + 1].response, omega, state, state + J, a->load, a->q, a->v);
         for (int i = 0; i < m; i++)
             a->rates[s * m + i] = rate_at(a, s, i);
-        for (int i = 0; i < m; i++) {
+        for (int i = 0; i < st->system.n_contacts; i++) {
             const contact_state *contact = st->contacts + i;
             a->tangents[s * m + i] =
                 law_tangent(st, &st->system.contacts[i].law, contact->branch,
                             a->run->depth[(2 * k + 1 + s) * m + i], a->rates[s * m + i],
                             contact->memory);
+            rubbed(a, s, i);
         }
     }
 }
@@ -314,33 +357,76 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
 static void to_parabolas(const adjoint *a, double *parabola) {
     int J = a->st->system.n_modes, m = a->st->system.n_rows;
     for (int i = 0; i < m; i++)
-        for (int n = 0; n < 3 && pressing(a->st->contacts[i].branch); n++)
+        for (int n = 0; n < 3 && pressing(a->st->contacts[a->owner[i]].branch); n++)
             parabola[n * m + i] -= dot(J, beta_row(a->st, i), a->by_load + n * J);
+}
+
+/* Derivatives [2][m] by the motion and the forces at h/2 and h that row k at a stage has of them, times
+ * its multiplier; `anchor` [m] by where the tangential springs hang at the start. */
+static void row_seeds(const adjoint *a, int k, int stage, double mu, double *depth, double *rate,
+                      double *force, double *anchor) {
+    const aom_stepper *st = a->st;
+    int m = st->system.n_rows, c = a->owner[k];
+    if (k == c) {
+        depth[stage * m + k] += mu * a->tangents[stage * m + k].by_delta;
+        rate[stage * m + k] += mu * a->tangents[stage * m + k].by_rate;
+        return;
+    }
+    const aom_contact *contact = st->system.contacts + c;
+    const slide *own = a->slides + stage * m + k;
+    double stiffness = contact->tangential_stiffness;
+    if (own->slips)
+        force[stage * m + c] += mu * contact->friction * own->along;
+    for (int r = 0; r < contact->n_tangential; r++) {
+        int i = contact->first_tangential + r;
+        double by = own->slips ? mu * own->turn[r] : i == k ? mu * stiffness : 0.0;
+        depth[stage * m + i] += by;
+        if (own->slips)
+            force[stage * m + i] += by * a->slides[stage * m + i].held;
+        if (stage == 0)
+            anchor[i] -= by;
+        else { /* it hangs where the force at h/2 left it */
+            depth[i] -= by;
+            force[i] += by / stiffness;
+        }
+    }
 }
 
 /* The multipliers of the laws at h/2 and h, [2][m], from the derivatives `by` [3][m] by the forces. */
 static bool multipliers(adjoint *a, const double *by, double *out) {
     aom_stepper *st = a->st;
     int m = st->system.n_rows, n = 0;
+    double *depth = a->by_depth, *rate = a->by_rate, *force = a->explicit_force;
     clear(out, 2 * m);
     for (int i = 0; i < m; i++)
-        if (pressing(st->contacts[i].branch))
-            st->work.active[n++] = i;
-    for (int x = 0; x < 2 * n; x++) {
-        int i = st->work.active[x / 2], s = x % 2;
-        a->rest[x] = by[(1 + s) * m + i];
-        for (int y = 0; y < 2 * n; y++) { /* the law of k at the stage r, by the force of i at s */
-            int k = st->work.active[y / 2], r = y % 2;
-            const influence *held = held_by(a, k, i);
-            const tangent *law = a->tangents + r * m + k;
-            a->matrix[x * 2 * n + y] = (x == y) + law->by_delta * held->depth[r][1 + s] +
-                                       law->by_rate * held->rate[r][1 + s];
+        if (pressing(st->contacts[a->owner[i]].branch))
+            a->active[n++] = i;
+    clear(depth, 2 * m);
+    clear(rate, 2 * m);
+    clear(force, 2 * m);
+    for (int y = 0; y < 2 * n; y++) { /* the law of row k at a stage, by all forces */
+        int k = a->active[y / 2], c = a->owner[k], count = st->system.contacts[c].n_tangential;
+        row_seeds(a, k, y % 2, 1.0, depth, rate, force, a->anchor);
+        for (int x = 0; x < 2 * n; x++)
+            a->matrix[x * 2 * n + y] = (x == y) - force[x % 2 * m + a->active[x / 2]];
+        for (int r = 0; r < 1 + count; r++) {
+            int i = r == 0 ? c : st->system.contacts[c].first_tangential + r - 1;
+            for (int s = 0; s < 2; s++) {
+                double d = depth[s * m + i], v = rate[s * m + i];
+                depth[s * m + i] = rate[s * m + i] = force[s * m + i] = 0.0;
+                for (int x = 0; x < 2 * n && (d != 0.0 || v != 0.0); x++) {
+                    const influence *held = held_by(a, i, a->active[x / 2]);
+                    a->matrix[x * 2 * n + y] +=
+                        d * held->depth[s][1 + x % 2] + v * held->rate[s][1 + x % 2];
+                }
+            }
         }
+        a->rest[y] = by[(1 + y % 2) * m + k];
     }
     if (!eliminate(a->matrix, a->rest, 2 * n))
         return false;
     for (int x = 0; x < 2 * n; x++)
-        out[x % 2 * m + st->work.active[x / 2]] = a->rest[x];
+        out[x % 2 * m + a->active[x / 2]] = a->rest[x];
     return true;
 }
 
@@ -353,6 +439,26 @@ static void hold_back(const adjoint *a, int stage, int i, double depth, double r
         const influence *held = held_by(a, i, k);
         for (int n = 0; n < 3; n++)
             by[n * m + k] -= depth * held->depth[stage][n] + rate * held->rate[stage][n];
+    }
+}
+
+/* Derivatives by friction and by the tangential stiffness, of a tangential row. */
+static void keep_friction(adjoint *a, int i, const double *mu) {
+    int m = a->st->system.n_rows, c = a->owner[i];
+    if (i == c)
+        return;
+    double stiffness = a->st->system.contacts[c].tangential_stiffness;
+    double *to = a->out->friction + 2 * (ptrdiff_t)c;
+    for (int s = 0; s < 2; s++) {
+        const slide *own = a->slides + s * m + i;
+        double now = a->f[(1 + s) * m + i], before = a->f[s * m + i], by = mu[s * m + i];
+        int first = a->st->system.contacts[c].first_tangential;
+        for (int q = 0; q < a->st->system.contacts[c].n_tangential && own->slips; q++)
+            to[1] -= by * own->turn[q] * a->f[s * m + first + q] / (stiffness * stiffness);
+        if (own->slips)
+            to[0] += by * larger(a->f[(1 + s) * m + c], 0.0) * own->along;
+        else /* f = stiffness (way - anchor), anchor = way before - f before/stiffness */
+            to[1] += by * (now - before) / stiffness;
     }
 }
 
@@ -390,12 +496,15 @@ static void keep(adjoint *a, const double *mu) {
                 a->out->residual[(ptrdiff_t)i * m + r] -=
                     depth * a->f[(1 + s) * m + r] + rate * slope[s];
             }
+            if (i >= system->n_contacts)
+                continue;
             law_slopes law = force_slopes(&system->contacts[i].law, st->contacts[i].branch,
                                           a->run->depth[(2 * a->step + 1 + s) * m + i],
                                           a->rates[s * m + i], st->contacts[i].memory);
             add(AOM_LAW_SLOPES, mu[s * m + i], law.params, a->laws[i].params);
             add(2, mu[s * m + i], law.memory, a->laws[i].memory);
         }
+        keep_friction(a, i, mu);
         double *gap = a->out->offsets + (ptrdiff_t)K * m + i, over = last ? 0.0 : drift / span;
         gap[0] += (1.0 - u) * at - over;
         if (!last)
@@ -437,10 +546,17 @@ static double go_back(adjoint *a, const seeds *in) {
     clear(a->by_q, J);
     clear(a->by_v, J);
     double longer = 0.0;
+    clear(a->by_depth, 2 * m);
+    clear(a->by_rate, 2 * m);
+    clear(a->anchor, m);
+    for (int s = 0; s < 2; s++)
+        for (int i = 0; i < m; i++)
+            if (mu[s * m + i] != 0.0)
+                row_seeds(a, i, s, mu[s * m + i], a->by_depth, a->by_rate, a->explicit_force,
+                          a->anchor);
     for (int s = 0; s < 2; s++)
         for (int i = 0; i < m; i++) {
-            const tangent *law = a->tangents + s * m + i;
-            double depth = mu[s * m + i] * law->by_delta, rate = mu[s * m + i] * law->by_rate;
+            double depth = a->by_depth[s * m + i], rate = a->by_rate[s * m + i];
             hold_back(a, s, i, depth, rate, by);
             depth += s == 1 ? in->depth[i] : 0.0;
             rate += s == 1 ? in->rate[i] : 0.0;
@@ -534,8 +650,12 @@ static const aom_exit *undo_exits(adjoint *a, int64_t k) {
     for (; a->exits > 0 && a->run->exits[a->exits - 1].step >= (double)k; a->exits--) {
         const aom_exit *e = a->run->exits + a->exits - 1;
         int c = (int)e->contact;
-        if (!pressing((int)e->after[0]))
+        if (!pressing((int)e->after[0]) || (int)e->before[0] == AOM_APART) {
+            const aom_contact *given = st->system.contacts + c;
             a->now.force[c] = 0.0;
+            for (int r = 0; r < given->n_tangential; r++)
+                a->now.force[given->first_tangential + r] = 0.0;
+        }
         undo_branch(&st->system.contacts[c].law, e, st->system.contacts[c].slowest, a->laws + c,
                     a->now.depth + c, a->now.rate + c);
         restore(st, e);
@@ -588,6 +708,10 @@ static bool undo_step(adjoint *a, int64_t k) {
     memcpy(now->force, a->by_force, (size_t)m * sizeof(double));
     clear(now->depth, m);
     clear(now->rate, m);
+    for (int i = st->system.n_contacts; i < m; i++) { /* the anchor is way - f/stiffness there */
+        now->depth[i] = a->anchor[i];
+        now->force[i] -= a->anchor[i] / st->system.contacts[a->owner[i]].tangential_stiffness;
+    }
     while (a->readings > 0 && a->goal->readings[a->readings - 1].step == k)
         a->readings--;
     return isfinite(longer);
@@ -606,7 +730,8 @@ static void finish(adjoint *a) {
         add(J, now->depth[i], system->q, beta);
         add(J, now->rate[i], system->v, beta);
         a->out->offsets[i] -= now->depth[i];
-        add(AOM_LAW_SLOPES, 1.0, a->laws[i].params, a->out->laws + AOM_LAW_SLOPES * i);
+        if (i < system->n_contacts)
+            add(AOM_LAW_SLOPES, 1.0, a->laws[i].params, a->out->laws + AOM_LAW_SLOPES * i);
     }
     add(J, 1.0, now->q, a->out->q);
     add(J, 1.0, now->v, a->out->v);
@@ -621,7 +746,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;
-        if (m != system->n_contacts || system->contacts[c].preload > 0.0)
+        if (system->contacts[c].preload > 0.0)
             return AOM_BAD_CONTACT;
     }
     arena taken = {memory, 0};
@@ -631,6 +756,11 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     lay_out_adjoint(&a, &taken, (size_t)system->n_modes, (size_t)m);
     for (int k = 0; k < SLOTS; k++)
         a.span[k] = NAN;
+    for (int c = 0; c < system->n_contacts; c++) {
+        a.owner[c] = c;
+        for (int r = 0; r < system->contacts[c].n_tangential; r++)
+            a.owner[system->contacts[c].first_tangential + r] = c;
+    }
     out->grazing = INFINITY;
     for (int64_t n = 0; n < run->n_exits; n++) {
         const aom_exit *e = run->exits + n;

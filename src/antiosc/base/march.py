@@ -124,7 +124,7 @@ class Slopes(Structure):
 
     _fields_ = [
         *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
-        *((name, c_void_p) for name in ("laws", "q", "v")),
+        *((name, c_void_p) for name in ("laws", "friction", "q", "v")),
         ("grazing", c_double),
     ]
 

@@ -276,7 +276,7 @@ class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
     `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
-    of the laws.
+    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness.
     """
 
     square: Array
@@ -286,6 +286,7 @@ class Slopes:
     loads: Array
     offsets: Array
     laws: Array
+    friction: Array
     q: Array
     v: Array
 
@@ -323,8 +324,9 @@ def gradient(
     )  # fmt: skip
     goal = march.Goal(len(readings), *at[5:])
     s, p = system, len(system.laws)
-    like = (s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, np.empty((p, march.LAW_SLOPES)))
-    out = [np.zeros(np.shape(each)) for each in (*like, s.q, s.v)]
+    laws = np.empty((p, march.LAW_SLOPES))
+    like = (s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, laws, s.slip, s.q, s.v)
+    out = [np.zeros(np.shape(each)) for each in like]
     slopes = march.Slopes(*map(march.address, out))
     if not s.decay.any():
         slopes.decay = None

@@ -114,8 +114,8 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, friction, contacts that are closed at the
-        start, laws made elsewhere, and a part of several materials or with attachments.
+        For a history without its run, an unknown goal, contacts that are closed at the start, laws
+        made elsewhere, and a part of several materials or with attachments.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -140,8 +140,6 @@ def gradient(
 
 def _refuse(found: Recorded) -> None:
     s = found.system
-    if len(s.beta) > len(s.laws):
-        raise InputError("a scene with friction has no gradients yet: set friction=0.")
     if np.any(s.pressed > 0):
         raise InputError(
             "a scene whose contacts are closed at the start has no gradients yet: begin it with"
@@ -225,6 +223,8 @@ def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], V
     for c, (ends, law) in enumerate(zip(found.ends, found.system.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])
         values["gap"] = float(slopes.offsets[:, c].sum())
+        if found.system.tangents[c, 1] > 0:
+            values["friction"] = float(slopes.friction[c, 0])
         result[ends] = values
     return result
 
