@@ -310,7 +310,7 @@ def test_an_empty_group():
         ao.impact_map(part, "cut")
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_discs_on_a_sheet_are_those_of_single_sites(cell):
     shell = ao.Structure(

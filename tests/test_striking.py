@@ -96,6 +96,7 @@ def test_squares_are_not_divided():
     assert "quadrilateral cells are not divided" in hit.message
 
 
+@pytest.mark.slow
 def test_the_limit_stops_with_the_best_answer():
     hit = ao.strike(
         coarse(), SITE, *IMPACT, tol=1e-5, material=SHEET, supports=HELD, order=1, limit=1e-3

@@ -18,6 +18,7 @@ def test_measured_part(tmp_path):
     assert (tmp_path / "measured_part.png").stat().st_size > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bar", "plate", "solid"])
 def test_parts_of_the_benchmark(kind):
     omega, b, mass = demo("measured_frf").KINDS[kind](np.random.default_rng(0))

@@ -26,9 +26,9 @@ LIGHT = {
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured"),
 }
-MESHED = {"howto/deck", "howto/units", "howto/drop"}
+MESHED = {"howto/deck", "howto/drop"}
 SLOW = {
-    *("first_impact", "limits", "howto/map"),
+    *("first_impact", "limits", "howto/map", "howto/measured", "howto/units"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
 }
 

@@ -175,6 +175,7 @@ def test_a_probe_is_the_field_at_a_point(hit):
     assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
 
 
+@pytest.mark.slow
 def test_probe_of_a_beam_and_of_a_solid():
     """The site's own displacement, by the probe, in space and in the plane."""
     beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))

@@ -112,6 +112,7 @@ def test_nodes_and_cells_in_the_order_of_vtk(name):
     np.testing.assert_allclose(at[:, 0], field(x[None])[0][: 2 if flat else 3], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_parts_of_an_assembly_lie_in_their_places():
     """A turned block: points and vectors of all parts, or of the one named."""
     both = ao.assemble({"block": PARTS["hexahedra"]()}, at={"block": TURNED})

@@ -110,6 +110,7 @@ def test_models_are_passive_far_beyond_the_band(model):
     assert np.all((1j * w * model.modal().receptance(w)).real >= 0)
 
 
+@pytest.mark.slow
 def test_several_sites_have_modes_of_rank_one():
     values = accelerance(noisy(part(free=True)))
     sites = {"sites": ("tip", "heel")}
@@ -127,6 +128,7 @@ def test_several_sites_have_modes_of_rank_one():
     assert np.median(np.abs(one[:, 1, 0] - exact[:, 1, 0]) / size) < 0.005
 
 
+@pytest.mark.slow
 def test_damping_that_is_hysteretic_is_recognised():
     H = noisy(part(hysteretic=True)[:, 0, 0])
     found = ao.from_frf(ao.FRF(F, H, "receptance"))
@@ -153,6 +155,7 @@ def test_noise_follows_from_the_coherence():
     assert np.allclose(frf.receptance_sigma, expected)
 
 
+@pytest.mark.slow
 def test_signs_and_places_that_are_no_driving_point_are_said():
     H = noisy(part())
     with pytest.warns(ao.AntioscWarning, match="sign"):

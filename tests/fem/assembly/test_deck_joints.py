@@ -91,6 +91,7 @@ def test_a_rotation_node_is_held_by_its_displacements(tmp_path):
     assert guided > 1.5 * turning
 
 
+@pytest.mark.slow
 def test_tied_tetrahedra_are_those_with_common_nodes(tmp_path):
     """Second order: all nodes of the face are tied, so that nothing differs."""
     tied, merged = (read(tmp_path, _two_wedges(joined), merge=merge) for joined, merge in (

@@ -97,6 +97,7 @@ def test_named_dofs_are_solved_for():
     assert largest <= 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_rotation_of_a_solid_is_half_the_curl(cell, order):

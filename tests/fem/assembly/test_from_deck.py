@@ -143,6 +143,7 @@ MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
 UNWEIGHED = MATERIAL.partition("*DENSITY")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tube.inp", "tube_mixed.inp"])
 def test_a_support_holds_what_lies_between_its_nodes(tmp_path, name):
     text = (DECKS / name).read_text() + "*SOLID SECTION, ELSET=TUBE, MATERIAL=M\n" + MATERIAL

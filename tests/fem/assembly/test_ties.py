@@ -65,7 +65,7 @@ def test_constant_shear_passes_through_a_tie_between_held_sides():
         assert np.abs(u[member.rows][0::3] - STRAIN * member.nodes[:, 1]).max() < 1e-11 * STRAIN
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_constant_stress_passes_where_four_parts_meet(order):
     """Four squares with four meshes, tied along all four lines that they share."""

@@ -79,7 +79,7 @@ DECK = (
 )
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("oriented", [False, True])
 def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
     """Upright, direction 3 carries; with an *ORIENTATION direction 1."""

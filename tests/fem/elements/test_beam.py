@@ -164,6 +164,7 @@ def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
     )
 
 
+@pytest.mark.slow
 def test_linear_elements_do_not_lock():
     """The classical element errs by h²/12EI in 1/κGA and by nothing else, however thin."""
     L, n = 1.0, 10

@@ -50,7 +50,7 @@ def errors(model: ao.AntiOscillators, exact: ao.AntiOscillators) -> dict[str, np
     }
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_eighty_quadratic_elements_give_the_closed_form(name):
     exact = CASES[name][2].anti_oscillators(N)

@@ -238,6 +238,7 @@ def test_the_top_of_a_plane_mesh_is_up():
         ao.Structure(space, ao.Laminate(layers))
 
 
+@pytest.mark.slow
 def test_sides_end_where_three_sheets_meet():
     """A blade on a plate: the common edge has no side to keep, each sheet has its own."""
     x = np.array(

@@ -83,7 +83,7 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 def test_superposition_keeps_the_lowest_of_full(plate):
     part, site = plate
     full, few = ao.full(part, site), ao.superposition(part, site, 5)
@@ -102,7 +102,7 @@ def test_residual_shape_goes_with_the_residual_compliance(plate):
     np.testing.assert_allclose(model.shapes.T @ (M @ model.shapes), np.eye(4), atol=1e-7)
 
 
-@pytest.mark.sample
+@pytest.mark.slow
 def test_the_field_is_that_of_a_direct_solve(plate):
     """u = (K - ω²M)⁻¹b everywhere: by all modes, and by few with the residual shape at low ω."""
     part, site = plate
