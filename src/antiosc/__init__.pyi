@@ -290,6 +290,10 @@ from antiosc.studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,
 )
+from antiosc.studies.gradients.minimize import (
+    Optimum as Optimum,
+    minimize as minimize,
+)
 from antiosc.studies.map_results import (
     ImpactMap as ImpactMap,
 )

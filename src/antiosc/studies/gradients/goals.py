@@ -48,11 +48,10 @@ class Seeds:
 
 def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds:
     """The seeds of a goal by name; InputError for an unknown one."""
-    checks.choice("goal", goal, tuple(GOALS))
-    timed = goal in ("force", "displacement")
-    if timed != (time is not None):
+    checks.choice("goal", goal, (*GOALS, *TIMED))
+    if (goal in TIMED) != (time is not None):
         raise InputError(
-            f"the goal {goal!r} {'needs' if timed else 'has no'} time [s]: give time= with the"
+            f"the goal {goal!r} {'needs' if goal in TIMED else 'has no'} time [s]: give time= with the"
             f" goals force and displacement, and with no other."
         )
     empty = Seeds(
@@ -70,15 +69,12 @@ def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds
     if not 0 <= t <= end:
         raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {t:g} s.")
     step, since = located(found.run, np.array([t]))
-    if goal == "force":
-        _read_force(found, contact, empty, int(step[0]), float(since[0]), stays=False)
-    else:
-        _read_displacement(found, contact, empty, int(step[0]), float(since[0]))
+    TIMED[goal](found, contact, empty, int(step[0]), float(since[0]))
     return empty
 
 
 def _read_force(
-    found: Recorded, c: int, to: Seeds, step: int, since: float, stays: bool = True
+    found: Recorded, c: int, to: Seeds, step: int, since: float, stays: bool = False
 ) -> None:
     to.value = float(forces(found.run, np.array([step]), np.array([since]))[0, c])
     u = since / float(found.edges[step + 1] - found.edges[step])
@@ -104,7 +100,7 @@ def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
     a, b = f1 - f0, f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
     h = float(found.edges[k + 1] - found.edges[k])
-    _read_force(found, c, to, k, u * h)
+    _read_force(found, c, to, k, u * h, stays=True)
 
 
 def _rises(tops: Array) -> NDArray[np.bool_]:
@@ -222,16 +218,12 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
         to.readings = [(place, -weight) for place, weight in to.readings]
 
 
-def _timed(found: Recorded, c: int, to: Seeds) -> None:
-    raise AssertionError
-
-
 GOALS: dict[str, Callable[[Recorded, int, Seeds], None]] = {
     "peak_force": _peak_force,
     "impulse": _impulse,
     "contact_time": _contact_time,
     "restitution": _restitution,
     "peak_displacement": _peak_displacement,
-    "force": _timed,
-    "displacement": _timed,
 }
+#: Goals at a given time.
+TIMED = {"force": _read_force, "displacement": _read_displacement}

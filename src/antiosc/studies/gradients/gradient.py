@@ -12,6 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief, short
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
+from antiosc.contact.compiled import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation import engine
@@ -119,11 +120,19 @@ def gradient(
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
+    material = None if part is None else _material(part)
+    found, wanted, slopes = derived(hit, goal, contact, time)
+    bodies = _bodies(found, wanted, slopes, material)
+    return Gradient(goal, wanted.value, bodies, _contacts(found, slopes))
+
+
+def derived(
+    hit: Any, goal: str, contact: tuple[str, str] | None = None, time: float | None = None
+) -> tuple[Recorded, Seeds, engine.Slopes]:
+    """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
     found = recorded(hit)
     _refuse(found)
-    material = None if part is None else _material(part)
-    chosen = _contact(found, contact)
-    wanted = seeds(found, goal, chosen, time)
+    wanted = seeds(found, goal, _contact(found, contact), time)
     s = found.system
     places, weights = wanted.arrays(2 * s.omega.size + len(s.beta))
     slopes, grazing, answer = engine.gradient(
@@ -134,8 +143,7 @@ def gradient(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and {goal} has no derivative there; change an input slightly."
         )
-    bodies = _bodies(found, wanted, slopes, material)
-    return Gradient(goal, wanted.value, bodies, _contacts(found, slopes))
+    return found, wanted, slopes
 
 
 def _refuse(found: Recorded) -> None:
@@ -146,7 +154,7 @@ def _refuse(found: Recorded) -> None:
             " a gap >= 0 and without preload."
         )
     for law in s.laws:
-        if law.kernel[0].kind == march.USER if hasattr(law, "kernel") else True:
+        if not is_compiled(law):
             raise InputError(
                 f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
                 f" use a law of antiosc, or Tabulated."
