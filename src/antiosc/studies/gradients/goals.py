@@ -51,8 +51,8 @@ def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds
     checks.choice("goal", goal, (*GOALS, *TIMED))
     if (goal in TIMED) != (time is not None):
         raise InputError(
-            f"the goal {goal!r} {'needs' if goal in TIMED else 'has no'} time [s]: give time= with the"
-            f" goals force and displacement, and with no other."
+            f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
+            f" {goal}, time = {time}."
         )
     empty = Seeds(
         value=0.0,
