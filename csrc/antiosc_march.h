@@ -38,7 +38,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 2 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 3 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -213,6 +213,16 @@ typedef struct aom_event {
     double speed;   /* closing speed [m/s] */
 } aom_event;
 
+/* A contact goes over to another branch of its law, at the start of a step: what aom_gradient needs. */
+typedef struct aom_exit {
+    double step;    /* that begins there */
+    double contact; /* its number */
+    double bound;   /* of the branch that was met (internal.h) */
+    double kind;    /* 1: the step before ends here because of it, 2: a touch at once in flight, else 0 */
+    double speed;   /* closing speed [m/s] */
+    double before[4], after[4]; /* the branch, and the first three numbers that its law remembers */
+} aom_exit;
+
 typedef struct aom_record {
     int64_t max_nodes, max_states, max_events; /* room; >= 3, 1 (0 without states), n_contacts+2 */
     int64_t n_nodes, n_states, n_events;       /* written so far */
@@ -222,6 +232,8 @@ typedef struct aom_record {
     double *depth;                             /* [max_nodes][n_rows] indentations, tangential ways */
     double *states;    /* [max_states][2][n_modes] q, v at the start of steps; may be NULL */
     aom_event *events; /* [max_events] */
+    int64_t max_exits, n_exits; /* room and number of the exits */
+    aom_exit *exits;            /* [max_exits]; may be NULL */
 } aom_record;
 
 /* ---- The stepper ----------------------------------------------------------------------------- */
@@ -291,6 +303,49 @@ AOM_API void aom_modal_state(const aom_stepper *stepper, double *state);
 AOM_API size_t aom_snapshot_size(const aom_stepper *stepper);
 AOM_API void aom_save(const aom_stepper *stepper, void *snapshot);
 AOM_API void aom_restore(aom_stepper *stepper, const void *snapshot);
+
+/* ---- Gradients ------------------------------------------------------------------------------- */
+
+/* A value that a goal reads from the motion within a step. */
+typedef struct aom_reading {
+    int64_t step;
+    double at;      /* the time since its start, over its length */
+    int64_t stays;  /* 1: it stays at this share of the step, 0: at this time of the run */
+} aom_reading;
+
+/* The derivatives of a goal by what a run wrote down. */
+typedef struct aom_goal {
+    int64_t n_readings;
+    const aom_reading *readings; /* [n_readings], ascending in their steps */
+    const double *weights;       /* [n_readings][2 n_modes + n_rows] by q, v and the forces there */
+    const double *force;         /* [n_nodes][n_rows] by the forces at the nodes */
+    const double *time;          /* [n_nodes / 2 + 1] by the times at which steps begin and end */
+} aom_goal;
+
+#define AOM_LAW_SLOPES 3 /* parameters of a law with derivatives: the first ones, not of a table */
+
+/* The derivatives of a goal by the numbers of a system; arrays of the caller's that are added to. */
+typedef struct aom_slopes {
+    double *square, *decay;    /* [n_modes] by omega^2; by the decay, NULL: not wanted */
+    double *beta;              /* [n_rows][n_modes] */
+    double *residual;          /* [n_rows][n_rows] */
+    double *loads, *offsets;   /* [n_breaks][n_modes], [n_breaks][n_rows] */
+    double *laws;              /* [n_contacts][AOM_LAW_SLOPES]; those of AOM_HERTZ by k and c in all */
+    double *friction;          /* [n_contacts][2] by its coefficient, by the tangential stiffness */
+    double *q, *v;             /* [n_modes] */
+    double grazing; /* the least speed at which a contact touches or parts, over its largest */
+} aom_slopes;
+
+/* Bytes that aom_gradient works in. */
+AOM_API size_t aom_gradient_size(const aom_stepper *stepper);
+
+/* The exact derivatives of the steps of a run: its levels of steps stay, and what ends a step earlier
+ * (a contact that leaves its branch, a break of the loads) goes on ending it. The record has the
+ * states of every step, that of the end behind them, and its exits. After aom_start with the system
+ * and the options of the run. AOM_BAD_LAW with laws of the caller's, AOM_BAD_CONTACT with
+ * contacts that are closed at the start. Friction in two directions takes their couplings as equal. */
+AOM_API int aom_gradient(aom_stepper *stepper, const aom_record *run, const aom_goal *goal,
+                         aom_slopes *out, void *memory, size_t bytes);
 
 /* ---- Reading runs ---------------------------------------------------------------------------- */
 

@@ -151,7 +151,7 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
 }
 
 /* Solve A x = b in place by elimination with pivots; x into b. */
-static bool eliminate(double *A, double *b, int n) {
+bool eliminate(double *A, double *b, int n) {
     for (int k = 0; k < n; k++) {
         int best = k;
         for (int i = k + 1; i < n; i++)

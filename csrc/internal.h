@@ -28,6 +28,10 @@ typedef struct tangent {
     double force, by_delta, by_rate;
 } tangent;
 
+typedef struct curve {
+    double value, slope;
+} curve;
+
 /* How the force of a row at the nodes 0, h/2, h holds back the indentation and the rate of another
  * at h/2 and h: [stage][node]. */
 typedef struct influence {
@@ -145,7 +149,18 @@ void find_groups(aom_stepper *st);
 void find_spans(aom_stepper *st);
 void ready_moves(aom_stepper *st, int slot);
 
+/* ---- response_slopes.c */
+void response_slopes(int n, const double *omega, const double *decay, double t,
+                     const double *response, double *out);
+
 /* ---- laws.c */
+#define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
+curve law_loading(const aom_law *law, double delta);
+double law_permanent(const aom_law *law, double deepest);
+curve law_shape(const aom_law *law, double x, bool back);
+static inline bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= AOM_TABLE; }
+/* Whether reloading goes back along the unloading curve. */
+static inline bool retraces(int kind) { return kind != AOM_YANG_SUN && kind != AOM_TAN_SUN; }
 tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
                     const double *memory);
 branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
@@ -156,7 +171,21 @@ void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed
 void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,
                   double *memory);
 
+/* ---- law_slopes.c */
+
+/* Derivatives by the first parameters of a law, and by the first numbers that it remembers. */
+typedef struct law_slopes {
+    double params[AOM_LAW_SLOPES], memory[2];
+} law_slopes;
+
+law_slopes force_slopes(const aom_law *law, int branch, double delta, double rate,
+                        const double *memory);
+law_slopes bound_slopes(const aom_law *law, int branch, bound exit, const double *memory);
+void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slopes *by,
+                 double *depth, double *rate);
+
 /* ---- forces.c */
+bool eliminate(double *A, double *b, int n);
 bool one_force(aom_stepper *st, double h, const influence *local);
 void start_forces(aom_stepper *st, const influence *local);
 bool all_forces(aom_stepper *st, const influence *local);

@@ -7,15 +7,9 @@
 
 #define FULLY_PLASTIC 84.0 /* Stronge's law */
 #define PRESSURE 3.3
-#define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
 
 static const tangent NO_FORCE = {0.0, 0.0, 0.0};
 
-typedef struct curve {
-    double value, slope;
-} curve;
-
-static bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= AOM_TABLE; }
 static bool elastic_table(const aom_law *law) {
     return law->kind == AOM_TABLE && law->params[0] == 1.0;
 }
@@ -68,7 +62,7 @@ static double stronge_growth(double area) {
 }
 
 /* Virgin force and its slope of a law with memory. */
-static curve loading(const aom_law *law, double delta) {
+curve law_loading(const aom_law *law, double delta) {
     const double *p = law->params;
     if (delta <= 0.0)
         return (curve){0.0, 0.0};
@@ -113,7 +107,7 @@ double aom_law_loading_work(const aom_law *law, double delta) {
 }
 
 /* Permanent indentation after a deepest one. */
-static double permanent(const aom_law *law, double deepest) {
+double law_permanent(const aom_law *law, double deepest) {
     double y = law->params[1];
     switch (law->kind) {
     case AOM_THORNTON: {
@@ -129,7 +123,7 @@ static double permanent(const aom_law *law, double deepest) {
         double printed = y * (x - 1.0) * (x - 1.0) / (x + sqrt(2.0 * x - 1.0));
         /* what gives back no more than was put in */
         double work = aom_law_loading_work(law, deepest);
-        return larger(printed, deepest - 2.5 * work / loading(law, deepest).value);
+        return larger(printed, deepest - 2.5 * work / law_loading(law, deepest).value);
     }
     case AOM_YANG_SUN:
         return deepest <= y ? 0.0 : deepest * (1.0 - exp(0.4 * log(y / deepest)));
@@ -147,7 +141,7 @@ static double shape_power(const aom_law *law, bool back) {
 }
 
 /* Unloading (`back`) or reloading curve from (0, 0) to (1, 1). */
-static curve shape(const aom_law *law, double x, bool back) {
+curve law_shape(const aom_law *law, double x, bool back) {
     if (x <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
@@ -172,20 +166,20 @@ static double shape_area(const aom_law *law, double x, bool back) {
 static curve hysteretic(const aom_law *law, int branch, double delta, const double *memory) {
     double deepest = memory[0], turn = memory[1];
     if (branch == AOM_FORWARD && delta >= deepest)
-        return loading(law, delta);
-    double low = permanent(law, deepest);
+        return law_loading(law, delta);
+    double low = law_permanent(law, deepest);
     if (delta <= low || deepest <= 0.0)
         return (curve){0.0, 0.0};
-    double top = loading(law, deepest).value, from = deepest;
+    double top = law_loading(law, deepest).value, from = deepest;
     if (branch == AOM_BACK) {
         if (turn <= low)
             return (curve){0.0, 0.0};
         if (turn < deepest) {
-            top *= shape(law, (turn - low) / (deepest - low), false).value;
+            top *= law_shape(law, (turn - low) / (deepest - low), false).value;
             from = turn;
         }
     }
-    curve part = shape(law, (delta - low) / (from - low), branch == AOM_BACK);
+    curve part = law_shape(law, (delta - low) / (from - low), branch == AOM_BACK);
     return (curve){top * part.value, top * part.slope / (from - low)};
 }
 
@@ -255,7 +249,7 @@ tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delt
 static double origin(const aom_law *law, const double *memory) {
     if (law->kind == AOM_USER)
         return memory[law->user->n_state];
-    return remembers(law->kind) ? permanent(law, memory[0]) : 0.0;
+    return remembers(law->kind) ? law_permanent(law, memory[0]) : 0.0;
 }
 
 /* Where a branch ends. */
@@ -308,9 +302,6 @@ static void damped_touch(const aom_law *law, double speed, double *memory) {
     memory[0] = slow > 0.0 ? law->params[2] / slow : 0.0;
 }
 
-/* Whether reloading goes back along the unloading curve. */
-static bool retraces(int kind) { return kind != AOM_YANG_SUN && kind != AOM_TAN_SUN; }
-
 /* The branch of a contact that touches at a rate. */
 static int touched_branch(aom_stepper *st, const aom_law *law, double rate, double *memory) {
     if (law->kind == AOM_DAMPED)
@@ -318,7 +309,7 @@ static int touched_branch(aom_stepper *st, const aom_law *law, double rate, doub
     else if (law->kind == AOM_USER)
         user_touch(st, law->user, rate, memory);
     else if (remembers(law->kind)) {
-        double low = permanent(law, memory[0]);
+        double low = law_permanent(law, memory[0]);
         memory[2] = low;
         if (retraces(law->kind) && memory[0] > 0.0) {
             memory[1] = memory[0];
@@ -390,11 +381,11 @@ static double force_at(const aom_law *law, double delta, const double *state) {
 }
 
 static double hysteretic_energy(const aom_law *law, double delta, const double *state) {
-    double deepest = state[0], turn = state[1], low = permanent(law, deepest);
+    double deepest = state[0], turn = state[1], low = law_permanent(law, deepest);
     if (delta <= low)
         return 0.0;
     if (delta >= turn) {
-        double left = permanent(law, larger(delta, deepest));
+        double left = law_permanent(law, larger(delta, deepest));
         return force_at(law, delta, state) * (delta - left) * shape_area(law, 1.0, true);
     }
     double part = shape_area(law, (delta - low) / (turn - low), true);
@@ -442,16 +433,16 @@ void aom_law_touch(const aom_law *law, double speed, int first, double *state) {
     if (law->kind == AOM_DAMPED)
         damped_touch(law, speed, state);
     else if (remembers(law->kind) && !first)
-        state[1] = retraces(law->kind) ? state[0] : permanent(law, state[0]);
+        state[1] = retraces(law->kind) ? state[0] : law_permanent(law, state[0]);
 }
 
 /* Work along reloading and virgin loading up to delta >= the turning point, from a fixed origin. */
 static double reloading_work(const aom_law *law, double delta, double deepest) {
     if (deepest == 0.0)
         return aom_law_loading_work(law, delta);
-    double low = permanent(law, deepest);
+    double low = law_permanent(law, deepest);
     double part = shape_area(law, (smaller(delta, deepest) - low) / (deepest - low), false);
-    double work = loading(law, deepest).value * (deepest - low) * part;
+    double work = law_loading(law, deepest).value * (deepest - low) * part;
     if (delta > deepest)
         work += aom_law_loading_work(law, delta) - aom_law_loading_work(law, deepest);
     return work;

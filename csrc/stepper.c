@@ -465,14 +465,23 @@ static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
 }
 
 /* The contact of the exit goes over to its next branch; `active`: others touch. */
-static void enter_branch(aom_stepper *st, aom_record *out, bool active) {
+static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_once) {
     int c = st->exit_contact;
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
     int before = state->branch;
+    aom_exit left = {(double)st->now.steps, c, st->exit_bound, at_once ? (active ? 0 : 2) : 1, 0.0,
+                     {before}, {0.0}};
+    memcpy(left.before + 1, state->memory, 3 * sizeof(double));
     double rate = larger(st->rows[c].rate, contact->slowest);
     state->branch = next_branch(st, &contact->law, before, st->exit_bound, st->rows[c].depth, rate,
                                 state->memory);
+    if (out->exits != NULL) {
+        left.speed = st->rows[c].rate;
+        left.after[0] = state->branch;
+        memcpy(left.after + 1, state->memory, 3 * sizeof(double));
+        out->exits[out->n_exits++] = left;
+    }
     for (int k = 0; k < 1 + contact->n_tangential; k++) {
         row_state *row = st->rows + (k == 0 ? c : contact->first_tangential + k - 1);
         row->fresh = true;
@@ -502,7 +511,8 @@ static bool grew(aom_stepper *st) {
 
 static bool full(const aom_record *out) {
     return out->n_nodes + 2 > out->max_nodes || out->n_events + 1 > out->max_events ||
-           (out->states != NULL && out->n_states + 1 > out->max_states);
+           (out->states != NULL && out->n_states + 1 > out->max_states) ||
+           (out->exits != NULL && out->n_exits + 1 > out->max_exits);
 }
 
 /* The node that an empty record begins with. */
@@ -547,7 +557,7 @@ static int one_step(aom_stepper *st, aom_record *out) {
         bool touch = st->contacts[st->exit_contact].branch == AOM_APART;
         if (touch && now->touches >= st->options.max_contacts)
             return AOM_TOO_MANY_CONTACTS;
-        enter_branch(st, out, active);
+        enter_branch(st, out, active, index == AT_ONCE);
     }
     if (st->law_failed)
         return AOM_LAW_FAILED;
@@ -581,7 +591,7 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
 }
 
 void aom_clear(aom_record *record) {
-    record->n_nodes = record->n_states = record->n_events = 0;
+    record->n_nodes = record->n_states = record->n_events = record->n_exits = 0;
     record->every = 1;
 }
 

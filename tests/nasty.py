@@ -65,7 +65,7 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    "ForceComparison",
+    *("ForceComparison", "Gradient", "Optimum"),
     *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -355,6 +355,11 @@ def matrices() -> tuple[Any, Any]:
     return K, np.eye(3)
 
 
+def pushed(x: Any) -> tuple[Any, ...]:
+    """Arguments of `simulate` for a mass and a speed."""
+    return model(), ao.RigidMass(x[0], x[1]), ao.Linear(1e6), 3e-3
+
+
 CARBON = {"E1": 140e9, "E2": 9e9, "nu12": 0.3, "G12": 5e9, "G13": 5e9, "G23": 3e9}
 PLY = ao.Layer(**CARBON, rho=1600.0, thickness=1e-3)
 DIAGONAL = np.diag([2e8, 2e8, 8e7])
@@ -429,6 +434,11 @@ OWN: dict[str, dict[str, Any]] = {
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},
     "strain_gauge": {"point": (0.05, 0.05, 0.02), "direction": (1, 0, 0), "length": 0.01},
+    "minimize": {
+        "build": lambda: pushed, "goal": "impulse", "x0": [0.1, 1.0],
+        "bounds": [(0.05, 0.2), (0.5, 1.5)], "constraints": (),
+    },
+    "gradient": {"hit": history, "goal": "impulse", "contact": ("structure", "impactor")},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
     "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},

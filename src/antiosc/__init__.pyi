@@ -13,6 +13,7 @@ from antiosc.base.errors import (
     MeshError as MeshError,
     MissingDependencyError as MissingDependencyError,
     NotConvergedError as NotConvergedError,
+    NotDifferentiableError as NotDifferentiableError,
     OutOfMemoryError as OutOfMemoryError,
 )
 from antiosc.base.stresses import (
@@ -284,6 +285,14 @@ from antiosc.studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
     contact_at as contact_at,
+)
+from antiosc.studies.gradients.gradient import (
+    Gradient as Gradient,
+    gradient as gradient,
+)
+from antiosc.studies.gradients.minimize import (
+    Optimum as Optimum,
+    minimize as minimize,
 )
 from antiosc.studies.map_results import (
     ImpactMap as ImpactMap,

@@ -44,11 +44,40 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 
 
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
-    sizes = (ctypes.c_size_t * 9)()
+    sizes = (ctypes.c_size_t * 13)()
     built().part_sizes(sizes)
     mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
     mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
-    assert list(sizes) == [ctypes.sizeof(each) for each in mirrored]
+    expected = [ctypes.sizeof(each) for each in mirrored]
+    expected += [8 * march.EXIT, march.READING.itemsize]
+    assert list(sizes) == [*expected, ctypes.sizeof(march.Goal), ctypes.sizeof(march.Slopes)]
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
+@pytest.mark.parametrize("t", [1e-3, 0.04, 1.3])
+def test_slopes_of_responses(ratio: float, t: float) -> None:
+    """S, J0, J1, J2 by omega^2 and by the decay, against differences."""
+    omega = np.array([1e-3, 0.3, 0.7, 0.8, 2.0, 7.0, 40.0])
+    decay, steps = ratio * omega, np.full(omega.size, t)
+    at, found = march.responses(omega, decay, steps), np.empty((8, omega.size))
+    arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (omega, decay, at, found))
+    one, two, response, out = arrays
+    built().part_response_slopes(omega.size, one, two, ctypes.c_double(t), response, out)
+    given = omega**2, decay
+    for k in range(2):
+        if k == 1 and ratio == 0.0:
+            continue  # a decay is not negative
+        h = 1e-3 * given[k]
+        total = np.zeros((4, omega.size))
+        for shift, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
+            x, d = (each + (shift * h if i == k else 0.0) for i, each in enumerate(given))
+            total += weight * march.responses(np.sqrt(x), d, steps)[2:]
+        expected = total / (12 * h)
+        scale = np.array([t ** (n + 3 - k) for n in (0, 1, 2, 3)])[:, None]
+        # differences of the responses lose what they have in common
+        loss = 1e-13 * np.abs(at[2:]) / h
+        off = np.abs(found[4 * k : 4 * k + 4] - expected)
+        assert np.all(off <= 1e-7 * np.abs(expected) + 1e-9 * scale + loss), (k, off / scale)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])

@@ -33,6 +33,10 @@ class AccuracyError(AntioscError, ArithmeticError):
     """A result failed its check, or lies outside the range of validity of its theory."""
 
 
+class NotDifferentiableError(AccuracyError):
+    """A result has no derivative where it was asked for; the message states why."""
+
+
 class MissingDependencyError(AntioscError, ImportError):
     """An optional package is not installed; the message states which one and how to install it."""
 

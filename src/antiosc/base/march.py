@@ -21,9 +21,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 2
+VERSION = 3
 #: numbers that a contact may remember
 MEMORY = 8
+#: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
+EXIT, LAW_SLOPES = 13, 3
+#: `aom_reading`
+READING = np.dtype([("step", np.int64), ("at", float), ("stays", np.int64)])
 
 # statuses
 DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK, PAUSED, LAW_FAILED = range(8)
@@ -101,6 +105,27 @@ class Record(Structure):
         *((name, c_int64) for name in ("max_nodes", "max_states", "max_events")),
         *((name, c_int64) for name in ("n_nodes", "n_states", "n_events", "every")),
         *((name, c_void_p) for name in ("time", "force", "depth", "states", "events")),
+        *((name, c_int64) for name in ("max_exits", "n_exits")),
+        ("exits", c_void_p),
+    ]
+
+
+class Goal(Structure):
+    """`aom_goal`"""
+
+    _fields_ = [
+        ("n_readings", c_int64),
+        *((name, c_void_p) for name in ("readings", "weights", "force", "time")),
+    ]
+
+
+class Slopes(Structure):
+    """`aom_slopes`"""
+
+    _fields_ = [
+        *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
+        *((name, c_void_p) for name in ("laws", "friction", "q", "v")),
+        ("grazing", c_double),
     ]
 
 
@@ -171,6 +196,8 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
+    "aom_gradient_size": (c_size_t, c_void_p),
+    "aom_gradient": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_size_t),
     "aom_summarize": (Summary, c_void_p),
     "aom_modal_state": (None, c_void_p, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),

@@ -33,6 +33,8 @@ class Run:
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
         kept. `antiosc.simulation.scene_states` finds those in between.
     events : (., 4) time, contact, branch that begins, closing speed.
+    exits : (., 13) `aom_exit`: where a contact goes over to another branch, as gradients need it;
+        kept with the states.
     answer : why the march stopped.
     steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
         `refused` because of their error.
@@ -53,6 +55,7 @@ class Run:
     gained: float = 0.0
     work: float = 0.0
     every: int = 1
+    exits: Array | None = None
 
 
 class Buffers:
@@ -71,7 +74,8 @@ class Buffers:
         """Room for more nodes; `keep`: for their states too, of every 2nd where they are many."""
         r, (p, m, size) = self.record, self.shape
         nodes = r.max_nodes
-        if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
+        full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
+        if r.n_nodes + 2 > nodes or full:
             nodes = max(4 * nodes, _FIRST)
         most = max(STATES // (16 * max(size, 1)), 4)
         if keep and self.arrays and r.n_states >= most - 2:
@@ -84,15 +88,16 @@ class Buffers:
             np.empty((nodes, m)),
             np.empty((min(nodes // 2 + 2, most) if keep else 0, 2, size)),
             np.empty((nodes + p + 1, 4)),
+            np.empty((nodes // 2 + p + 1 if keep else 0, march.EXIT)),
         )
         for new, old in zip(arrays, self._written(), strict=False):
             new[: len(old)] = old
         self.arrays = arrays
-        r.max_nodes, r.max_events = nodes, len(arrays[4])
+        r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
-        r.time, r.force, r.depth, r.states, r.events = map(march.address, arrays)
+        r.time, r.force, r.depth, r.states, r.events, r.exits = map(march.address, arrays)
         if not keep:
-            r.states = None
+            r.states = r.exits = None
 
     def thin(self) -> None:
         """Keep every other state of those that are kept."""
@@ -103,14 +108,14 @@ class Buffers:
 
     def _written(self) -> list[Array]:
         r = self.record
-        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events
+        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
         return [each[:count] for each, count in zip(self.arrays, counts, strict=False)]
 
     def run(self, answer: int, told: march.Summary, keep: bool) -> Run:
         """What was written, as copies."""
         while keep and 16 * self.record.n_states * self.shape[2] > STATES:
             self.thin()
-        time, force, depth, states, events = (each.copy() for each in self._written())
+        time, force, depth, states, events, exits = (each.copy() for each in self._written())
         return Run(
             time=time,
             force=force,
@@ -126,6 +131,7 @@ class Buffers:
             gained=told.gained,
             work=told.work,
             every=self.record.every,
+            exits=exits if keep else None,
         )
 
 
@@ -222,7 +228,8 @@ def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Ru
     solution, buffers = march.Solution(), space.buffers
     for each in buffers:
         held = keep and each.arrays and len(each.arrays[3])
-        each.record.states = march.address(each.arrays[3]) if held else None
+        for name, at in (("states", 3), ("exits", 5)):
+            setattr(each.record, name, march.address(each.arrays[at]) if held else None)
         if keep and not held:
             each.record.max_nodes = 0
     arguments = (
@@ -262,3 +269,70 @@ def run(
     """
     options = march.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1)
     return solve(system, options, keep)[0]
+
+
+@dataclass(eq=False)
+class Slopes:
+    """Derivatives of a goal by the numbers of a `System`, of the same shapes.
+
+    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
+    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness.
+    """
+
+    square: Array
+    decay: Array
+    beta: Array
+    residual: Array
+    loads: Array
+    offsets: Array
+    laws: Array
+    friction: Array
+    q: Array
+    v: Array
+
+
+def gradient(
+    system: System,
+    found: Run,
+    states: Array,
+    readings: NDArray[np.void],
+    weights: Array,
+    force: Array,
+    time: Array,
+) -> tuple[Slopes, float, int]:
+    """Derivatives of a goal by all numbers of a system, the grazing, and the status of the march.
+
+    The grazing is the least speed at which a contact touches or parts, over the largest.
+
+    Parameters
+    ----------
+    states : (n + 1, 2, J) at the edges of all steps of the run.
+    readings, weights : of `march.READING`, and (., 2 J + m): `aom_goal`.
+    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at nodes and the times of edges.
+    """
+    given, (m, size) = system.packed, system.beta.shape
+    key = (len(system.laws), m, size, given.bodies)
+    space = _space(key, given)
+    options = march.Options(float(found.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
+    _check(march.library.aom_start(space.stepper, byref(given.system), byref(options)))
+    arrays = [found.time, found.force, found.depth, states, found.exits, readings, weights, force]
+    given_arrays = [np.ascontiguousarray(each) for each in (*arrays, time)]
+    at = [march.address(each) for each in given_arrays]
+    run = march.Record(
+        n_nodes=found.time.size, n_states=len(states), n_exits=len(given_arrays[4]), every=1,
+        time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
+    )  # fmt: skip
+    goal = march.Goal(len(readings), *at[5:])
+    s, p = system, len(system.laws)
+    laws = np.empty((p, march.LAW_SLOPES))
+    like = (s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, laws, s.slip, s.q, s.v)
+    out = [np.zeros(np.shape(each)) for each in like]
+    slopes = march.Slopes(*map(march.address, out))
+    if not s.decay.any():
+        slopes.decay = None
+    work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
+    answer = march.library.aom_gradient(
+        space.stepper, byref(run), byref(goal), byref(slopes), march.address(work), work.nbytes
+    )
+    _keep(key, space)
+    return Slopes(*out), slopes.grazing, answer

@@ -1,0 +1,1 @@
+"""How a result changes with everything that an impact is made of."""

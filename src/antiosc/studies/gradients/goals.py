@@ -1,0 +1,229 @@
+"""Goals of gradients: their values, and their derivatives by what a run wrote down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import checks, march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.simulation.main_impact import contact_time
+from antiosc.simulation.scene_states import forces, located, states
+from antiosc.studies.gradients.recorded import Recorded
+
+#: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.
+EQUAL = 1e-9
+#: Times of a run, besides the edges of its steps, at which the largest displacement is sought.
+TIMES = 1024
+#: Times that the place of the largest displacement is sought, each time in a 16th of the interval.
+REFINED = 6
+
+
+@dataclass(eq=False)
+class Seeds:
+    """A goal's value, and its derivatives by forces at nodes, times of edges, and readings.
+
+    A reading is the (step, place in it, whether it keeps that place) and weights (2 J + m,) of
+    q, v and the forces there. `B`, `r`: derivatives by those matrices at a given motion.
+    """
+
+    value: float
+    force: Array
+    time: Array
+    B: Array
+    r: Array
+    readings: list[tuple[tuple[int, float, int], Array]] = field(default_factory=list)
+
+    def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
+        """The readings as the march takes them, in the order of their steps."""
+        ordered = sorted(self.readings, key=lambda reading: reading[0][0])
+        places = np.array([place for place, _ in ordered], dtype=march.READING)
+        weights = [weight for _, weight in ordered]
+        return places, np.reshape(weights, (len(ordered), width)).astype(float)
+
+
+def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds:
+    """The seeds of a goal by name; InputError for an unknown one."""
+    checks.choice("goal", goal, (*GOALS, *TIMED))
+    if (goal in TIMED) != (time is not None):
+        raise InputError(
+            f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
+            f" {goal}, time = {time}."
+        )
+    empty = Seeds(
+        value=0.0,
+        force=np.zeros_like(found.run.force),
+        time=np.zeros(found.edges.size),
+        B=np.zeros_like(found.B),
+        r=np.zeros_like(found.r),
+    )
+    if time is None:
+        GOALS[goal](found, contact, empty)
+        return empty
+    end = float(found.run.time[-1])
+    t = checks.number("time", time, "s")
+    if not 0 <= t <= end:
+        raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {t:g} s.")
+    step, since = located(found.run, np.array([t]))
+    TIMED[goal](found, contact, empty, int(step[0]), float(since[0]))
+    return empty
+
+
+def _read_force(
+    found: Recorded, c: int, to: Seeds, step: int, since: float, stays: bool = False
+) -> None:
+    to.value = float(forces(found.run, np.array([step]), np.array([since]))[0, c])
+    u = since / float(found.edges[step + 1] - found.edges[step])
+    weight = np.zeros(2 * found.system.omega.size + len(found.system.beta))
+    weight[2 * found.system.omega.size + c] = 1.0
+    to.readings.append(((step, u, int(stays)), weight))
+
+
+def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
+    run = found.run
+    steps = np.arange(run.time.size // 2)
+    tops = march.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
+    if not tops.max(initial=0.0) > 0:
+        raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
+    k = int(np.argmax(tops))
+    near = np.abs(steps - k) > 1
+    if np.any(near & (tops >= (1 - EQUAL) * tops[k]) & _rises(tops)):
+        raise NotDifferentiableError(
+            f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
+            f" alone; change an input slightly."
+        )
+    f0, f1, f2 = run.force[2 * k : 2 * k + 3, c].tolist()
+    a, b = f1 - f0, f2 - f1
+    u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
+    h = float(found.edges[k + 1] - found.edges[k])
+    _read_force(found, c, to, k, u * h, stays=True)
+
+
+def _rises(tops: Array) -> NDArray[np.bool_]:
+    """Which of the largest values of steps are no smaller than those beside them."""
+    beside = np.concatenate(([-np.inf], tops, [-np.inf]))
+    return np.asarray((tops >= beside[:-2]) & (tops >= beside[2:]))
+
+
+def _impulse(found: Recorded, c: int, to: Seeds) -> None:
+    f = found.run.force[:, c]
+    h = np.diff(found.edges)
+    means = (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6
+    to.value = float(h @ means)
+    to.force[:-2:2, c] += h / 6
+    to.force[1::2, c] += 4 * h / 6
+    to.force[2::2, c] += h / 6
+    to.time[1:] += means
+    to.time[:-1] -= means
+
+
+def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
+    """The edges at which a contact touches and parts, and whether it parted from the last."""
+    assert found.run.exits is not None
+    spans, begin, parted = [], None, True
+    for row in found.run.exits:
+        step, which, before, after = int(row[0]), int(row[1]), int(row[5]), int(row[9])
+        if which != c:
+            continue
+        if before == march.APART:
+            begin, parted = step, False
+        elif after == march.APART and begin is not None:
+            if step > begin:
+                spans.append((begin, step))
+            begin, parted = None, True
+    if begin is not None:
+        spans.append((begin, found.edges.size - 1))
+    if not spans:
+        raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
+    return spans, parted
+
+
+def _contact_time(found: Recorded, c: int, to: Seeds) -> None:
+    spans, _ = _touches(found, c)
+    f, edges, h = found.run.force[:, c], found.edges, np.diff(found.edges)
+    area = np.append(0.0, np.cumsum(h * (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6))
+    to.value = contact_time(
+        (float(edges[a]), float(edges[b]), float(area[b] - area[a])) for a, b in spans
+    )
+    first, last = min(
+        ((a, b) for a, _ in spans for _, b in spans if b > a),
+        key=lambda pair: abs(edges[pair[1]] - edges[pair[0]] - to.value),
+    )
+    to.time[last] += 1.0
+    to.time[first] -= 1.0
+
+
+def _restitution(found: Recorded, c: int, to: Seeds) -> None:
+    spans, parted = _touches(found, c)
+    s = found.system
+    rigid = np.where(s.omega == 0, s.beta[c], 0.0)
+    states_at = found.states()[:, 1]
+    first, last = spans[0][0], spans[-1][1]
+    closing, parting = float(rigid @ states_at[first]), float(rigid @ states_at[last])
+    if not parted or not closing > 0:
+        raise NotDifferentiableError(
+            "this run has no restitution: the bodies are in contact at its end, or did not approach"
+            " each other."
+        )
+    to.value = -parting / closing
+    n = found.edges.size - 1
+    for edge, by in ((first, parting / closing**2), (last, -1 / closing)):
+        weight = np.zeros(2 * s.omega.size + len(s.beta))
+        weight[s.omega.size : 2 * s.omega.size] = by * rigid
+        to.readings.append((((edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)), weight))
+        moved = np.where(s.omega == 0, by * states_at[edge], 0.0)
+        to.B += np.outer(moved, found.G[c])
+
+
+def _side(found: Recorded, c: int) -> Array:
+    """Weights (P,) of the columns in the displacement of the first end, along the force on it."""
+    first = found.parts[found.ends[c][0].partition(":")[0]]
+    own = np.zeros(found.G.shape[1])
+    own[first.columns] = -found.G[c, first.columns]
+    return own
+
+
+def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
+    s = found.system
+    own = _side(found, c)
+    at = np.array([step]), np.array([since])
+    q, _ = states(found.run, s, found.load, *at)
+    pushed = -(forces(found.run, *at)[0] @ found.G)
+    u = since / float(found.edges[step + 1] - found.edges[step])
+    to.value = float(q[0] @ found.B @ own + pushed @ found.r @ own)
+    weight = np.concatenate((found.B @ own, np.zeros(s.omega.size), -(found.G @ found.r @ own)))
+    to.readings.append(((step, u, 0), weight))
+    to.B += np.outer(q[0], own)
+    to.r += np.outer(pushed, own)
+
+
+def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
+    edges, own = found.edges, _side(found, c)
+    t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
+    for _ in range(REFINED):
+        step, since = located(found.run, t)
+        q, _ = states(found.run, found.system, found.load, step, since)
+        pushed = -(forces(found.run, step, since) @ found.G)
+        best = int(np.argmax(np.abs(q @ (found.B @ own) + pushed @ (found.r @ own))))
+        where = int(step[best]), float(since[best])
+        t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 33)
+    _read_displacement(found, c, to, *where)
+    if to.value < 0:
+        to.value = -to.value
+        to.B, to.r = -to.B, -to.r
+        to.readings = [(place, -weight) for place, weight in to.readings]
+
+
+GOALS: dict[str, Callable[[Recorded, int, Seeds], None]] = {
+    "peak_force": _peak_force,
+    "impulse": _impulse,
+    "contact_time": _contact_time,
+    "restitution": _restitution,
+    "peak_displacement": _peak_displacement,
+}
+#: Goals at a given time.
+TIMED = {"force": _read_force, "displacement": _read_displacement}

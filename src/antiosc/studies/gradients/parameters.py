@@ -1,0 +1,134 @@
+"""From derivatives by modes to those by the parameters that the bodies were given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Motion
+from antiosc.simulation.impactors import Impactor, RigidMass, Sphere
+
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ByModes:
+    """Derivatives by the modes of one body, and the modes' loads and start.
+
+    square, decay, load, start (J,); site (J,) by the displacement of its one site, r by its
+    residual compliance. `v`, `g` (J,): modal velocities at the start and loads.
+    """
+
+    square: Array
+    decay: Array
+    site: Array
+    r: float
+    load: Array
+    start: Array
+    v: Array
+    g: Array
+
+
+def by_material(model: AntiOscillators, modes: ModalBody, by: ByModes, material: Any) -> Values:
+    """Derivatives by E and rho of a part of one isotropic material.
+
+    All frequencies go with sqrt(E/rho), k0 with E, the masses and what gravity and a start take of
+    them with rho.
+    """
+    slope = by_model(model, modes, by)
+    stiffer = 0.5 * float(slope["omega"] @ model.omega)
+    heavier = float(slope["m"] @ model.m) + (slope["m0"] or 0.0) * model.m0
+    heavier += float(by.load @ by.g) + (0.0 if modes.inertia is None else float(by.start @ by.v))
+    return {
+        "E": (stiffer + slope["k0"] * model.k0) / material.E,
+        "rho": (heavier - stiffer) / material.rho,
+    }
+
+
+def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
+    """Derivatives by the parameters of a body of one site; {} for a foreign one.
+
+    `closing`: the speed [m/s] at the start with which the body closes its contact.
+    """
+    found: Values = {}
+    if isinstance(body, Impactor):
+        found = by_body(body.body, modes, by, closing)
+        found.pop("initial_velocity", None)
+    elif isinstance(body, RigidMass | Sphere):
+        mass = body.mass
+        found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ modes.b) / (2 * mass)
+    elif isinstance(body, AntiOscillators):
+        found = by_model(body, modes, by)
+    else:
+        return {}
+    velocity = getattr(body, "velocity", 0.0)
+    name = "velocity" if isinstance(body, RigidMass | Sphere | Impactor) else "initial_velocity"
+    if isinstance(velocity, Motion):
+        return found
+    speed = velocity or closing
+    if speed:
+        found[name] = float(by.start @ by.v) / speed
+    return found
+
+
+def by_model(model: AntiOscillators, modes: ModalBody, by: ByModes) -> Values:
+    """Derivatives by m0, k0, m and omega of a model of one site.
+
+    The modes solve K phi = x M phi in the coordinates lambda, phi' M phi = 1. With a massless site
+    (m0 = 0) the site follows the others, and its compliance r is the mode without inertia; there is
+    no derivative by m0 then: None.
+    """
+    hidden = model.hidden_count
+    assert modes.shape is not None
+    phi = modes.shape[: model.n + 1, hidden:]
+    x = modes.omega[hidden:] ** 2
+    m, omega = model.m, model.omega
+    inertia = np.diag(np.concatenate(([model.m0], m)))
+    square, site, load, start, v, g, decay = (
+        each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
+    )
+    if model.damping is not None:
+        square = square + decay * _decay_slopes(model, modes.omega)[hidden:]
+    by_phi = np.zeros_like(phi)
+    by_phi[0] = site
+    # loads and starts are phi' p with a given p: what the participations say
+    by_phi += np.outer(inertia @ phi @ g, load)
+    rigid = (x == 0) & (phi[0] != 0)
+    if modes.inertia is not None:
+        by_phi += np.outer(inertia @ phi @ v, start)
+    elif rigid.any() and v.any():  # V b/(b b) of the one rigid mode that moves the site
+        by_phi[0, rigid] -= start[rigid] * v[rigid] / phi[0, rigid]
+    coupling = phi.T @ by_phi  # of mode k into mode j
+    apart = x - x[:, None]
+    np.fill_diagonal(apart, 1.0)
+    mixed = coupling / apart
+    np.fill_diagonal(mixed, 0.0)
+    within = np.diag(square) + mixed
+    by_K = phi @ within @ phi.T
+    by_M = -phi @ (within * x + 0.5 * np.diag(np.diag(coupling))) @ phi.T
+    if modes.r > 0:
+        at_site = modes.r * (phi @ by_phi[0])
+        by_K[0] -= at_site
+        by_M[0] += modes.r * (phi @ (x * by_phi[0]))
+        by_K[0, 0] -= modes.r**2 * by.r
+    springs = by_K[0, 0] + np.diag(by_K)[1:] - by_K[0, 1:] - by_K[1:, 0]
+    return {
+        "m0": None if modes.r > 0 else float(by_M[0, 0]),
+        "k0": float(by_K[0, 0]),
+        "m": np.diag(by_M)[1:] + omega**2 * springs,
+        "omega": 2 * omega * m * springs,
+    }
+
+
+def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
+    """Derivatives (J,) of the decays of free modes by their omega^2."""
+    assert model.damping is not None
+    d = model.damping
+    ratio = d.decay(omega) - d.alpha / 2 - d.beta * omega**2 / 2  # ratio_j omega_j
+    slope = np.divide(ratio, 2 * omega**2, out=np.zeros_like(omega), where=omega > 0)
+    return np.asarray(slope + d.beta / 2)

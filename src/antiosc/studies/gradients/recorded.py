@@ -1,0 +1,86 @@
+"""A run as gradients see it: its march, and the bodies whose modes stand side by side in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
+from antiosc.simulation.engine import Run
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_states import starts
+from antiosc.simulation.system import System
+
+EXACT = 'a History that simulate or Scene.run returned with method="exact"'
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A body: its modes among all, the columns of its sites, and its form in free modes if any."""
+
+    body: Any
+    modes: Any
+    span: slice
+    columns: slice
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What the march took and wrote down; B (J, P), r (P, P), G (m, P) as in `Assembly`.
+
+    `ends`: the names of the ends of the contacts; `laws`: as they were given. `driven`: loads or
+    the ground act in time.
+    """
+
+    system: System
+    run: Run
+    load: Callable[[Array], Array]
+    parts: dict[str, Part]
+    ends: list[tuple[str, str]]
+    laws: list[ContactLaw]
+    B: Array
+    r: Array
+    G: Array
+    driven: bool = False
+
+    @property
+    def edges(self) -> Array:
+        """Times (n + 1,) [s] at which steps begin and end."""
+        return self.run.time[::2]
+
+    def states(self) -> Array:
+        """Modal displacements and velocities (n + 1, 2, J) at the edges."""
+        if self.run.every == 1 and self.run.states is not None:
+            return self.run.states
+        every = np.arange(self.edges.size)
+        return np.stack(starts(self.run, self.system, self.load, every), axis=1)
+
+
+def recorded(hit: Any) -> Recorded:
+    """The run of a history; InputError for what has none with all that gradients need."""
+    run = hit.run if isinstance(hit, History) else None
+    if run is None or run.exits is None or run.states is None:
+        raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
+    a = hit.assembly
+    parts = {
+        name: Part(body.body, body.modes, a.spans[name], a.columns[name])
+        for name, body in a.bodies.items()
+    }
+    return Recorded(
+        system=a.system,
+        run=run,
+        load=a.load,
+        parts=parts,
+        ends=[(contact.a, contact.b) for contact in a.scene.contacts],
+        laws=[contact.law for contact in a.scene.contacts],
+        B=a.B,
+        r=a.r,
+        G=a.G,
+        driven=bool(a.scene.loads) or a.scene.base is not None,
+    )

@@ -1,0 +1,251 @@
+"""`gradient` against closed forms, identities of dimensions, and differences of tight runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+MODEL: dict[str, Any] = {"m0": 0.05, "k0": 2e5, "m": [0.3, 0.1, 0.05], "omega": [2e3, 6e3, 1.4e4]}
+
+
+def blow(law: ao.ContactLaw, model: dict[str, Any] = MODEL, **options: Any) -> ao.History:
+    given = {"gap": 1e-5, "tol": 1e-5} | options
+    return ao.simulate(ao.AntiOscillators(**model), ao.RigidMass(0.5, 1.0), law, 3e-3, **given)
+
+
+@pytest.mark.parametrize(
+    ("law", "goal", "powers"),
+    [
+        (ao.Hertz(1e9), "peak_force", (3 / 5, 6 / 5, 2 / 5)),
+        (ao.Hertz(1e9), "contact_time", (2 / 5, -1 / 5, -2 / 5)),
+        (ao.Linear(1e6), "peak_force", (1 / 2, 1, 1 / 2)),
+        (ao.Linear(1e6), "impulse", (1, 1, 0)),
+        (ao.Linear(1e6), "contact_time", (1 / 2, 0, -1 / 2)),
+    ],
+)
+def test_a_mass_on_a_rigid_wall(
+    law: ao.ContactLaw, goal: str, powers: tuple[float, float, float]
+) -> None:
+    """d ln goal/d ln (m, v, k): W. Goldsmith, Impact, London 1960, section 4.2."""
+    ball, wall = ao.RigidMass(0.2, 1.5), ao.Obstacle()
+    hit = ao.Scene({"wall": wall, "ball": ball}, [ao.Contact("wall", "ball", law)]).run(
+        2e-3, tol=1e-7
+    )
+    g = ao.gradient(hit, goal)
+    found = np.array([g.mass * 0.2, g.velocity * 1.5, g.stiffness * law.stiffness]) / g.value
+    assert found == pytest.approx(powers, abs=1e-5)
+
+
+#: Powers of mass, length and time in the units of goals and parameters.
+UNITS = {
+    "peak_force": (1, 1, -2), "impulse": (1, 1, -1), "contact_time": (0, 0, 1),
+    "restitution": (0, 0, 0), "peak_displacement": (0, 1, 0), "mass": (1, 0, 0),
+    "velocity": (0, 1, -1), "m0": (1, 0, 0), "m": (1, 0, 0), "k0": (1, 0, -2), "omega": (0, 0, -1),
+    "gap": (0, 1, 0), "compliance": (-1, 0, 2), "yield_indentation": (0, 1, 0),
+    "critical": (0, 1, 0),
+}  # fmt: skip
+
+
+def in_units(g: ao.Gradient, values: dict[str, Any], exponent: float) -> np.ndarray:
+    """Sums over all parameters of p dG/dp times the powers of their units."""
+    units = UNITS | {"stiffness": (1, 1 - exponent, -2)}
+    total = np.zeros(3)
+    for name, value in values.items():
+        slope = getattr(g, name)
+        if slope is not None:
+            total += np.sum(np.multiply(slope, value)) * np.array(units[name])
+    return total
+
+
+@pytest.mark.parametrize("goal", ["peak_force", "impulse", "contact_time", "peak_displacement"])
+@pytest.mark.parametrize(
+    ("law", "model"),
+    [
+        (ao.Hertz(5e8), {}),
+        (ao.Hertz(5e8), {"m0": 0.0}),
+        (ao.Hertz(5e8, compliance=2e-9), {"k0": 0.0}),
+        (ao.Linear(5e6), {"m0": 0.0, "k0": 0.0}),
+        (ao.Power(2e8, 1.3), {}),
+        (ao.HuntCrossley(5e8, 0.7), {}),
+        (ao.Thornton(5e8, 2e-5), {}),
+        (ao.Stronge(5e8, 2e-6), {}),
+        (ao.YangSun(5e8, 2e-5), {"m0": 0.0}),
+        (ao.TanSun(5e8, 2e-5, 0.4), {"damping": ao.Damping(0.03)}),
+    ],
+)
+def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) -> None:
+    """A result does not depend on the units of its parameters (Buckingham).
+
+    That holds for the steps themselves, of mass and length exactly; a unit of time would change
+    their lengths.
+    """
+    model = MODEL | model
+    hit = blow(law, model, tol=1e-4)
+    g = ao.gradient(hit, goal)
+    values = {name: model[name] for name in ("m0", "k0", "m", "omega")}
+    values |= {"mass": 0.5, "velocity": 1.0, "gap": 1e-5, "stiffness": law.stiffness}
+    for name in ("compliance", "yield_indentation", "critical"):
+        values |= {name: getattr(law, name)} if hasattr(law, name) else {}
+    exponent = 1.0 if isinstance(law, ao.Linear) else getattr(law, "exponent", 1.5)
+    found = in_units(g, values, exponent) / g.value
+    assert found[:2] == pytest.approx(UNITS[goal][:2], abs=1e-6)
+    if goal != "peak_displacement":  # which may grow to the end of the run
+        assert found[2] == pytest.approx(UNITS[goal][2], abs=2e-2)
+
+
+def random_blow(seed: int) -> tuple[Callable[[float, float], ao.History], Callable[[Any], float]]:
+    """A run of (change, tol) with all inputs changed in proportion, and the sum of their parts."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    k = 10 ** rng.uniform(8, 9.5)
+    laws = [
+        ao.Linear(k / 100), ao.Hertz(k), ao.Power(k / 5, 1.3), ao.HuntCrossley(k, 0.7),
+        ao.Gonthier(k, 0.8), ao.Thornton(k, 1e-5), ao.Stronge(k, 1e-6), ao.YangSun(k, 1e-5),
+        ao.TanSun(k, 1e-5, 0.3),
+    ]  # fmt: skip
+    law = laws[seed % len(laws)]
+    massless = rng.random() < 0.3 and not law.rate_dependent
+    model = {
+        "m0": 0.0 if massless else rng.uniform(0.01, 0.1),
+        "k0": 0.0 if rng.random() < 0.3 else 10 ** rng.uniform(4, 6),
+        "m": rng.uniform(0.02, 0.3, n),
+        "omega": np.sort(10 ** rng.uniform(3, 4.5, n)),
+    }
+    damping = ao.Damping(rng.uniform(0, 0.05), 20.0, 1e-7) if rng.random() < 0.5 else None
+    mass, velocity, gap = rng.uniform(0.05, 1.0), rng.uniform(0.3, 3.0), rng.uniform(0, 2e-5)
+    w = rng.uniform(-1, 1, 10)
+
+    def run(change: float, tol: float) -> ao.History:
+        f = 1 + change * w
+        body = ao.AntiOscillators(
+            m0=model["m0"] * f[0],
+            k0=model["k0"] * f[1],
+            m=model["m"] * f[2],
+            omega=model["omega"] * f[3],
+            damping=damping,
+        )
+        changed = replace(law, stiffness=law.stiffness * f[4])
+        ball = ao.RigidMass(mass * f[5], velocity * f[6])
+        return ao.simulate(body, ball, changed, 4e-3, tol=tol, gap=gap * f[7])
+
+    def along(g: ao.Gradient) -> list[float]:
+        return [
+            0.0 if g.m0 is None else g.m0 * model["m0"] * w[0],
+            g.k0 * model["k0"] * w[1],
+            float(g.m @ model["m"]) * w[2],
+            float(g.omega @ model["omega"]) * w[3],
+            g.stiffness * law.stiffness * w[4],
+            g.mass * mass * w[5],
+            g.velocity * velocity * w[6],
+            g.gap * gap * w[7],
+        ]
+
+    return run, along
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("first", range(0, 200, 10))
+@pytest.mark.filterwarnings("ignore")
+def test_random_blows_against_differences(first: int) -> None:
+    """Along a random direction of all inputs, within 1e-3 of its largest part."""
+    for seed in range(first, first + 10):
+        run, along = random_blow(seed)
+        h = 1e-5
+        below, at, above = run(-h, 1e-8), run(0.0, 1e-5), run(h, 1e-8)
+        for goal in ("peak_force", "impulse"):
+            parts = along(ao.gradient(at, goal))
+            expected = (getattr(above, goal) - getattr(below, goal)) / (2 * h)
+            size = max(map(abs, parts))
+            assert abs(sum(parts) - expected) <= 1e-3 * size, (seed, goal, sum(parts), expected)
+
+
+def random_row(seed: int) -> tuple[Callable[[float, float], ao.SceneHistory], Callable[..., Any]]:
+    """A structure and balls in a row, the last of which strikes the others, as `random_blow`."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    k = 10 ** rng.uniform(8, 9.5)
+    kinds = [ao.Hertz(k), ao.Thornton(k, 1e-5), ao.HuntCrossley(k, 0.7), ao.Linear(k / 100)]
+    laws = [kinds[i] for i in rng.integers(0, 4, count)]
+    masses, gaps = rng.uniform(0.05, 0.5, count), rng.uniform(1e-6, 5e-5, count)
+    speed = rng.uniform(0.5, 2.0)
+    m, omega = rng.uniform(0.05, 0.5, 2), np.sort(10 ** rng.uniform(3, 4.3, 2))
+    w = rng.uniform(-1, 1, (4, count))
+    names = ["part", *(f"ball{i}" for i in range(count))]
+    ends = list(pairwise(names))
+
+    def run(change: float, tol: float) -> ao.SceneHistory:
+        f = 1 + change * w
+        bodies: dict[str, Any] = {
+            "part": ao.AntiOscillators(m0=0.05, k0=1e5, m=m * f[3, 0], omega=omega)
+        }
+        for i, mass in enumerate(masses * f[0]):
+            moving = speed if i == count - 1 else 0.0
+            bodies[names[1 + i]] = ao.RigidMass(mass, moving)
+        contacts = [
+            ao.Contact(a, b, replace(law, stiffness=law.stiffness * f[1, i]), gap=gaps[i] * f[2, i])
+            for i, ((a, b), law) in enumerate(zip(ends, laws, strict=True))
+        ]
+        return ao.Scene(bodies, contacts).run(3e-3, tol=tol)
+
+    def along(g: ao.Gradient) -> list[float]:
+        parts = [float(g.bodies["part"]["m"] @ m) * w[3, 0]]
+        for i in range(count):
+            contact = g.contacts[ends[i]]
+            parts.append(g.bodies[names[1 + i]]["mass"] * masses[i] * w[0, i])
+            parts.append(contact["stiffness"] * laws[i].stiffness * w[1, i])
+            parts.append(contact["gap"] * gaps[i] * w[2, i])
+        return parts
+
+    return run, along
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("first", range(0, 200, 10))
+@pytest.mark.filterwarnings("ignore")
+def test_random_scenes_against_differences(first: int) -> None:
+    """The impulse of the first contact of a row, within 1e-3 of the largest part."""
+    for seed in range(first, first + 10):
+        run, along = random_row(seed)
+        h = 1e-5
+        below, at, above = run(-h, 1e-8), run(0.0, 1e-5), run(h, 1e-8)
+        ends = "part", "ball0"
+        if not at[ends].contacts:
+            continue
+        parts = along(ao.gradient(at, "impulse", contact=ends))
+        expected = (above[ends].impulse - below[ends].impulse) / (2 * h)
+        size = max(map(abs, parts))
+        assert abs(sum(parts) - expected) <= 1e-3 * size, (seed, sum(parts), expected)
+
+
+def test_what_has_no_gradient() -> None:
+    away = ao.simulate(
+        ao.AntiOscillators(**MODEL), ao.RigidMass(0.5, 1.0), ao.Hertz(1e8), 1e-6, gap=1.0
+    )
+    for goal in ("peak_force", "contact_time", "restitution"):
+        with pytest.raises(ao.NotDifferentiableError, match="touch"):
+            ao.gradient(away, goal)
+    hit = blow(ao.Hertz(1e8))
+    with pytest.raises(ao.InputError, match="goal"):
+        ao.gradient(hit, "momentum")
+    with pytest.raises(ao.InputError, match="time"):
+        ao.gradient(hit, "force")
+    with pytest.raises(ao.InputError, match="exact"):
+        ao.gradient(blow(ao.Hertz(1e8), method="newmark", step=1e-6), "impulse")
+    with pytest.raises(AttributeError, match="stiffness"):
+        _ = ao.gradient(hit, "impulse").yield_indentation
+
+
+def test_equal_peaks_have_no_gradient() -> None:
+    """A mass that rebounds between two walls meets each with the same force."""
+    ball = ao.RigidMass(0.2, 1.0)
+    walls = ao.Contact("wall", "ball", ao.Linear(1e6))
+    pull = ao.Scene({"wall": ao.Obstacle(), "ball": ball}, [walls], gravity=2000.0)
+    with pytest.raises(ao.NotDifferentiableError, match="equal"):
+        ao.gradient(pull.run(8e-3, tol=1e-8), "peak_force")
