@@ -23,8 +23,9 @@ from antiosc.models.model_info import MeasuredBand, ModelInfo
 DampingForm = Literal["viscous", "hysteretic"]
 #: Most values that are fitted.
 MOST_FITTED = 100_000
-#: chi^2 over the degrees of freedom above which a warning says that the fit is poor.
-POOR = 2.0
+#: chi^2 over the degrees of freedom above which a warning says that the fit is poor, unless its
+#: median error is slight: nothing is known of the noise of data that have none.
+POOR, SLIGHT = 2.0, 0.005
 #: Median |H - fit| over |H| above which a measurement is refused, and from which it is told.
 UNFITTED, ROUGH = 0.5, 0.15
 #: Least displacement of the sites in a rigid-body mode of unit mass over the largest.
@@ -157,7 +158,7 @@ def _check(data: Measured, fit: Fit) -> None:
             f"no passive body explains the measurement: the best one is off by {off:.0%} in the"
             " median; check that it is a driving point, its quantity and its units."
         )
-    if off > ROUGH or fit.chi2 > POOR:
+    if off > ROUGH or (fit.chi2 > POOR and off > SLIGHT):
         warn(
             f"the model differs from the measurement by {off:.1%} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",

@@ -52,7 +52,7 @@ def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds
     if (goal in TIMED) != (time is not None):
         raise InputError(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
-            f" {goal}, time = {time}."
+            f" {goal}, time = {checks.shown(time)}."
         )
     empty = Seeds(
         value=0.0,
