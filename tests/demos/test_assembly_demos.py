@@ -101,6 +101,6 @@ def test_spiders(tmp_path: Path) -> None:
             assert ways[way]["compliance"] == pytest.approx(exact, rel=1e-9)
     mean, rigid = found.values()
     entries = "of the factor, MUMPS"
-    assert mean["as assemble does"][entries] < mean["eliminated, no basis"][entries]
+    assert mean["as assemble does"][entries] <= mean["eliminated, no basis"][entries]
     assert rigid["as assemble does"][entries] < rigid["bordered"][entries]
     assert "| Mean, 625 |" in (tmp_path / "spiders.md").read_text()

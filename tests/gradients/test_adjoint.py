@@ -10,7 +10,7 @@ import laws
 from antiosc.base import march
 from antiosc.simulation import engine
 from antiosc.simulation.system import System
-from gradients.replay import Inputs, Steps, derivative
+from gradient_replay import Inputs, Steps, derivative
 
 END = 0.03
 

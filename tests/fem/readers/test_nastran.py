@@ -45,6 +45,7 @@ def test_a_solid_deck_is_a_structure():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:not used of plate.bdf")
 def test_a_plate_of_quadrilaterals_and_triangles():
     with pytest.warns(ao.AntioscWarning, match="5 elements; 3 of them .* 1 CELAS2, 1 CONM2"):
         mesh = ao.read_mesh(DECKS / "plate.bdf", unit="mm")
