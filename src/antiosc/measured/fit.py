@@ -87,6 +87,10 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
     if free is None and modes.rigid is not None and not _rigid(modes, covariance(normal)):
         modes = replace(modes, rigid=None)
     best = _finished(data, weight, modes)
+    if free is None and modes.rigid is not None:  # data without noise show anything
+        held = _finished(data, weight, replace(modes, rigid=None))
+        if held.cost < best.cost + STANDS**2 * max(best.chi2, 1.0):
+            best = held
     bodies = [best.modes, *_other_tails(data, best)]
     best = min(
         (_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]), key=_cost
