@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -110,6 +111,31 @@ def test_a_campaign_that_breaks_off_goes_on(tmp_path):
         if wrong:
             with pytest.raises(ao.InputError, match="name a new file"):
                 ao.monte_carlo(run, inputs, 10, store=path)
+
+
+def test_blows_that_all_fail_in_one_part_cost_no_other():
+    """Runs are simulated in parts of 100; simulate_many refuses a batch of which all fail."""
+    calls = []
+
+    def run(v):
+        calls.append(v)
+        yielding = ao.Tabulated([0.0, 1e-9], [0.0, 1.0])  # ends long before the blow does
+        law = yielding if len(calls) <= 100 else ao.Hertz(1e8)
+        return WALL, ao.RigidMass(0.1, v), law, 5e-3
+
+    many = ao.monte_carlo(run, {"v": ao.uniform(1.0, 2.0)}, 150)
+    assert list(many.failed) == list(range(100))
+    assert len(many.finite("peak_force")) == 50
+
+
+def test_a_store_that_cannot_be_one_is_refused(tmp_path):
+    speeds = {"v": ao.uniform(1.0, 2.0)}
+    os.mkfifo(tmp_path / "pipe")
+    for store in (tmp_path / "pipe", "/dev/zero", tmp_path):
+        with pytest.raises(ao.InputError):
+            ao.monte_carlo(lambda v: v, speeds, 5, store=store)
+    with pytest.raises(ao.InputError, match="different names"):
+        ao.monte_carlo(lambda v: {"v": 2 * v}, speeds, 5, store=tmp_path / "names.csv")
 
 
 def test_an_executor_gives_the_same():

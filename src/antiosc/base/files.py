@@ -21,6 +21,8 @@ from antiosc.base.errors import InputError
 
 #: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
 FORMULA = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
+#: Largest table or measurement that is read whole, bytes.
+LARGEST_READ = 100_000_000
 #: Longest suffix that the temporary file keeps: programs choose a format by it.
 _SUFFIX = 20
 
@@ -58,6 +60,22 @@ def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[P
             raise
     except (OSError, UnicodeEncodeError) as error:
         raise cannot_write(what, path, error) from error
+
+
+def check_readable(path: Path, what: str) -> None:
+    """InputError unless `path` is a regular file of 1 to 100 MB: a pipe could block, a device never
+    end. `what` it holds, for messages."""
+    try:
+        if not path.is_file():
+            raise InputError(f"there is no regular file {checks.shown(os.fspath(path))}.")
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(f"cannot read {path.name}: {error.strerror or error}.") from error
+    if not 0 < size <= LARGEST_READ:
+        raise InputError(
+            f"{path.name} has {size} bytes; {what} has 1 to {LARGEST_READ:g} bytes: cut it to what"
+            " is needed."
+        )
 
 
 def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") -> None:

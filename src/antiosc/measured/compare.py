@@ -15,8 +15,9 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.files import check_readable
 from antiosc.charts.figures import finished, legend, panels
-from antiosc.measured.reading import check_file, table
+from antiosc.measured.reading import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,7 +161,7 @@ def _history(measured: Any) -> tuple[Array, Array]:
         given: Any = dict(zip(("time", "force"), measured, strict=True))
     else:
         path = checks.path("measured", measured)
-        check_file(path)
+        check_readable(path, "a measurement")
         given = table(path, ["time", "force"])
         if not {"time", "force"} <= set(given):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")

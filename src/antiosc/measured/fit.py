@@ -84,10 +84,8 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
         modes = modes if more is None else more
         if given is None:
             modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
-    if free is None and modes.rigid is not None and not _rigid(modes, covariance(normal)):
-        modes = replace(modes, rigid=None)
     best = _finished(data, weight, modes)
-    if free is None and modes.rigid is not None:  # data without noise show anything
+    if free is None:  # rigid-body motion must stand above the misfit
         held = _finished(data, weight, replace(modes, rigid=None))
         if held.cost < best.cost + STANDS**2 * max(best.chi2, 1.0):
             best = held
@@ -200,13 +198,6 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
     first = len(modes.omega) + modes.seen
     spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
     return np.asarray(np.any(np.abs(own) > STANDS * spread, axis=1))
-
-
-def _rigid(modes: Modes, spreads: Array) -> bool:
-    """Whether a rigid-body motion stands above the noise."""
-    first = sum(modes.sizes[:3])
-    part = slice(first, first + modes.sizes[3])
-    return bool(np.any(np.abs(modes.values[part]) > STANDS * np.sqrt(np.diag(spreads)[part])))
 
 
 def _missing(data: Measured, weight: Array, modes: Modes) -> Modes | None:

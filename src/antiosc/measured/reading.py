@@ -13,11 +13,10 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.files import check_readable
 from antiosc.measured import uff
 from antiosc.measured.frf import AVERAGES, FRF, Quantity
 
-#: Largest file that is read, bytes.
-LARGEST_FILE = 100_000_000
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
     "f": "frequency", "re": "real", "im": "imag", "mag": "magnitude", "abs": "magnitude",
@@ -76,7 +75,7 @@ def read_frf(
     averages = checks.whole("averages", averages)
     ending = where.suffix.lower()
     try:
-        check_file(where)
+        check_readable(where, "a measurement")
         if ending in (".uff", ".unv", ".58"):
             found = uff.functions(where)
             return uff.chosen(found, site, quantity, unit, averages)
@@ -88,20 +87,6 @@ def read_frf(
         if where.name in str(error):
             raise
         raise type(error)(f"{where.name}: {error}") from error
-
-
-def check_file(path: Path) -> None:
-    try:
-        if not path.is_file():
-            raise InputError(f"there is no regular file {os.fspath(path)!r}.")
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(f"cannot read {path.name}: {error.strerror or error}.") from error
-    if not 0 < size <= LARGEST_FILE:
-        raise InputError(
-            f"{path.name} has {size} bytes; a measurement has 1 to {LARGEST_FILE:g} bytes: cut it"
-            " to the lines and channels that are needed."
-        )
 
 
 def _of_columns(

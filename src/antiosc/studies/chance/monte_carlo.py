@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, without_warnings
-from antiosc.base.files import complete
+from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.executors import check_executor, returned
@@ -93,12 +93,14 @@ def monte_carlo(
     together = max(TOGETHER, -(-len(todo) // PARTS))
     parts = [todo[k : k + together] for k in range(0, len(todo), together)]
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
+    done = 0
     with counting("runs", len(todo)) as ready:
         for part, found in zip(parts, _made(run, given_of, executor), strict=True):
             rows.update(zip(part, found, strict=True))
             if path is not None:
                 _store(path, drawn, rows)
-            ready(min(todo.index(part[-1]) + 1, len(todo)))
+            done += len(part)
+            ready(done)
     return _sample(drawn, [rows[i] for i in range(size)])
 
 
@@ -153,7 +155,7 @@ def _simulated(scenes: list[tuple[Any, ...]]) -> list[Row]:
     models, impactors, contacts, durations = map(list, zip(*scenes, strict=True))
     try:
         batch = simulate_many(models, impactors, contacts, durations)
-    except InputError as error:
+    except AntioscError as error:  # of one scene, or of all
         return [str(error)] if len(scenes) == 1 else [r for s in scenes for r in _simulated([s])]
     return [
         {name: float(getattr(batch, name)[i]) for name in QUANTITIES}
@@ -194,11 +196,12 @@ def _sample(drawn: dict[str, Array], rows: list[Row]) -> Sample:
 
 def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     """The runs of a stored campaign; InputError if it cannot be read or has other inputs."""
-    try:
-        with path.open(newline="") as file:
-            return dict(_run_of(line, drawn) for line in csv.DictReader(file, strict=True))
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return {}
+    check_readable(path, "a campaign")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return dict(_run_of(line, drawn) for line in csv.DictReader(file, strict=True))
     except (OSError, ValueError, TypeError, KeyError, csv.Error) as error:
         said = getattr(error, "strerror", None) or " ".join(str(error).split())
         shown = checks.shown(str(path))
@@ -220,11 +223,17 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
 def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> None:
     """Write the campaign anew: the file is complete at any time."""
     names = dict.fromkeys(name for row in rows.values() if not isinstance(row, str) for name in row)
+    columns = [NUMBER, *drawn, *names, ERROR]
+    if len(set(columns)) < len(columns):
+        raise InputError(
+            f"the columns of {path.name} must have different names; they are {', '.join(columns)}:"
+            " name the results otherwise than the inputs."
+        )
     with (
         complete(path, "the campaign") as part,
         part.open("w", encoding="utf-8", newline="") as file,
     ):
-        table = csv.DictWriter(file, [NUMBER, *drawn, *names, ERROR], restval="")
+        table = csv.DictWriter(file, columns, restval="")
         table.writeheader()
         for i, row in sorted(rows.items()):
             results = {ERROR: row} if isinstance(row, str) else row
