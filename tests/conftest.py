@@ -9,6 +9,8 @@ import sys
 import numpy as np
 import pytest
 
+from rank import compile_quickly
+
 
 @pytest.fixture
 def rng() -> np.random.Generator:
@@ -30,16 +32,8 @@ def pytest_report_header() -> str:
 
 
 def pytest_collection_finish() -> None:
-    """Compile forms with little optimisation: small meshes, and hundreds of forms in a new cache.
-
-    FFCx holds such libraries apart from those of a user's own runs.
-    """
     if "dolfinx.jit" in sys.modules:
-        names = ("DOLFINX_DEFAULT_JIT_PARAMETERS", "DOLFINX_DEFAULT_JIT_OPTIONS")
-        for name in names:  # the older one is of dolfinx 0.5
-            defaults = getattr(sys.modules["dolfinx.jit"], name, {})
-            if defaults:
-                defaults["cffi_extra_compile_args"] = (["-O1", "-g0"], "")
+        compile_quickly()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks

@@ -6,17 +6,27 @@ r"""Run a script on several MPI ranks from within a serial test.
         assert run_ranks(2, script) == ["2\n", "2\n"]
 
 So the whole suite is one pytest run, and a rank that fails or hangs is an ordinary failed test.
+The ranks stay for the next script, with the packages that they have imported.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import json
 import os
+import select
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import textwrap
+import time
 from pathlib import Path
+from typing import Any
+
+from paths import TESTS
 
 ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -33,52 +43,118 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
 }
 
-# Ranks that share one stdout write into each other's lines: each gets a file of its own.
-PRELUDE = """\
-import sys; from mpi4py import MPI; sys.stdout = open(f"{__file__}.{MPI.COMM_WORLD.rank}", "w", 1)
-"""
 
-
-def run_ranks(n: int, script: str, *arguments: str, timeout: float = 600) -> list[str]:
+def run_ranks(
+    n: int, script: str, *arguments: str, timeout: float = 300, alone: bool = False
+) -> list[str]:
     """Run the Python source `script` on `n` ranks and return what each of them prints.
 
-    Raises AssertionError with the output of all ranks when one of them ends with an error (the
-    others are then ended too) or when they are not done after `timeout` seconds.
+    It can import the modules of this folder. `alone`: in processes of its own, because it changes
+    what later scripts would find. Raises AssertionError with the output of all ranks when one of
+    them ends with an error (the others are then ended too) or when they are not done after
+    `timeout` seconds.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "script.py"
-        path.write_text(PRELUDE + textwrap.dedent(script))
-        # "-m mpi4py" ends all ranks when one raises; without it the others would wait for ever.
-        python = [sys.executable, "-m", "mpi4py", str(path), *arguments]
-        process = subprocess.Popen(
-            ["mpirun", "-n", str(n), *python],
-            env={**ENVIRONMENT, **os.environ},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        try:
-            output, errors = process.communicate(timeout=timeout)
-            outcome = f"ended with code {process.returncode}"
-        except subprocess.TimeoutExpired:
-            output, errors = _end(process)
-            outcome = f"were not done after {timeout:g} s"
-        printed = [_text(Path(f"{path}.{rank}")) for rank in range(n)]
-    if outcome == "ended with code 0":
-        return printed
-    shown = "".join(f"\n--- rank {rank}\n{text}" for rank, text in enumerate(printed))
-    raise AssertionError(f"{n} ranks {outcome}{shown}\n--- mpirun\n{output}{errors}")
-
-
-def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
-    process.terminate()  # mpirun then ends the ranks, which are not in its process group
+    ranks = _ranks.pop(n, None)
+    if ranks and (alone or ranks.environment != _environment() or ranks.process.poll() is not None):
+        ranks.end()
+        ranks = None
+    ranks = ranks or Ranks(n)
     try:
-        return process.communicate(timeout=10)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        return process.communicate()
+        printed = ranks.run(textwrap.dedent(script), arguments, timeout)
+    except BaseException:
+        ranks.end(patience=0.1)
+        raise
+    if alone:
+        ranks.end()
+    else:
+        _ranks[n] = ranks
+    return printed
+
+
+def one_and_several(script: str, *arguments: str, ranks: int = 2) -> tuple[Any, Any]:
+    """What one rank prints, as JSON, and what several do, each of them the same."""
+    (one,), several = (run_ranks(n, script, *arguments) for n in (1, ranks))
+    assert several == several[:1] * ranks
+    return json.loads(one), json.loads(several[0])
+
+
+def _environment() -> dict[str, str]:
+    return {k: v for k, v in os.environ.items() if k != "PYTEST_CURRENT_TEST"}
+
+
+class Ranks:
+    """`n` processes of one MPI world, each of which waits at a pipe for a script."""
+
+    def __init__(self, n: int) -> None:
+        self.environment = _environment()
+        self.folder = Path(tempfile.mkdtemp(prefix="ranks-"))
+        names = [*(f"ask.{k}" for k in range(n)), "done"]
+        for name in names:
+            os.mkfifo(self.folder / name)
+        # both ways, so that opening waits for no rank
+        *self.asks, self.done = (os.open(self.folder / name, os.O_RDWR) for name in names)
+        path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])
+        python = [sys.executable, str(TESTS / "rank.py"), str(self.folder)]
+        with open(self.folder / "errors", "w") as errors:
+            self.process = subprocess.Popen(
+                ["mpirun", "-n", str(n), *python],
+                env={**ENVIRONMENT, **os.environ, "PYTHONPATH": path},
+                stdin=subprocess.DEVNULL,
+                stdout=errors,
+                stderr=errors,
+                start_new_session=True,
+            )
+
+    def run(self, script: str, arguments: tuple[str, ...], timeout: float) -> list[str]:
+        """What each rank prints."""
+        path = Path(tempfile.mkdtemp(dir=self.folder)) / "script.py"
+        path.write_text(script)
+        line = json.dumps([str(path), os.getcwd(), arguments]) + "\n"
+        for ask in self.asks:
+            os.write(ask, line.encode())
+        wrong = self._wait(timeout)
+        printed = [_text(Path(f"{path}.{rank}")) for rank in range(len(self.asks))]
+        if not wrong:
+            return printed
+        shown = "".join(f"\n--- rank {rank}\n{text}" for rank, text in enumerate(printed))
+        errors = _text(self.folder / "errors")
+        raise AssertionError(f"{len(printed)} ranks {wrong}{shown}\n--- mpirun\n{errors}")
+
+    def _wait(self, timeout: float) -> str:
+        """What went wrong until all ranks were done."""
+        left, deadline = len(self.asks), time.monotonic() + timeout
+        while left:
+            if self.process.poll() is not None:
+                return f"ended with code {self.process.returncode}"
+            if time.monotonic() > deadline:
+                return f"were not done after {timeout:g} s"
+            if select.select([self.done], [], [], 0.1)[0]:
+                left -= len(os.read(self.done, left))
+        return ""
+
+    def end(self, patience: float = 5) -> None:
+        """The ranks end as their pipes do; those that hang are killed."""
+        for pipe in (*self.asks, self.done):
+            os.close(pipe)
+        try:
+            self.process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self.process.terminate()  # mpirun then ends the ranks, which are not in its group
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(10)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+_ranks: dict[int, Ranks] = {}
+
+
+@atexit.register
+def _end() -> None:
+    while _ranks:
+        _ranks.popitem()[1].end()
 
 
 def _text(path: Path) -> str:

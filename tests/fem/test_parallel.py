@@ -11,17 +11,13 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import parts
-from mpi import run_ranks
-from paths import TESTS
+from mpi import one_and_several, run_ranks
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
-
-HERE = str(TESTS)
 
 MODELS = """
 import json, sys, warnings
 import numpy as np
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
@@ -40,21 +36,17 @@ block = parts.box((8, 4, 3), groups=halves)
 two = {"soft": ao.Solid(3e9, 0.4, 1200.0), "hard": solid}
 patch = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016)
 lever = ao.read_mesh("meshes/lever.msh")
-cube = ao.read_mesh(sys.argv[2])
+cube = ao.read_mesh(sys.argv[1])
 frame = ao.read_mesh("meshes/frame.msh")
 clamp, left = [ao.Support("clamp")], [ao.Support("left")]
-nose = (0.12 + 0.015 * 0.8, 0.015 * 0.6)
 cases = {
-    "block, point": (block, solid, left, ao.Site((0.137, 0.0312, 0.04), (0.3, -0.2, -1))),
     "block of two materials, patch": (block, two, left, patch),
     "free block, patch": (block, solid, [], patch),
     "hinged block, point": (block, solid, [ao.Support("left", ("x", "z"))],
                             ao.Site((0.2, 0.05, 0.04), (0, 0, -1))),
     "bent tetrahedra, patch": (cube, solid, clamp, ao.Site((1.05, 0.5, 0.6), (-1, 0.1, 0),
                                                            radius=0.45, snap=True)),
-    "lever, point": (lever, plane, clamp, ao.Site(nose, (-0.6, 1), snap=True)),
     "free lever, patch": (lever, plane, [], ao.Site((0.135, 0.0), (-1, 0), radius=0.005)),
-    "frame": (frame, beam, [ao.Support("feet")], ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5))),
     "free frame": (frame, beam, [], ao.Site((0.0, 0.0, 0.33), (1, 0.3, 0))),
     "frame on pins": (frame, beam, [ao.Support(lambda x: x[2] < 1e-9, ("x", "y", "z"))],
                       ao.Site((0.0, 0.0, 1.3), (1, 0.3, 0))),
@@ -78,12 +70,10 @@ print(json.dumps(found))
 @pytest.mark.slow
 def test_two_ranks_give_the_models_of_one(tmp_path):
     cube = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2, bent=True, n=4)
-    one = json.loads(run_ranks(1, MODELS, HERE, str(cube))[0])
-    both = [json.loads(text) for text in run_ranks(2, MODELS, HERE, str(cube))]
-    assert both[0] == both[1]
-    assert len(one) == 10
+    one, two = one_and_several(MODELS, str(cube))
+    assert len(one) == 7
     for name, serial in one.items():
-        ranks = both[0][name]
+        ranks = two[name]
         if "frame" not in name:
             assert ranks["spread"], name
         for key in ("dofs", "rigid"):
@@ -102,7 +92,6 @@ def test_two_ranks_give_the_models_of_one(tmp_path):
 FIELDS = """
 import json, sys
 import numpy as np
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
 
@@ -116,7 +105,7 @@ moved = ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), times)
 felt = [ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), q, times).tolist()
         for q in ("acceleration", "stress", "rotation")]
 felt.append(ao.strain_gauge(structure, hit, (0.1, 0.02, 0.02), (1, 0, 0), 0.05, times).tolist())
-ao.write_series(structure, hit, sys.argv[2], times)
+ao.write_series(structure, hit, sys.argv[1], times)
 print(json.dumps([felt, moved.tolist(), hit.peak_force]))
 """
 
@@ -125,7 +114,7 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
     results = {}
     for n in (1, 2):
         (tmp_path / str(n)).mkdir()
-        printed = run_ranks(n, FIELDS, HERE, str(tmp_path / str(n) / "series.pvd"))
+        printed = run_ranks(n, FIELDS, str(tmp_path / str(n) / "series.pvd"))
         assert len(set(printed)) == 1
         felt, moved, peak = json.loads(printed[0])
         frames = [meshio.read(p) for p in sorted((tmp_path / str(n)).glob("*.vtu"))]
@@ -149,7 +138,6 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
 FREE = """
 import json, sys, warnings
 import numpy as np
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
 
@@ -174,9 +162,8 @@ print(json.dumps(rows))
 
 def test_two_ranks_give_the_free_motion_of_one():
     """Momentum, angular momentum and fields of falling, spinning, sliding bodies."""
-    one, two = (run_ranks(n, FREE, HERE) for n in (1, 2))
-    assert two[0] == two[1]
-    for a, b in zip(json.loads(one[0]), json.loads(two[0]), strict=True):
+    one, two = one_and_several(FREE)
+    for a, b in zip(one, two, strict=True):
         for part in (slice(0, 3), slice(3, 6), slice(6, 12), slice(12, 13), slice(13, 14)):
             scale = np.abs(a[part]).max()
             np.testing.assert_allclose(b[part], a[part], atol=1e-6 * scale)

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 import every_joint
-from mpi import run_ranks
-from paths import TESTS
+from mpi import one_and_several, run_ranks
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
-
-HERE = str(TESTS)
 
 PROGRAM = """
 import dolfinx, json, sys, warnings
 import numpy as np
 from mpi4py import MPI
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 import every_joint
@@ -86,7 +80,7 @@ def free():
 
 def deck():
     # bricks, shells and beams that share nodes, and equations
-    part = ao.read_model(sys.argv[3])
+    part = ao.read_model(sys.argv[2])
     return part, ao.Site((0.0, 1.0, 2.0), (0, 0, -1), part="solids"), ("beams", (0.5, 0.5, 3.0))
 
 def every():
@@ -107,7 +101,7 @@ for make in (board, free, deck, every):
     hit = ao.simulate(model, ao.RigidMass(mass=2e-3, velocity=0.3), ao.Linear(1e5), duration=1e-3)
     moved = ao.probe(part, hit, point, times=[0.5e-3, 1e-3], part=name)
     several = ao.extract(part, {"a": site, "b": corners[make.__name__]}, n=8)
-    path = ao.write_series(part, hit, sys.argv[2], times=[1e-3])
+    path = ao.write_series(part, hit, sys.argv[1], times=[1e-3])
     omega = 180.0 if make is every else 3e3
     where = {"board": ["sw:x0", "ne:x0"], "free": ["left:x0", "right:x1"]}.get(make.__name__)
     struck = ao.impact_map(part, where, n=2, modes=8) if where else None
@@ -191,38 +185,22 @@ DECK = """*NODE
 """
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory):
-    return results(1, tmp_path_factory.mktemp("alone"))[0]
-
-
-def results(ranks: int, folder) -> list:
-    (folder / "deck.inp").write_text(DECK)
-    files = str(folder / "series.pvd"), str(folder / "deck.inp")
-    printed = run_ranks(ranks, PROGRAM, HERE, *files)
-    return [json.loads(text) for text in printed]
-
-
-def test_several_ranks_give_the_assembly_of_one(alone, tmp_path):
-    every = results(3, tmp_path)
-    assert all(one == every[0] for one in every)
-    found, said = every[0]
-    assert said == alone[1]
+def test_several_ranks_give_the_assembly_of_one(tmp_path):
+    (tmp_path / "deck.inp").write_text(DECK)
+    files = str(tmp_path / "series.pvd"), str(tmp_path / "deck.inp")
+    (alone, told), (found, said) = one_and_several(PROGRAM, *files)
+    assert said == told
     assert not any("passed" in sentence for sentence in said)
-    for name, values in alone[0].items():
+    for name, values in alone.items():
         for key, value in values.items():
             scale = np.abs(value).max()
             limit = 1e-9 if key in ("k0", "Z", "several") else 1e-6
             np.testing.assert_allclose(
                 *(found[name][key], value), rtol=limit, atol=1e-8 * scale, err_msg=f"{name}: {key}"
             )
-
-
-def test_every_joint_on_one_rank_is_that_of_dense_matrices(alone):
-    """So that on several ranks, which give the same, it is too."""
     K, M, b = every_joint.dense(every_joint.parts())
     exact = 1 / (b @ np.linalg.solve(K - 180.0**2 * M, b))
-    assert alone[0]["every"]["Z"] == pytest.approx(exact, rel=1e-9)
+    assert found["every"]["Z"] == pytest.approx(exact, rel=1e-9)
 
 
 def test_parts_that_each_rank_has_for_itself_are_joined_by_each():
@@ -246,7 +224,6 @@ import json, sys, warnings
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 from assemblies import SOLID, at, grouped
@@ -281,8 +258,5 @@ print(json.dumps([model.k0, *model.omega[:3], model.damping.ratio[0], model.damp
 
 
 def test_superelements_and_dampers_on_two_ranks():
-    (alone,), (first, second) = (
-        [json.loads(text) for text in run_ranks(ranks, SUPERELEMENT, HERE)] for ranks in (1, 2)
-    )
-    assert first == second
-    np.testing.assert_allclose(first, alone, rtol=1e-6)
+    alone, two = one_and_several(SUPERELEMENT)
+    np.testing.assert_allclose(two, alone, rtol=1e-6)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from mpi import run_ranks
-from paths import TESTS
+from mpi import one_and_several
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 SCRIPT = """
-import json, sys
-sys.path.insert(0, sys.argv[1])
+import json
 import numpy as np
 import antiosc as ao
 from sheets import sheet
@@ -36,9 +32,6 @@ print(json.dumps(numbers))
 
 
 def test_two_ranks_find_what_one_finds():
-    here = str(TESTS)
-    one = json.loads(run_ranks(1, SCRIPT, here)[0].splitlines()[-1])
-    two = [json.loads(text.splitlines()[-1]) for text in run_ranks(2, SCRIPT, here)]
-    assert two[0] == two[1]
+    one, two = one_and_several(SCRIPT)
     for case, numbers in one.items():
-        assert two[0][case] == pytest.approx(numbers, rel=1e-6), case
+        assert two[case] == pytest.approx(numbers, rel=1e-6), case

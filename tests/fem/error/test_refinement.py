@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -152,8 +151,6 @@ SCRIPT = """
 
 
 @pytest.mark.mpi
-def test_two_ranks_refine_too(monkeypatch):
-    here = str(Path(__file__).parents[2])
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([here, os.environ.get("PYTHONPATH", "")]))
+def test_two_ranks_refine_too():
     for line in run_ranks(2, SCRIPT):
         assert json.loads(line) == [0.012, 0.32, ["left", "right"]]

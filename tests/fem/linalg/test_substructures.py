@@ -15,11 +15,8 @@ from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import substructures
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
-from paths import TESTS
 
 pytestmark = pytest.mark.fem
-
-HERE = str(TESTS)
 
 
 @pytest.mark.sample
@@ -113,9 +110,8 @@ def test_an_interface_of_one_row(ranks):
 
 
 SOLVES = """
-import json, sys, warnings
+import json, warnings
 import numpy as np
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscError
@@ -162,7 +158,7 @@ print(json.dumps(found))
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_over_ranks(ranks):
-    for text in run_ranks(ranks, SOLVES, HERE):
+    for text in run_ranks(ranks, SOLVES, alone=True):
         found = json.loads(text)
         assert found["spread"]
         assert found["mumps"] == "Distributed"

@@ -12,7 +12,7 @@ import antiosc as ao
 import parts
 from antiosc.base.stresses import extreme_principal
 from antiosc.results import peak_search, peaks
-from mpi import run_ranks
+from mpi import one_and_several
 
 pytestmark = pytest.mark.fem
 
@@ -187,9 +187,8 @@ def test_extreme_principal_values():
 
 
 PEAKS = """
-import json, sys
+import json
 import numpy as np
-sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
 
@@ -209,11 +208,6 @@ print(json.dumps(rows))
 
 @pytest.mark.mpi
 def test_two_ranks_give_the_envelopes_of_one():
-    import json
-    from pathlib import Path
-
-    here = str(Path(parts.__file__).parent)
-    one, two = (run_ranks(n, PEAKS, here) for n in (1, 2))
-    assert two[0] == two[1]
-    for a, b in zip(json.loads(one[0]), json.loads(two[0]), strict=True):
+    one, two = one_and_several(PEAKS)
+    for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -15,11 +13,9 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc import PointMass, Spring
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from mpi import run_ranks
-from paths import TESTS
+from mpi import one_and_several
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -48,38 +44,6 @@ def test_a_stiffened_strip_is_a_composite_beam(cell):
     # pulled in the sheet's plane, below the neutral axis, it bends toward the rib's side
     pull = {dof(part, (length, v, 0), "x"): force for v, force in forces}
     assert loaded(part, pull)[z] == pytest.approx(middle * length**2 / (2 * EI), rel=2e-2)
-
-
-@pytest.mark.slow
-def test_a_blade_as_beam_and_as_shell():
-    """A plate with one rib, free: the lowest frequencies agree, the rib's own modes apart."""
-    n, length, width = 12, 0.6, 0.3
-    flat = grouped(rectangle((n, 6), length, width), lambda x: np.isclose(x[1], width / 2))
-    ribbed = ao.Structure(flat, {"sheet": SHEET, "rib": RIB})
-    s, t = np.meshgrid(np.linspace(0, length, n + 1), np.linspace(0, width, 7), indexing="ij")
-    blade = np.stack(
-        [s[:, :2], np.full((n + 1, 2), width / 2), np.array([[0, 0.032]] * (n + 1))], -1
-    )
-    points = np.vstack([np.stack([s, t, 0 * s], -1).reshape(-1, 3), blade[:, 1]])
-    skin = np.arange(7 * (n + 1)).reshape(n + 1, 7)
-    top = 7 * (n + 1) + np.arange(n + 1)
-    quads = [skin[:, k : k + 2] for k in range(6)] + [np.column_stack([skin[:, 3], top])]
-    cells = np.vstack(
-        [
-            corner
-            for q in quads
-            for corner in (
-                np.column_stack([q[:-1, 0], q[1:, 0], q[1:, 1]]),
-                np.column_stack([q[:-1, 0], q[1:, 1], q[:-1, 1]]),
-            )
-        ]
-    )
-    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, points, "triangle", 1))
-    shells = ao.Structure(mesh, SHEET)
-    both = [frequencies(part, 10)[6:] for part in (ribbed, shells)]
-    assert both[0] == pytest.approx(both[1], rel=1e-2)
-    bare = frequencies(ao.Structure(flat, {"sheet": SHEET}), 10)[6:]
-    assert both[0][1] > 1.2 * bare[0]
 
 
 @pytest.mark.sample
@@ -142,8 +106,7 @@ def test_a_support_holds_the_stiffener_too():
 @pytest.mark.mpi
 def test_two_ranks_find_what_one_finds():
     script = """
-        import json, sys
-        sys.path.insert(0, sys.argv[1])
+        import json
         import numpy as np
         import antiosc as ao
         from antiosc import PointMass, Spring
@@ -160,11 +123,8 @@ def test_two_ranks_find_what_one_finds():
         print(json.dumps([part.mass, part.rigid_modes.shape[1], model.k0, model.m_st,
                           *model.omega, *model.m, *np.abs(model.participation)]))
     """
-    here = str(TESTS)
-    one = json.loads(run_ranks(1, script, here)[0].splitlines()[-1])
-    two = [json.loads(text.splitlines()[-1]) for text in run_ranks(2, script, here)]
-    assert two[0] == two[1]
-    assert two[0] == pytest.approx(one, rel=1e-5)
+    one, two = one_and_several(script)
+    assert two == pytest.approx(one, rel=1e-5)
 
 
 # --- bad input --------------------------------------------------------------------------------

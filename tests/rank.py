@@ -1,0 +1,61 @@
+"""One of the ranks of `mpi.py`: it runs one script after another until its pipe is closed."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import runpy
+import sys
+import traceback
+import warnings
+
+
+def compile_quickly() -> None:
+    """Compile forms with little optimisation: small meshes, and hundreds of forms in a new cache.
+
+    FFCx holds such libraries apart from those of a user's own runs.
+    """
+    for name in ("DOLFINX_DEFAULT_JIT_PARAMETERS", "DOLFINX_DEFAULT_JIT_OPTIONS"):
+        defaults = getattr(sys.modules["dolfinx.jit"], name, {})  # the first is of dolfinx 0.5
+        if defaults:
+            defaults["cffi_extra_compile_args"] = (["-O1", "-g0"], "")
+
+
+def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
+    """Run the script as `python` does, and leave nothing of it behind."""
+    before, sys.argv, path = sys.argv, [script, *arguments], list(sys.path)
+    os.chdir(folder)
+    with (
+        open(output, "w", 1) as printed,
+        contextlib.redirect_stdout(printed),
+        warnings.catch_warnings(),
+    ):
+        runpy.run_path(script, run_name="__main__")
+    sys.argv, sys.path[:] = before, path
+    gc.collect()  # by all ranks at the same place: what they share ends together
+
+
+def main(pipes: str) -> None:
+    from mpi4py import MPI
+
+    rank = MPI.COMM_WORLD.rank
+    with contextlib.suppress(ImportError):
+        for package in ("antiosc.fem", "dolfinx.jit"):
+            importlib.import_module(package)
+        compile_quickly()
+    with open(f"{pipes}/ask.{rank}") as asked, open(f"{pipes}/done", "wb", 0) as done:
+        for line in asked:
+            script, folder, arguments = json.loads(line)
+            try:
+                run(script, f"{script}.{rank}", folder, arguments)
+            except BaseException:
+                traceback.print_exc()
+                MPI.COMM_WORLD.Abort(1)  # at once: at the exit PETSc would wait for the others
+            done.write(b".")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
