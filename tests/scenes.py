@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import sqrt
 
 import numpy as np
@@ -14,6 +15,7 @@ HERTZ = 1.55e10
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 
 
+@cache
 def case_two(n: int) -> tuple[ao.AntiOscillators, ao.RigidMass]:
     """The article's second case: a mass of half the beam's strikes mid-span at 0.01 m/s."""
     model = pinned_pinned(BEAM).anti_oscillators(n)

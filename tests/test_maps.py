@@ -268,17 +268,6 @@ def test_sites_on_supports_are_counted(steel, mapped):
         ao.impact_map(steel, "left")
 
 
-def test_given_points(steel):
-    points = [(0.1, 0.03, 0.03), (0.07, 0.05, 0.03)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = ao.impact_map(steel, points, direction=(0, 0, -1), radius=0.02, modes=25)
-        direct = ao.extract(steel, ao.Site(points[1], (0, 0, -1), radius=0.02))
-    assert result.models.k0[1] == pytest.approx(direct.k0, rel=1e-9)
-    assert result.local_compliance[1] == pytest.approx(direct.local_compliance, rel=1e-12)
-    assert result.model(1).radius == 0.02
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -309,47 +298,6 @@ def test_an_empty_group():
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=[ao.Support("left")])
     with pytest.raises(ao.InputError, match="cut"):
         ao.impact_map(part, "cut")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_discs_on_a_sheet_are_those_of_single_sites(cell):
-    shell = ao.Structure(
-        parts.plate((6, 3), cell=cell),
-        ao.Shell(**parts.STEEL, thickness=0.01),
-        [ao.Support("left")],
-    )
-    ground = surface(shell, None)
-    push = np.tile([0.0, 0.6, -0.8], (len(ground.points), 1))
-    for radius in (0.01, 0.004):
-        found = located(shell, ground.points, push, np.full(len(push), radius))
-        inner = np.flatnonzero(found.share > 0.999)
-        assert len(inner) == 5 * 2  # the others lie on the edge
-        for i in inner[::3]:
-            site = functional(shell, ao.Site(ground.points[i], push[i], radius=radius))
-            off = found.loads[:, i].toarray()[:, 0] - site.b
-            assert np.linalg.norm(off) < 1e-12 * np.linalg.norm(site.b)
-
-
-@pytest.mark.slow
-def test_a_shell_map():
-    shell = ao.Structure(
-        parts.plate((6, 3)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = ao.impact_map(shell, direction=(0, 0, -1), modes=25, n=10)
-        inner = np.flatnonzero(np.abs(result.points[:, 1] - 0.03) < 0.02)
-        i = int(inner[np.argmax(result.points[inner, 0] * (result.points[inner, 0] < 0.19))])
-        direct = ao.extract(shell, ao.Site(result.points[i], (0, 0, -1)), n=40)
-    model = result.model(i)
-    assert model.radius == direct.radius == 0.01
-    assert model.local_compliance == pytest.approx(direct.local_compliance, rel=1e-12)
-    assert model.k0 == pytest.approx(direct.k0, rel=1e-9)
-    error = stiffness_error(
-        model.dynamic_stiffness, direct.dynamic_stiffness, result.band, direct.omega[0]
-    )
-    assert error <= 1.02 * result.error[i]
 
 
 @pytest.mark.slow

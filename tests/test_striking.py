@@ -200,33 +200,6 @@ def test_bars_of_lines_are_at_least_the_change_from_the_mesh_before():
     assert "Stopped before the limit" in alone.message
 
 
-FRAME = """
-Point(1) = {0, 0, 0}; Point(2) = {0, 0, 0.6}; Point(3) = {0.4, 0, 0.6};
-Line(1) = {1, 2}; Line(2) = {2, 3};
-Physical Curve("post") = {1};
-Physical Curve("arm") = {2};
-Physical Point("foot") = {1};
-"""
-
-
-@pytest.mark.slow
-def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
-    (tmp_path / "frame.geo").write_text(FRAME)
-    thin = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.012))
-    materials = {"post": ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02)), "arm": thin}
-    site = ao.Site((0.31, 0, 0.6), (0, 0.6, -0.8))
-    options = {"material": materials, "supports": [ao.Support("foot")]}
-    rough, fine = (
-        ao.strike(tmp_path / "frame.geo", site, *BLOWS["long"], tol=tol, **options)
-        for tol in (0.02, 0.0005)
-    )
-    assert rough.status == fine.status == 0
-    assert fine.model.info["dofs"] > rough.model.info["dofs"]
-    for name in QUANTITIES:
-        bar = rough.error_budget[name].total + fine.error_budget[name].total
-        assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
-
-
 @pytest.mark.slow
 def test_an_arc_of_lines_is_told():
     angle = np.linspace(0, np.pi / 2, 9)

@@ -208,42 +208,21 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
         assert case2["integrators"][name].contact_time < 1e-5
 
 
-def test_two_integrators_agree_on_the_forces_of_case1(demos):
-    """To the three digits that the table prints."""
-    result = demos["case1"].main(
-        reference_modes=150, counts=(20,), refinements=(), duration=16e-3, check=True
-    )
-    for errors in result["integrators"].values():
-        assert errors.force < 2e-3
-        assert errors.peak < 5e-4
-        assert errors.contact_time < 1e-5
-
-
 # ---- the same beam as a part ---------------------------------------------------------------------
 
 
-def test_plane_part_is_the_beam(demos):
+def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
-    parts = demos["parts"].main(n1=20, n2=12, solid=False)
-    for case in parts.values():
-        beam, part = case["beam"], case["plane stress"]
-        assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)
-        assert part.m_st == pytest.approx(beam.m_st, rel=2e-3)
-        assert part.k0 == pytest.approx(beam.k0, rel=2e-3)
-    beam, part = parts["case 2"].values()
-    assert part.peak_force == pytest.approx(beam.peak_force, rel=0.03)
-    assert part.duration == pytest.approx(beam.duration, rel=0.01)
-
-
-def test_solid_part_is_the_beam(demos):
     parts = demos["parts"].main(n1=20, n2=12)
-    for case in parts.values():
-        beam, solid = case["beam"], case["solid"]
-        assert solid.half_period == pytest.approx(beam.half_period, rel=2e-3)
-        assert solid.k0 == pytest.approx(beam.k0, rel=2e-3)
-    assert parts["case 2"]["solid"].peak_force == pytest.approx(
-        parts["case 2"]["beam"].peak_force, rel=0.05
-    )
+    for beam, plane, solid in (case.values() for case in parts.values()):
+        for part in (plane, solid):
+            assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)
+            assert part.k0 == pytest.approx(beam.k0, rel=2e-3)
+        assert plane.m_st == pytest.approx(beam.m_st, rel=2e-3)
+    beam, plane, solid = parts["case 2"].values()
+    assert plane.peak_force == pytest.approx(beam.peak_force, rel=0.03)
+    assert plane.duration == pytest.approx(beam.duration, rel=0.01)
+    assert solid.peak_force == pytest.approx(beam.peak_force, rel=0.05)
 
 
 # ---- the page ------------------------------------------------------------------------------------
@@ -262,20 +241,8 @@ def test_figures_and_page(demos, case1, case2, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_page_in_the_repository_names_every_claim(demos):
-    """benchmarks/ARTICLE.md is the generated one: same sections, same claims, no gap."""
+def test_the_page_in_the_repository_has_no_gap():
     page = (BENCHMARKS / "ARTICLE.md").read_text(encoding="utf-8")
-    for words in (
-        "89 %",
-        "86 %",
-        "more than half",
-        "15.2 and 2.5",
-        "14.4",
-        "50 AO",
-        "9 AO",
-        "50 %",
-    ):
-        assert words in page
     assert "| nan" not in page
     for picture in page.split("pictures/")[1:]:
         assert (BENCHMARKS / "pictures" / picture.split(")")[0]).is_file()

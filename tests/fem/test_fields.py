@@ -175,19 +175,6 @@ def test_a_probe_is_the_field_at_a_point(hit):
     assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
 
 
-@pytest.mark.slow
-def test_probe_of_a_beam_and_of_a_solid():
-    """The site's own displacement, by the probe, in space and in the plane."""
-    beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
-    structure = ao.Structure(parts.line(0.8, 4, (1, 2, -2)), beam, [ao.Support("left")])
-    tip, d = 0.8 * np.array([1, 2, -2]) / 3, np.array([2, 1, 2]) / 3
-    model = ao.extract(structure, ao.Site(tip, d), n=8)
-    history = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3)
-    moved = ao.probe(structure, history, tip)
-    np.testing.assert_allclose(moved @ d, history.displacement, atol=1e-9 * abs(moved).max())
-    assert moved.shape[1] == 3
-
-
 @pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])

@@ -102,17 +102,16 @@ def _rigid_velocity(hit: ao.History) -> float:
 
 
 def test_case_two_against_dop853():
-    for n in (9, 30):
-        model, striker = case_two(n)
-        law = ao.Hertz(HERTZ)
-        hit = ao.simulate(model, striker, law, 8e-3)
-        check = ao.simulate(model, striker, law, 8e-3, method="DOP853", tol=1e-6)
-        assert hit.impulse == pytest.approx(check.impulse, rel=1e-4)
-        assert hit.contact_time == pytest.approx(check.contact_time, rel=1e-3)
-        assert len(hit.contacts) == len(check.contacts)
-        l2, peak, _ = difference(hit.run, check.run, np.inf)
-        assert l2 < 1e-3
-        assert peak < 1e-3
+    model, striker = case_two(9)
+    law = ao.Hertz(HERTZ)
+    hit = ao.simulate(model, striker, law, 8e-3)
+    check = ao.simulate(model, striker, law, 8e-3, method="DOP853", tol=1e-6)
+    assert hit.impulse == pytest.approx(check.impulse, rel=1e-4)
+    assert hit.contact_time == pytest.approx(check.contact_time, rel=1e-3)
+    assert len(hit.contacts) == len(check.contacts)
+    l2, peak, _ = difference(hit.run, check.run, np.inf)
+    assert l2 < 1e-3
+    assert peak < 1e-3
 
 
 def test_article_contact_time_of_case_two():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections import OrderedDict
 
 import numpy as np
 import pytest
@@ -11,13 +10,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
 from antiosc.simulation.scene_states import forces, located
 from direct import force_error, physical
-from march_builds import built
 from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
 from scenes import HERTZ, case_two, hertz_impact
 
@@ -170,27 +166,6 @@ def test_residual_compliance_is_a_spring_in_series() -> None:
     pressed = 2e-6 * contact.force  # along the push
     np.testing.assert_allclose(hit.bodies["site"].displacement("tip"), pressed, atol=1e-12)
     assert hit.energy.drift < 1e-4
-
-
-@pytest.mark.slow
-def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
-    """Four contacts that are coupled through a compliance without inertia, as stiff as they are."""
-    coupling = 1e-7 * (np.eye(4) + 0.5)
-    b = [[1, 0.5, -0.3, 0.2], [0.2, 1, 0.6, -1]]
-    body = ao.SiteModes([2e3, 5e3], b, list("abcd"), r=coupling)
-    masses = {f"m{i}": ao.RigidMass(0.2, 1.0 + 0.2 * i) for i in range(4)}
-    laws = [ao.Hertz(1e9), ao.Linear(1e7), ao.Power(1e8, 1.3), ao.Thornton(1e9, 1e-5)]
-    ends = [(f"b:{s}", f"m{i}") for i, s in enumerate("abcd")]
-    contacts = [ao.Contact(*pair, law) for pair, law in zip(ends, laws, strict=True)]
-    made = assemble(ao.Scene({"b": body, **masses}, contacts), 5e-4)
-    runs = []
-    for library in (built(), built("SWEEPS=0")):
-        monkeypatch.setattr(march, "library", library)
-        monkeypatch.setattr(engine, "_kept", OrderedDict())
-        runs.append(run(made.system, 5e-4, 1e-3, fine=1e-8))
-    a, b = runs
-    assert a.time.size == b.time.size
-    np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())
 
 
 def test_two_free_bodies_keep_momentum_and_angular_momentum() -> None:

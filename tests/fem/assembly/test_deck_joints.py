@@ -153,24 +153,6 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
 
 
 @pytest.mark.slow
-def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
-    """A sheet on the top of a column, and a post on a corner of the sheet: all of them carry."""
-    sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n"
-    sheet += "*SHELL SECTION, ELSET=SHEET, MATERIAL=M\n.1\n"
-    post = "*NODE\n30,1,1,3.\n*ELEMENT, TYPE=B31, ELSET=POST\n60,11,30\n"
-    post += "*BEAM SECTION, ELSET=POST, MATERIAL=M, SECTION=RECT\n.2,.2\n1.,0.,0.\n"
-    part = read(tmp_path, column() + sheet + post + SOLID + MATERIAL + FOOT)
-    assert part.mass == pytest.approx(1000 * (2 + 0.1 + 0.04), rel=1e-12)
-    assert not part.rigid_modes.size
-    column_alone = k0(read(tmp_path, column() + SOLID + MATERIAL + FOOT), (0, 0, L))
-    assert k0(part, (0, 0, L), of="solids") > column_alone
-    # the post in series with what it stands on
-    stiff = k0(part, (1, 1, 3), (0, 0, 1))
-    below = k0(part, (1, 1, L), of="solids")
-    assert 1 / stiff == pytest.approx(1 / below + 1 / (E * 0.04), rel=1e-8)
-
-
-@pytest.mark.slow
 def test_supports_by_a_group_of_one_of_the_parts(tmp_path):
     """Named besides those of the deck: the group is that of the part that has it."""
     sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n*NSET, NSET=BASE\n1,2,3,4\n"
@@ -242,21 +224,6 @@ def test_mpcs_hold_unless_a_case_control_selects_others(tmp_path):
     assert k0(free) < 0.9 * E * A / L
 
 
-@pytest.mark.slow
-def test_an_rbe2_is_a_rigid_body(tmp_path):
-    reference = "*NODE\n100, .5, .5, 3.\n*NSET, NSET=TOP\n9,10,11,12\n"
-    rigid = reference + "*RIGID BODY, NSET=TOP, REF NODE=100\n"
-    other = read(tmp_path, column() + SOLID + MATERIAL + FOOT + rigid)
-    grid = "GRID,100,,.5,.5,3."
-    part = nastran(tmp_path, grid, "RBE2,50,100,123456,9,THRU,12")
-    bars = [f"RBAR,{50 + n},100,{n},123456,,,123" for n in (9, 10, 11, 12)]
-    led = nastran(tmp_path, "RBE2,50,9,123456,10,11,12")  # by a corner of the solids
-    for made in (part, nastran(tmp_path, grid, *bars), led):
-        for direction in ((0, 0, 1), (1, 2, 3)):
-            site = (1, 0, L), direction
-            assert k0(made, *site) == pytest.approx(k0(other, *site), rel=1e-9)
-
-
 def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     """A spring k on the mean of four nodes: by the compliances c of these, 1/k + c̄, at one node."""
     k = 1e9
@@ -295,29 +262,6 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
         spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
     held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_some_parts_of_a_deck(tmp_path):
-    """Two columns on a tie: one alone has no tie, and the mass on the other is left out."""
-    first = column().replace("ELSET=ALL", "ELSET=ONE")
-    second = column(101, at=2.0).replace("ELSET=ALL", "ELSET=TWO")
-    sections = "*SOLID SECTION, ELSET=ONE, MATERIAL=M\n*SOLID SECTION, ELSET=TWO, MATERIAL=M\n"
-    tie = "*SURFACE, NAME=LOW\n2, S2\n*SURFACE, NAME=HIGH\n101, S1\n*TIE, NAME=T\nHIGH, LOW\n"
-    mass = "*ELEMENT, TYPE=MASS, ELSET=W\n500, 112\n*MASS, ELSET=W\n5.\n"
-    text = first + second + sections + MATERIAL + FOOT + tie + mass
-    assert read(tmp_path, text).mass == pytest.approx(4005)
-    with pytest.warns(ao.AntioscWarning, match="constraints, springs, dampers or masses"):
-        one = read(tmp_path, text, parts=["ONE"])
-    alone = read(tmp_path, column() + SOLID + MATERIAL + FOOT)
-    assert one.mass == pytest.approx(2000)
-    assert k0(one) == pytest.approx(k0(alone), rel=1e-9)
-    assert read(tmp_path, text, parts=["ONE", "TWO"]).mass == pytest.approx(4005)
-    with pytest.raises(ao.MeshError, match="has no elements of a part 'THREE'; it has: 'ONE', 'TW"):
-        read(tmp_path, text, parts=["THREE"])
-    for bad in ("ONE", [], [1]):
-        with pytest.raises(ao.InputError, match="parts must be a list of names"):
-            read(tmp_path, text, parts=bad)
 
 
 @pytest.mark.filterwarnings("ignore:the 4 T3D2 of part.inp are springs")

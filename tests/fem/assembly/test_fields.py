@@ -77,24 +77,6 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_map_of_a_part_is_that_of_the_uncut_bar():
-    """Every site of a group of the turned half: the same model as the uncut bar has there."""
-    options = {"n": 4, "modes": 12, "impactor": ao.RigidMass(0.05, 1.0)}
-    options |= {"contact": ao.Linear(1e6), "duration": 1e-3}
-    own = ao.impact_map(uncut(), "x1", **options)
-    found = ao.impact_map(cut(), "right:y1", **options)
-    assert len(found) == len(own) == 9
-    one, two = (np.lexsort(m.points.round(6).T) for m in (own, found))
-    np.testing.assert_allclose(found.points[two], own.points[one], atol=1e-12)
-    np.testing.assert_allclose(found.directions[two], own.directions[one], atol=1e-12)
-    for name in ("k0", "m_st", "peak_force", "impulse"):
-        values = found.quantities().get(name, getattr(found.models, name, None))
-        reference = own.quantities().get(name, getattr(own.models, name, None))
-        np.testing.assert_allclose(values[two], reference[one], rtol=1e-5)
-    assert len(ao.impact_map(cut(), "right", direction=(0, 0, -1), n=2).points) > 9
-
-
-@pytest.mark.slow
 def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     """Groups of both parts, all their surfaces, and points: the models of single extractions."""
     options = {"n": 4, "modes": 12}

@@ -11,7 +11,6 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.assembly.bushing import element
-from antiosc.fem.site.functionals import functional
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 
@@ -79,76 +78,6 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
     assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
 
 
-@pytest.mark.slow
-def test_hinged_beams_by_the_transfer_matrix():
-    """A cantilever, a hinge at its end, and a beam to a pin: roots of a 4 × 4 determinant."""
-    slender = ao.Beam(E, NU, 2700.0, BEAM.section, orientation=(0, 0, 1), shear=False)
-    inner = ao.Structure(line((0, 0, 0), (0.6, 0, 0), 24), slender,
-                         [CLAMP, ao.Support("end", "y")])  # fmt: skip
-    outer = ao.Structure(line((0.6, 0, 0), (1, 0, 0), 16), slender,
-                         [ao.Support("end", ("x", "y", "z", "rx"))])  # fmt: skip
-    joint = ao.Hinge("inner:end", "outer:start", axis=(0, 1, 0))
-    row = ao.assemble(
-        {"inner": inner, "outer": outer}, [joint],
-        supports=[ao.Support(lambda x: np.full(x.shape[1], True), ("y", "rx", "rz", "x"))],
-    )  # fmt: skip
-    rho_A = 2700.0 * BEAM.section.A
-
-    def determinant(omega: float) -> float:
-        k = (omega**2 * rho_A / EI) ** 0.25
-        a, b = 0.6, 0.4
-        # inner: w = A (cosh − cos) + B (sinh − sin); outer from its pin: C sin + D sinh
-        ch, c, sh, s = np.cosh(k * a), np.cos(k * a), np.sinh(k * a), np.sin(k * a)
-        shb, sb, chb, cb = np.sinh(k * b), np.sin(k * b), np.cosh(k * b), np.cos(k * b)
-        rows = np.array([
-            [ch - c, sh - s, -sb, -shb],  # equal deflection
-            [ch + c, sh + s, 0, 0],  # no moment on the inner side
-            [0, 0, -sb, shb],  # nor on the outer one
-            [sh - s, ch + c, -cb, chb],  # equal shear force, the outer coordinate runs back
-        ])  # fmt: skip
-        return float(np.linalg.det(rows / np.abs(rows).max(axis=0)))
-
-    found = eigenfrequencies(row, 4)
-    for omega in found:
-        low, high = (determinant(omega * (1 + e)) for e in (-5e-4, 5e-4))
-        assert low * high < 0
-    grid = np.linspace(0.2 * found[0], 1.02 * found[-1], 4000)
-    signs = np.sign([determinant(w) for w in grid])
-    assert np.count_nonzero(np.diff(signs)) == 4
-
-
-@pytest.mark.slow
-def test_welded_beams_of_two_sections_by_the_transfer_matrix():
-    """A cantilever that is stepped at a Weld: roots of the clamped-free 2 × 2 determinant."""
-    sections = ao.Section.rectangle(0.01, 0.02), ao.Section.rectangle(0.01, 0.012)
-    lengths, parts = (0.6, 0.4), {}
-    for name, section, start, length in zip("ab", sections, (0.0, 0.6), lengths, strict=True):
-        beam = ao.Beam(E, NU, 2700.0, section, orientation=(0, 0, 1), shear=False)
-        held = [CLAMP] if name == "a" else []
-        parts[name] = ao.Structure(line((start, 0, 0), (start + length, 0, 0), 20), beam, held)
-    stepped = ao.assemble(
-        parts, [ao.Weld("a:end", "b:start")],
-        supports=[ao.Support(lambda x: np.full(x.shape[1], True), ("y", "rx", "rz", "x"))],
-    )  # fmt: skip
-
-    def determinant(omega: float) -> float:
-        state = np.eye(4)  # (deflection, slope, moment, shear force) along the beam
-        for section, length in zip(sections, lengths, strict=True):
-            EI = E * section.I
-            k4 = omega**2 * 2700.0 * section.A / EI
-            A = np.zeros((4, 4))
-            A[0, 1], A[1, 2], A[2, 3], A[3, 0] = 1.0, 1 / EI, 1.0, k4 * EI
-            state = scipy.linalg.expm(A * length) @ state
-        return float(np.linalg.det(state[2:, 2:]))  # clamped: no deflection, no slope; then free
-
-    found = stepped.natural_modes(4).omega
-    for omega in found:
-        low, high = (determinant(omega * (1 + e)) for e in (-2e-5, 2e-5))
-        assert low * high < 0
-    signs = np.sign([determinant(w) for w in np.linspace(0.2 * found[0], 1.02 * found[-1], 1000)])
-    assert np.count_nonzero(np.diff(signs)) == 4
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
 def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
@@ -169,38 +98,6 @@ def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     assert along[0] == pytest.approx(exact, rel=1e-6)
     assert part.mass == pytest.approx(3 * mass, rel=1e-12)
     assert ao.extract(part, site, n=0).k0 == pytest.approx(E * 0.02**2 / 0.3, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_slider_and_a_ball_transmit_what_they_should():
-    """A portal: the ball carries no moment, the slider no force along its axis."""
-    for joint, free in (
-        (ao.Ball(*POINT), {"rx", "ry", "rz"}),
-        (ao.Slider(*POINT, axis=(1, 0, 0)), {"x"}),
-        (ao.Hinge(*POINT, axis=(0, 1, 0)), {"ry"}),
-    ):
-        joined = ao.assemble(halves(), [joint], PLACES)
-        assert joined.rigid_modes.shape[1] == len(free)
-        u = joined.T @ joined.rigid_modes
-        inner = joined.layout.members["inner"]
-        assert np.abs(u[inner.rows]).max() < 1e-9 * np.abs(u).max()
-
-
-@pytest.mark.slow
-def test_rigid_faces_and_means_of_faces():
-    """A post between two plates' faces: RBE2 is stiffer than RBE3, by the strain of the face."""
-    block = box((0, 0, 0), (0.1, 0.1, 0.05), (4, 4, 2))
-    post = ao.Structure(line((0.05, 0.05, 0.05), (0.05, 0.05, 0.25), 4),
-                        ao.Beam(E, NU, 2700.0, ao.Section.circle(0.03)))  # fmt: skip
-    parts = {"block": ao.Structure(block, SOLID, [ao.Support("z0")]), "post": post}
-    site = ao.Site((0.05, 0.05, 0.25), (1, 0, 0))
-    stiff = ao.extract(ao.assemble(parts, [ao.Rigid("block:z1", "post:start")]), site, n=0).k0
-    soft = ao.extract(ao.assemble(parts, [ao.Mean("block:z1", "post:start")]), site, n=0).k0
-    clamped = ao.extract(
-        ao.Structure(post.mesh, post.parts[0][0], [ao.Support("start")]), site, n=0
-    ).k0
-    assert soft < stiff < clamped
-    assert soft == pytest.approx(stiff, rel=0.05)
 
 
 def test_a_mean_spreads_a_force_evenly():
@@ -302,25 +199,6 @@ def test_the_matrices_of_a_bolt_know_rigid_motions():
     assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_bushings_are_springs_in_series():
-    """Two halves joined by springs: compliances add up at the joint."""
-    stiffness = {"x": 1e5, "y": 2e4, "z": 3e4, "rx": 50.0, "ry": 80.0, "rz": 90.0}
-    soft = ao.assemble(halves(), [ao.Bushing(*POINT, stiffness)], PLACES)
-    down = ao.Site((1.0, 0, 0), (0, 0, -1))
-    compliance = 1 / ao.extract(soft, down, n=0).k0
-    rigid = 1 / ao.extract(whole(), down, n=0).k0
-    assert compliance == pytest.approx(rigid + 1 / 3e4 + 0.5**2 / 80.0, rel=1e-9)
-    struts = ao.assemble(
-        halves(),
-        [ao.Weld(*POINT), ao.Bushing("outer:end", "post", {"axial": 1e4})],
-        PLACES,
-        points={"post": (1.0, 0.0, 2.0)},
-        supports=[ao.Support("post")],
-    )
-    assert ao.extract(struts, down, n=0).k0 == pytest.approx(1 / rigid + 1e4, rel=1e-9)
-
-
 def test_an_equation_couples_what_it_says():
     """A lever by hand: the tip of one beam moves by −2 times the tip of another."""
     parts = {
@@ -331,30 +209,3 @@ def test_an_equation_couples_what_it_says():
     k = 1 / (0.5**3 / (3 * EI) + 0.5 / GA)
     found = ao.extract(lever, ao.Site((0.5, 0, 0), (0, 0, 1), part="a"), n=0).k0
     assert found == pytest.approx(k + 4 * k, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_dynamic_stiffness_against_dense_solves():
-    """Z(ω) of beams welded at an angle, on a bushing, against the dense constrained matrices."""
-    parts = {
-        "a": ao.Structure(line((0, 0, 0), (0.5, 0, 0), 4), BEAM, [CLAMP], order=1),
-        "b": ao.Structure(line((0.5, 0, 0), (0.9, 0.3, 0), 3), BEAM, order=1),
-    }
-    stiffness = {"x": 2e4, "y": 3e4, "z": 1e4, "rx": 1e2, "ry": 1e2, "rz": 1e2}
-    frame = ao.assemble(
-        parts,
-        [ao.Weld("a:end", "b:start"), ao.Bushing("b:end", "hub", stiffness)],
-        points={"hub": (0.9, 0.3, -0.1)},
-        supports=[ao.Support("hub")],
-    )
-    site = ao.Site((0.62, 0.09, 0), (0.2, 0.5, -1))
-    model = ao.extract(frame, site, n=frame.dofs - 2, tol=1e-50)
-    K, M = dense(frame)
-    b = functional(frame, site).b[free_dofs(frame)]
-    for omega in np.array([0.3, 0.77, 1.4, 5, 20]) * model.omega[0]:
-        exact = 1 / (b @ scipy.linalg.solve(K - omega**2 * M, b))
-        assert model.dynamic_stiffness(omega).real == pytest.approx(exact, rel=1e-9)
-    several = ao.extract(frame, {"one": site, "two": ao.Site("b:end", (0, 0, 1.0))}, n=6)
-    C = np.column_stack([b, functional(frame, ao.Site("b:end", (0, 0, 1.0))).b[free_dofs(frame)]])
-    k0 = np.linalg.inv(C.T @ np.linalg.solve(K, C))
-    assert several.k0 == pytest.approx(k0, rel=1e-9)

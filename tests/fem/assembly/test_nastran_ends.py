@@ -125,19 +125,6 @@ def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
 INERTIA = "2.,.3,3.,-.2,.4,4."
 
 
-def test_a_mass_beside_its_node_is_one_on_a_rigid_arm(tmp_path):
-    """CONM2 with an offset and products of inertia, against RBE2 to a node there."""
-    root = line(2) + BAR + "SPC1,1,123456,1\n"
-    offset = root + f"CONM2,9,3,,50.,.1,.2,.3,,\n,{INERTIA}\n"
-    there = "GRID,9,,2.1,.2,.3\nRBE2,8,3,123456,9\n"
-    arm = root + there + f"CONM2,9,9,,50.,,,,,\n,{INERTIA}\n"
-    first, second = read(tmp_path, offset), read(tmp_path, arm)
-    assert first.mass == pytest.approx(RHO * A * 2 * L + 50, rel=1e-12)
-    assert omegas(first) == pytest.approx(omegas(second), rel=1e-8)
-    plain = read(tmp_path, root + "CONM2,9,3,,50.\n")
-    assert abs(omegas(plain)[0] / omegas(first)[0] - 1) > 1e-3
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("system", ["5", "-1"])
 def test_a_mass_in_a_system_of_its_own(tmp_path, system):

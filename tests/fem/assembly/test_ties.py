@@ -153,26 +153,6 @@ def test_a_tie_keeps_mass_and_rigid_motions(turned):
 
 
 @pytest.mark.slow
-def test_a_bracket_cut_in_two_and_tied():
-    """k0 and ten antiresonances of a bent arm are those of one mesh, within the mesh's error."""
-    site = ao.Site((0.25, 0.03, 0.06), (0, -0.3, -1), radius=8e-3)
-
-    def arm(n):
-        clamp = ao.Support("x0")
-        whole = ao.Structure(box((0, 0, 0), (0.3, 0.05, 0.06), (6 * n, n, n)), SOLID, [clamp])
-        left = ao.Structure(box((0, 0, 0), (0.16, 0.05, 0.06), (3 * n, n, n)), SOLID, [clamp])
-        right = ao.Structure(box((0.16, 0, 0), (0.3, 0.05, 0.06), (3 * n, n + 1, n + 1)), SOLID)
-        return whole, ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
-
-    with pytest.warns(ao.AccuracyWarning, match="not resolved"):
-        found = [[ao.extract(part, site, n=16) for part in arm(n)] for n in (2, 3)]
-    (coarse, _), (fine, tied) = found
-    assert abs(tied.k0 / fine.k0 - 1) < abs(coarse.k0 / fine.k0 - 1)
-    for ours, theirs, worse in zip(tied.omega[:10], fine.omega, coarse.omega, strict=False):
-        assert abs(ours / theirs - 1) < max(abs(worse / theirs - 1), 2e-3)
-
-
-@pytest.mark.slow
 def test_a_gap_is_bridged_without_holding_rotations():
     """Two blocks 1 mm apart: the free pair has six rigid motions, and its mass."""
     left = ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.1), (2, 2, 2)), SOLID)

@@ -164,18 +164,6 @@ def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
     )
 
 
-@pytest.mark.slow
-def test_linear_elements_do_not_lock():
-    """The classical element errs by h²/12EI in 1/κGA and by nothing else, however thin."""
-    L, n = 1.0, 10
-    thin = ao.Section.rectangle(0.01, 0.001)
-    structure = ao.Structure(parts.line(L, n), beam(thin), [ao.Support("left")], order=1)
-    EI, GA = beam().E * thin.I, beam().G * thin.A * thin.shear
-    h = L / n
-    tip = solve(structure, (L, 0), {"y": 1.0})["y"]
-    assert tip == pytest.approx(L**3 / 3 / EI + L / GA - L * h**2 / 12 / EI, rel=1e-7)
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (2, -1, 2)])
 @pytest.mark.parametrize("order", [1, 2])

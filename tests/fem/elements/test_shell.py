@@ -74,23 +74,6 @@ def test_no_locking(cell):
         assert thin < 2 * thick
 
 
-@pytest.mark.parametrize("cell", [*CELLS, "one way"])
-@pytest.mark.parametrize("t", [1e-1, 1e-4])
-@pytest.mark.slow
-def test_clamped_plates_converge_with_the_fourth_order(cell, t):
-    coarse, fine = clamped_error(4, t, cell), clamped_error(8, t, cell)
-    assert 3.3 < np.log2(coarse / fine) < 5.5
-
-
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.slow
-def test_thirty_frequencies_and_none_between(cell):
-    """A spurious mode would shift all that follow."""
-    m = np.arange(1, 12)
-    exact = np.sort(SupportedPlate(E, NU, RHO, 1e-4, 1.0, 1.0).kirchhoff(m[:, None], m).ravel())
-    assert frequencies(plate(12, 1e-4, cell), 30) == pytest.approx(exact[:30], rel=1.5e-2)
-
-
 def test_dropped_rotations_have_no_moment():
     """Tangents at three Gauss points of every edge; three means: all vanish, so they stay tied."""
     table = _dropped_of_cubics()
@@ -127,12 +110,6 @@ def test_frequencies_converge_with_the_fourth_order(cell, t):
     assert fine < 1.5e-3
 
 
-@pytest.mark.slow
-def test_a_plane_mesh_and_one_in_space_make_the_same_plate():
-    flat, space = plate(5, 1e-2, gdim=2), plate(5, 1e-2)
-    assert frequencies(flat, 3) == pytest.approx(frequencies(space, 3), rel=1e-9)
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_clamped_square_deflects_as_timoshenkos(cell):
@@ -141,32 +118,6 @@ def test_clamped_square_deflects_as_timoshenkos(cell):
     y = pressed(structure, (0, 0, 1.0))
     D = SupportedPlate(E, NU, RHO, 1e-3, 1.0, 1.0).D
     assert y[dof(structure, (0.5, 0.5, 0), "z")] * D == pytest.approx(0.001265, rel=5e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("t", [0.2, 1e-3])
-def test_clamped_circle_under_pressure(t, tmp_path):
-    """Mindlin: q R⁴/64D + q R²/4κGt at the centre; a curved mesh of a quarter."""
-
-    (tmp_path / "disc.geo").write_text(
-        "Point(1)={0,0,0}; Point(2)={1,0,0}; Point(3)={0,1,0};"
-        "Line(1)={1,2}; Circle(2)={2,1,3}; Line(3)={3,1};"
-        "Curve Loop(1)={1,2,3}; Plane Surface(1)={1};\n"
-    )
-    mesh = ao.read_mesh(tmp_path / "disc.geo", size=0.1, gdim=3)
-    structure = ao.Structure(
-        mesh,
-        ao.Shell(E, NU, RHO, t),
-        [
-            ao.Support(lambda x: np.isclose(np.hypot(x[0], x[1]), 1, atol=1e-4)),
-            ao.Support(at(0, 0.0), ("x", "ry", "rz")),
-            ao.Support(at(1, 0.0), ("y", "rx", "rz")),
-        ],
-    )
-    y = pressed(structure, (0, 0, 1.0))
-    D, G = E * t**3 / 12 / (1 - NU**2), E / 2 / (1 + NU)
-    exact = 1 / (64 * D) + 1 / (4 * 5 / 6 * G * t)
-    assert y[dof(structure, (0, 0, 0), "z")] == pytest.approx(exact, rel=5e-3)
 
 
 @pytest.mark.sample(-1)
@@ -223,30 +174,6 @@ def test_scordelis_lo_roof(cell, order):
     y = pressed(structure, (0, 0, -90.0))
     corner = (half, R * np.sin(angle), R * np.cos(angle))
     assert -y[dof(structure, corner, "z")] == pytest.approx(0.3020, rel=6e-3)
-
-
-# The benchmark has units of its own.
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*units are SI")
-@pytest.mark.parametrize(("cell", "order"), SHELLS)
-def test_pinched_cylinder(cell, order):
-    """1.8248e-5 under the load (Lindberg et al. 1969); shear adds its logarithm there."""
-    R = half = 300.0
-    mesh = sheet(
-        16,
-        lambda s, t: (half * s, R * np.sin(np.pi / 2 * t), R * np.cos(np.pi / 2 * t)),
-        cell,
-        order,
-    )
-    supports = [
-        ao.Support(at(0, 0.0), ("y", "z")),
-        ao.Support(at(0, half), ("x", "ry", "rz")),
-        ao.Support(at(1, 0.0), ("y", "rx", "rz")),
-        ao.Support(at(2, 0.0), ("z", "rx", "ry")),
-    ]
-    structure = ao.Structure(mesh, ao.Shell(3e6, 0.3, 1.0, 3.0), supports)
-    place = dof(structure, (half, 0, R), "z")
-    assert loaded(structure, {place: 0.25})[place] == pytest.approx(1.8248e-5, rel=2e-2)
 
 
 @pytest.mark.slow

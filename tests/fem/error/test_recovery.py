@@ -100,6 +100,7 @@ def test_cells_add_up_to_the_whole(cell):
     assert estimator(structure).of_cells(shapes).sum() == pytest.approx(np.trace(gram), rel=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_k0_of_nested_meshes(cell, order):

@@ -285,29 +285,6 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     assert oblique.info["modes_unobservable"] > 6
 
 
-@pytest.mark.slow
-def test_square_plate_at_its_centre():
-    """A solid square plate keeps one in eight modes or so; turned by 90° it is the same plate."""
-    mesh = parts.box((6, 6, 1), (0.2, 0.2, 0.01))
-    edge = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2)
-                      | np.isclose(x[1], 0) | np.isclose(x[1], 0.2))  # fmt: skip
-    structure = ao.Structure(mesh, SOLID, [edge])
-    model = extract(structure, ao.Site((0.1, 0.1, 0.01), (0, 0, -1)), 6)
-    assert model.n == 6
-    # Every mode that carries mass has the symmetry of the square.
-    M = csr(structure.M)
-    from antiosc.fem import compat
-
-    dofs, x = compat.dof_coordinates(structure.form.space, (2,))
-    key = {tuple(p): k for k, p in enumerate(np.round(x / 0.2 * 1000).astype(int))}
-    for turn in (lambda p: (1000 - p[1], p[0], p[2]), lambda p: (1000 - p[0], p[1], p[2])):
-        image = [key[turn(p)] for p in np.round(x / 0.2 * 1000).astype(int)]
-        for psi in model.shapes[dofs].T:
-            assert np.abs(psi[image] - psi).max() < 1e-4 * np.abs(psi).max()
-    assert model.info["modes_unobservable"] > 2 * model.n
-    assert M.shape[0] > 1000
-
-
 # --- Numbers asked for ----------------------------------------------------------------------------
 
 

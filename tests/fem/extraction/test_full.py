@@ -83,15 +83,6 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
-@pytest.mark.slow
-def test_superposition_keeps_the_lowest_of_full(plate):
-    part, site = plate
-    full, few = ao.full(part, site), ao.superposition(part, site, 5)
-    assert few.n == 5
-    np.testing.assert_allclose(few.omega, full.omega[:5], rtol=1e-8, atol=1e-6)
-    np.testing.assert_allclose(np.abs(few.b), np.abs(full.b[:5]), rtol=1e-6)
-
-
 @pytest.mark.sample
 def test_residual_shape_goes_with_the_residual_compliance(plate):
     part, site = plate
@@ -151,19 +142,6 @@ def test_massless_dofs_are_a_compliance():
     assert full.omega[0] == pytest.approx(1.0, rel=1e-10)
     assert full.r == pytest.approx(1 / 3, rel=1e-8)
     assert full.weight is None
-
-
-@pytest.mark.slow
-def test_same_impact_from_both_routes(plate):
-    part, site = plate
-    full = ao.full(part, site)
-    model = ao.extract(part, site, n=part.dofs - 5, method="modes", tol=1e-14)
-    hits = [
-        ao.simulate(m, ao.RigidMass(0.1, 1.0), ao.Hertz(1e10), 4e-4, step=2e-7)
-        for m in (full, model)
-    ]
-    assert hits[0].peak_force == pytest.approx(hits[1].peak_force, rel=1e-6)
-    assert hits[0].impulse == pytest.approx(hits[1].impulse, rel=1e-6)
 
 
 def test_bad_input():

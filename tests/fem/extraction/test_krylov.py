@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -17,7 +15,6 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 from antiosc.models.driving_point import samples, stiffness_at_sites, stiffness_error
 from marks import FREE_ON_PURPOSE
-from paths import MESHES
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -210,46 +207,6 @@ def test_shapes_carry_the_masses(steel):
         psi.T @ multiply(steel.K, psi), np.diag(model.k), atol=1e-7 * model.k.max()
     )
     assert ao.extract(steel, SITE, n=3, shapes=False).shapes is None
-
-
-@pytest.mark.slow
-def test_several_sites_on_one_factorization(monkeypatch):
-    module = importlib.import_module("antiosc.fem.extraction.extract")
-    structure = block()
-    sites = [
-        ao.Site(point=(0.1 * s, 0.034, 0.03), direction=(0.1, 0.2, -1), radius=0.02)
-        for s in (0.3, 0.55, 0.75)
-    ]
-    together = ao.extract(structure, sites, n=9)
-    factor = structure.factorize()
-    for slices in (5e8, 1.0):  # all at once, then one by one
-        monkeypatch.setattr(module, "SLICE", slices)
-        again = ao.extract(structure, sites, n=9)
-        for one, other, site in zip(together, again, sites, strict=True):
-            alone = ao.extract(structure, site, n=9)
-            for model in (other, alone):
-                np.testing.assert_allclose(model.omega, one.omega, rtol=1e-8)
-                np.testing.assert_allclose(model.m, one.m, rtol=1e-6)
-                assert model.k0 == pytest.approx(one.k0, rel=1e-11)
-    assert structure.factorize() is factor
-
-
-@pytest.mark.slow
-def test_a_slender_beam_stays_accurate():
-    # κ(K) is about 1e12 here: what was lost would show against LAPACK's constraint modes.
-    mesh = ao.read_mesh(MESHES / "beam.msh")
-    beam = ao.Structure(
-        mesh,
-        ao.Beam(E=210e9, nu=0.3, rho=7850, section=ao.Section.rectangle(1e-3, 1e-3)),
-        supports=[ao.Support(lambda x: np.isclose(x[0], 0))],
-    )
-    site = ao.Site(point=(0.73, 0, 0), direction=(0, 0, -1))
-    krylov = ao.extract(beam, site, n=25)
-    modes = ao.extract(beam, site, n=40, method="modes")
-    count = krylov.info["converged"]
-    assert count >= 8
-    np.testing.assert_allclose(krylov.omega[:8], modes.omega[:8], rtol=1e-6)
-    assert krylov.m0 > 0
 
 
 def test_a_band_below_the_first_antiresonance_is_said(steel):

@@ -95,37 +95,6 @@ def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
         hit.field(1.0)
 
 
-def test_two_structures_touch_at_three_points(rng):
-    """Their motion is that of the unreduced pair of chains on three springs."""
-    K, M, B, models = [], [], [], {}
-    for name, size, held, rows in (("a", 9, 1, [1, 4, 7]), ("b", 7, 0, [0, 3, 6])):
-        own = loose_chains((size,), held, rng)
-        B.append(np.eye(size)[:, rows])
-        K.append(own[0])
-        M.append(own[1].diagonal())
-        models[name] = ao.extract(ao.Structure.from_matrices(*own), sites_of(B[-1]), size - 3)
-    k, times = 5e5, [0.0, 1e-3, 2e-3]
-    scene = ao.Scene(
-        models,
-        [ao.Contact(f"a:s{i}", f"b:s{i}", ao.Linear(k)) for i in range(3)],
-        loads=[ao.Load("b:s0", times, [0, 500, 0]), ao.Load("b:s2", times, [0, 300, 0])],
-    )
-    hit = scene.run(6e-3, tol=1e-4)
-
-    def slope(t: float, y: Array) -> Array:
-        u, w = y[:9], y[9:16]
-        force = k * np.maximum(B[1].T @ w - B[0].T @ u, 0.0)
-        push = np.interp(t, times, [0, 1, 0]) * (B[1] @ [500, 0, 300]) - B[1] @ force
-        accelerations = (B[0] @ force - K[0] @ u) / M[0], (push - K[1] @ w) / M[1]
-        return np.concatenate([y[16:], *accelerations])
-
-    at = np.linspace(0, 6e-3, 30)
-    exact = solve_ivp(slope, (0, 6e-3), np.zeros(32), "DOP853", at, rtol=1e-10, atol=1e-13)
-    for name, part in (("a", slice(0, 9)), ("b", slice(9, 16))):
-        found = hit.field(at, name)
-        np.testing.assert_allclose(found, exact.y[part].T, atol=1e-5 * np.abs(found).max())
-
-
 def test_gravity_and_base_act_on_every_shape(block):
     """The modal forces of a uniform acceleration bend the block as a direct solve says."""
     free = ao.extract(block, CORNERS, 60).site_modes()

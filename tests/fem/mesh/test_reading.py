@@ -48,21 +48,6 @@ def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
     assert moments(straight)[0] < 0.998 * np.pi / 4
 
 
-def test_step_in_millimetres_becomes_metres():
-    # OpenCASCADE keeps the last unit it was told for the life of the process: tell it another one.
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        gmsh.model.occ.importShapes("meshes/bracket.step")
-        # a size of metres
-        bracket = ao.read_mesh("meshes/bracket.step", size=0.05)
-    finally:
-        gmsh.finalize()
-    extent = np.ptp(bracket.dolfinx.geometry.x, axis=0)
-    np.testing.assert_allclose(extent, [0.084, 0.06, 0.086], rtol=1e-6)
-
-
 def smallest_jacobian(mesh: ao.Mesh) -> float:
     """Smallest determinant over the largest of any cell, by differences of the map at its nodes."""
     nodes = compat.geometry_nodes(mesh.dolfinx)

@@ -15,8 +15,7 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.io import conversion
-from antiosc.io.deck import Block, Deck
-from antiosc.io.shapes import CORNERS, EDGES
+from antiosc.io.deck import Block
 from antiosc_decks.abaqus import assembly as abaqus_assembly
 from paths import DECKS
 
@@ -72,19 +71,6 @@ def test_units_scale_the_mesh():
         ao.read_mesh(DECKS / "sets.inp", unit="miles")
 
 
-def test_volumes_of_all_shapes_become_tetrahedra_that_fit():
-    mesh = ao.read_mesh(DECKS / "mixed.inp")  # a crack or an overlap would warn, which fails
-    assert mesh.cell == "tetrahedron"
-    assert volume(mesh) == pytest.approx(3 + 1 / 3, rel=1e-13)
-    assert {len(mesh.group(name)[3]) for name in ("BRICK",)} == {6}
-    assert len(mesh.group("PRISMS")[3]) == 9
-    assert len(mesh.group("COLLAPSED")[3]) == 3
-    assert len(mesh.group("ROOF")[3]) == 2
-    # two for each of the box' 13 rectangles in sight, and the four sides of the roof: a cut that
-    # does not fit would leave more
-    assert len(compat.exterior_facets(mesh.dolfinx)) == 2 * 13 + 4
-
-
 @pytest.mark.parametrize("shape", ["hexahedron", "wedge", "pyramid"])
 def test_cuts_agree_for_every_numbering(shape):
     """Every numbering of two cells on one rectangle: the same diagonal, and the whole volume."""
@@ -111,59 +97,6 @@ def test_cuts_agree_for_every_numbering(shape):
         edges = points[tetra[:, 1:]] - points[tetra[:, :1]]
         assert np.abs(np.linalg.det(edges)).sum() / 6 == pytest.approx(size, rel=1e-12)
         assert (rows == 0).all()
-
-
-def test_neighbours_are_cut_alike_for_every_numbering():
-    deck = abaqus_assembly.read(DECKS / "mixed.inp", "mixed.inp").deck
-    rng = np.random.default_rng(4)
-    for _ in range(30):
-        number = rng.permutation(len(deck.points))
-        faces = []
-        for block in deck.blocks:
-            tables = (number[block.corners], block.mids, block.inner)
-            tetra, _ = conversion._simplices(Block(block.shape, block.type, *tables))
-            faces += [np.delete(tetra, k, axis=1) for k in range(4)]
-        _, count = np.unique(np.sort(np.vstack(faces), axis=1), axis=0, return_counts=True)
-        assert count.max() == 2
-        assert (count == 1).sum() == 2 * 13 + 4  # the outer faces
-
-
-def serendipity(shape: str, X: np.ndarray) -> np.ndarray:
-    """Shape functions of 8 or 20 nodes at X in [-1, 1]^d (Zienkiewicz & Taylor)."""
-    ends = {"quad": [(-1, -1), (1, -1), (1, 1), (-1, 1)]}
-    ends["hexahedron"] = [(*p, z) for z in (-1, 1) for p in ends["quad"]]
-    a = np.array(ends[shape], dtype=float)
-    dim = a.shape[1]
-    N = [np.prod(1 + X * p) * (X @ p - dim + 1) / 2**dim for p in a]
-    for i, j in EDGES[shape]:
-        p = (a[i] + a[j]) / 2
-        along = p == 0
-        rest = np.prod(1 + (X * p)[~along])
-        N.append(float((1 - X[along] ** 2).prod() * rest / 2 ** (dim - 1)))
-    return np.array(N)
-
-
-SIDES = [(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)]
-
-
-@pytest.mark.parametrize("shape", ["quad", "hexahedron"])
-def test_inner_nodes_lie_where_the_serendipity_functions_put_them(shape):
-    rng = np.random.default_rng(2)
-    n, m = CORNERS[shape], len(EDGES[shape])
-    points = rng.normal(size=(n + m, 3))
-    table = np.arange(n + m)[None, :]
-    block = Block(shape, shape, table[:, :n], table[:, n:], table[:, :0])
-    mesh = conversion.as_mesh(Deck("a deck", points, [block]))
-    (cells,) = mesh.cells.values()
-    where = {
-        "quad": [(0, 0)],
-        "hexahedron": [*SIDES, (0, 0, 0)],
-    }[shape]
-    assert cells.shape == (1, n + m + len(where))
-    for node, X in zip(cells[0, n + m :], where, strict=True):
-        np.testing.assert_allclose(
-            mesh.points[node], serendipity(shape, np.array(X, dtype=float)) @ points, atol=1e-13
-        )
 
 
 @pytest.mark.slow
@@ -193,18 +126,6 @@ def test_instances_are_moved_and_turned():
     mesh = ao.read_mesh(DECKS / "instances.inp", cells="Bar-2.body")
     assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
     assert nodes_of(mesh, "Tip") == nodes_of(mesh, "Bar-2.end")
-
-
-def test_nodes_that_coincide_are_merged(tmp_path):
-    other = CUBE.replace("*NODE", "*NODE\n11,1,0,0\n12,2,0,0\n13,2,1,0\n14,1,1,0").replace(
-        "*ELEMENT", "15,1,0,1\n16,2,0,1\n17,2,1,1\n18,1,1,1.0000001\n*ELEMENT"
-    )
-    path = write(tmp_path / "two.inp", other + "2,11,12,13,14,15,16,17,18\n")
-    with pytest.raises(ao.MeshError, match="merge="):
-        ao.read_mesh(path)
-    mesh = ao.read_mesh(path, merge=1e-6)
-    assert volume(mesh) == pytest.approx(2.0, rel=1e-6)
-    assert len(mesh.dolfinx.geometry.x) == 12
 
 
 def test_quadratic_beams_give_their_middle_node_second():

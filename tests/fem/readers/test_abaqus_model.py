@@ -129,22 +129,6 @@ def test_masses_and_moments_of_inertia(read):
     assert found[3][1] == pytest.approx([1e-3, 2e-3, 3e-3])  # t mm² in kg m²
 
 
-def test_a_distributing_coupling_is_the_weighted_mean(read):
-    """θ = J⁻¹ Σ w r × u about the centre of the weights, which moves by Σ w u."""
-    cards = "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n"
-    cards += "1,2.\n2,\n3,.5\n4\n"
-    model, _ = read(cards)
-    rows = np.array([row_of(terms) for terms in model["joints"]["equations"]])
-    assert len(rows) == 6
-    w = np.array([2, 1, 0.5, 1]) / 4.5
-    r = X[:4] - w @ X[:4]
-    u = RNG.normal(size=(COUNT, 6))
-    J = np.einsum("p,pi,pi", w, r, r) * np.eye(3) - np.einsum("p,pi,pj->ij", w, r, r)
-    u[5, 3:] = np.linalg.solve(J, np.einsum("p,pi->i", w, np.cross(r, u[:4, :3])))
-    u[5, :3] = w @ u[:4, :3] + np.cross(u[5, 3:], X[5] - w @ X[:4])
-    assert np.abs(rows @ (u * SIZE).ravel()).max() < 1e-12
-
-
 def fixed_by_name(deck) -> dict[str, list[int]]:
     return {key.removeprefix("fixed "): rows.tolist() for key, rows in deck.fixed.items()}
 
@@ -228,20 +212,3 @@ def test_what_of_a_deck_is_not_taken_is_counted(read):
         f"1 *BOUNDARY of later steps (line {line + 9} of part.inp)",
         f"the motion of *BOUNDARY (line {line} of part.inp), fixed instead",
     }  # fmt: skip
-
-
-def test_a_truss_is_a_spring_of_its_area(read):
-    """EA/L along its line, half of its mass at each end."""
-    truss = "*ELEMENT,TYPE=T3D2,ELSET=T\n7,2,5\n*SOLID SECTION,ELSET=T,MATERIAL=M\n.25\n"
-    model, _ = read(truss)
-    length = np.linalg.norm(X[4] - X[1])
-    u = RNG.normal(size=(COUNT, 6))
-    energy = 2e5 * 0.25 / length * longer(u, 1, 4) ** 2
-    assert energy_of(stiffness(model), u) == pytest.approx(energy, rel=1e-9)
-    half = 1e3 * 8e-9 * 0.25 * length / 2
-    for node, (rows, M, mass) in zip((1, 4), model["joints"]["masses"], strict=True):
-        assert [row_of(terms).nonzero()[0].tolist() for terms in rows] == [
-            [6 * node + c] for c in range(3)
-        ]
-        np.testing.assert_allclose(M, half * np.eye(3), rtol=1e-9)
-        assert mass == pytest.approx(half)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -177,29 +175,7 @@ def test_thicknesses_at_nodes(tmp_path):
 
 # --- Beams and plane sections ---------------------------------------------------------------------
 
-PIPE = math.pi / 4 * (3.0**4 - 2.5**4)
 BOX = [(5 * 4**3 - 3 * 3**3) / 12, (4 * 5**3 - 3 * 3**3) / 12]
-PROFILES = {
-    # dimensions: area, about the axis across direction 1, about direction 1, torsion, shear
-    "CIRC\n4.,2.": (2 * math.pi, 2 * math.pi, math.pi / 2, 8 * math.pi * 4 / 20, 0.9),
-    "PIPE\n3.,.5": (math.pi * 2.75, PIPE, PIPE, 2 * PIPE, 0.5),
-    "GENERAL\n6.,3.,0.,5.,7.": (6.0, 5.0, 3.0, 7.0, 5 / 6),
-    # height 4, width 5; walls of 0.5 across the height and of 1 along the width
-    "BOX\n4.,5.,.5,1.,.5,1.": (20 - 9.0, *BOX, 4 * (3.5 * 4) ** 2 / (2 * 4 / 0.5 + 2 * 3.5), 0.5),
-}
-
-
-@pytest.mark.parametrize("case", PROFILES)
-def test_profiles_of_beams(tmp_path, case):
-    A, first, second, J, shear = PROFILES[case]
-    text = BARS + f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION={case}\n0,0,-2\n" + STEEL
-    model, deck = read(tmp_path, text)
-    own = {"A": 1e-6 * A, "I": 1e-12 * first, "I_side": 1e-12 * second, "J": 1e-12 * J}
-    expected = {"E": E, "nu": NU, "rho": RHO, "section": {**own, "shear": shear},
-                "orientation": [0.0, 0.0, -2.0], "offset": 0.0}  # fmt: skip
-    alike(model["families"], [["ALL", "Beam", expected, line(text, "*BEAM")]])
-    assert deck.told == []
-    assert model["halve"]
 
 
 def test_offsets_of_beams_are_shares_of_their_height_and_width(tmp_path):

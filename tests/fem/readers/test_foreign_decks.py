@@ -8,8 +8,7 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.reading import read as read_mesh, read_parts
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.reading import read as read_mesh
 from antiosc_decks.nastran import mesh as nastran
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
@@ -88,28 +87,6 @@ def test_files_of_the_folder_above_are_included_and_no_others(tmp_path):
         else:
             with pytest.raises(MeshError, match="outside"):
                 read_mesh(folder / "part.bdf")
-
-
-def test_one_of_several_pieces(tmp_path):
-    """The largest by its number of elements; what acts on the others is left out and told."""
-    cubes = "".join(
-        f"GRID,{10 * k + n},,{x + 50 * (k // 2)}.,{y}.,{z + 10 * (k % 2)}.\n"
-        for k in (0, 2, 3)
-        for n, (x, y, z) in enumerate(bdf.CORNERS, 1)
-    )
-    hexas = "CHEXA,1,7,1,2,3,4,5,6,\n,7,8\nCHEXA,2,8,21,22,23,24,25,26,\n,27,28\n"
-    hexas += "CHEXA,3,8,25,26,27,28,35,36,\n,37,38\n"
-    path = tmp_path / "part.bdf"
-    path.write_text(cubes + hexas + "PSOLID,7,1\nPSOLID,8,1\n" + bdf.MAT1 + "CONM2,9,1,,1.\n")
-
-    def piece(rank: int):
-        options = {"density": None, "parts": None, "piece": rank}
-        return read_parts(path, timeout=None, unit=UnitSystem(1e-3), merge=None, model=options)[3]
-
-    assert [len(piece(rank).cells) for rank in (1, 2)] == [2, 1]
-    assert [bool(piece(rank).model["masses"]) for rank in (1, 2)] == [False, True]
-    with pytest.raises(MeshError, match="2 pieces"):
-        piece(3)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import sys
 import warnings
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
@@ -147,29 +146,6 @@ print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
     arguments = [sys.executable, "-c", script, str(path)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["gmsh numpy", ""]
-
-
-def test_med_with_groups(tmp_path):
-    """Families of cells and of nodes by their names, as Salome and Code_Aster write them."""
-    meshio = pytest.importorskip("meshio")
-    pytest.importorskip("h5py")
-    points = [(x, y, 0.0) for y in (0, 1) for x in (0, 1, 2)]
-    cells = [("triangle", [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)]), ("line", [(0, 3), (2, 5)])]
-    tags = [np.array([-6, -6, -7, -7]), np.array([-8, -9])]
-    mesh = meshio.Mesh(points, cells, cell_data={"cell_tags": tags})
-    mesh.point_data["point_tags"] = np.array([1, 0, 2, 1, 0, 2])
-    mesh.cell_tags = {-6: ["left", "all"], -7: ["right", "all"], -8: ["root"], -9: ["tip"]}
-    mesh.point_tags = {1: ["held"], 2: ["free"]}
-    path = tmp_path / "part.med"
-    meshio.write(path, mesh)
-    found = ao.read_mesh(path)
-    assert {name: len(found.group(name)[2]) for name in ("left", "right", "all")} == {
-        "left": 2,
-        "right": 2,
-        "all": 4,
-    }
-    assert len(found.group("root")[1]) == len(found.group("tip")[1]) == 1
-    assert set(found.group("held"))
 
 
 def test_bulk_data_by_its_content(tmp_path):

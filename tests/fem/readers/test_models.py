@@ -136,28 +136,6 @@ def test_a_rigid_body_of_elements_is_that_of_their_nodes(abaqus):
     assert len(models[0]["joints"]["equations"]) > 0
 
 
-@pytest.mark.parametrize(
-    ("options", "offset", "orientation", "moments"),
-    [
-        ("", 0.0, (0, 1, 0), (2 * 27, 3 * 8)),
-        (",OFFSET1=.5", 1.5, (0, 1, 0), (2 * 27, 3 * 8)),
-        (",OFFSET2=-.25", -0.5, (0, 0, 1), (3 * 8, 2 * 27)),
-    ],
-)
-def test_a_beam_beside_its_nodes(abaqus, options, offset, orientation, moments):
-    """RECT of 3 along direction 1 (y) and 2 along t × y = z; offsets in shares of these."""
-    section = f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT{options}\n3.,2.\n0,1,0\n"
-    model, _ = abaqus(BAR + section + STEEL)
-    ((_, family, given, _),) = model["families"]
-    assert family == "Beam"
-    assert given["offset"] == pytest.approx(offset * 1e-3)
-    assert given["orientation"] == pytest.approx(orientation)
-    own = given["section"]
-    assert own["A"] == pytest.approx(6e-6)
-    assert [1e12 * own[k] for k in ("I", "I_side")] == pytest.approx([m / 12 for m in moments])
-    assert model["halve"]
-
-
 def test_one_number_of_a_round_beam_is_its_radius(abaqus):
     section = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=CIRC\n2.\n"
     model, deck = abaqus(BAR + section + STEEL)
@@ -182,68 +160,10 @@ def fixed(deck) -> dict[str, list[int]]:
     return {name.removeprefix("fixed "): (rows + 1).tolist() for name, rows in deck.fixed.items()}
 
 
-def test_supports_by_name_by_range_and_with_a_motion(abaqus):
-    text = "*BOUNDARY\n1,ENCASTRE\n2,PINNED\n3,XSYMM\n4,2,3\n5,3\n6,1,1,0.5\n"
-    model, deck = abaqus(
-        SHEET + "2,5,6,7,8\n" + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n" + STEEL + text
-    )
-    assert fixed(deck) == {
-        "x": [1, 2, 3, 6],
-        "y": [1, 2, 4],
-        "z": [1, 2, 4, 5],
-        "rx": [1],
-        "ry": [1, 3],
-        "rz": [1, 3],
-    }
-    assert any("the motion of *BOUNDARY" in text for text in model["ignored"])
-
-
-def test_supports_about_an_axis(abaqus):
-    """TYPE=C: 1 is radial, 2 along the circle, 3 axial; nodes on x and on y about the axis z."""
-    ring = "*TRANSFORM,NSET=N,TYPE=C\n0,0,0,0,0,2\n"
-    nodes = NODES.replace("1,0,0,0\n", "1,9,9,0\n").replace("5,0,0,1\n", "5,9,9,1\n")
-    cube = CUBE.replace(NODES, nodes)
-    _, deck = abaqus(cube + SOLID + STEEL + ring + "*BOUNDARY\n2,1\n4,1\n6,2\n8,3\n")
-    assert fixed(deck) == {"x": [2], "y": [4, 6], "z": [8]}
-
-
-def test_masses_and_inertias(abaqus):
-    text = (
-        "*ELEMENT,TYPE=MASS,ELSET=Q\n9,3\n*MASS,ELSET=Q\n5.E-3\n"
-        "*ELEMENT,TYPE=ROTARYI,ELSET=R\n10,4\n*ROTARY INERTIA,ELSET=R\n1.,2.,3.\n"
-    )
-    model, _ = abaqus(CUBE + SOLID + STEEL + text)
-    heavy, turning = model["masses"]
-    assert heavy[0] == pytest.approx([1e-3, 1e-3, 0])
-    assert heavy[1:] == [pytest.approx(5.0), [0, 0, 0]]
-    assert turning[0] == pytest.approx([0, 1e-3, 0])
-    assert turning[1] == 0
-    assert turning[2] == pytest.approx([1e-3, 2e-3, 3e-3])  # t mm² = 10³ kg × 10⁻⁶ m²
-
-
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,2.+5,,.3,2.-9\n"
 QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
 TURNED = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # its z is x, its x is y, its y is z
-
-SPRINGS = {
-    "CELAS1": ("CELAS1,9,4,3,2\nPELAS,4,5.\n", {"y": 5e3}),
-    "CELAS1, second": ("CELAS1,9,4,,,3,6\nPELAS,4,5.\n", {"rz": 5e-3}),
-    "CELAS2": ("CELAS2,9,5.,3,4\n", {"rx": 5e-3}),
-    "CBUSH": ("CBUSH,9,4,3\nPBUSH,4,K,1.,,3.,,5.\n", {"x": 1e3, "z": 3e3, "ry": 5e-3}),
-}
-
-
-@pytest.mark.parametrize("kind", SPRINGS)
-def test_grounded_springs(bulk, kind):
-    """N/mm = 10³ N/m, N mm = 10⁻³ N m."""
-    text, expected = SPRINGS[kind]
-    model, _ = bulk(QUAD + text)
-    found = {}
-    for point, stiffness in model["springs"]:
-        assert point == pytest.approx([1e-3, 1e-3, 0])
-        found |= stiffness
-    assert found == pytest.approx(expected)
 
 
 def test_springs_and_supports_follow_the_system_of_their_node(bulk):
@@ -252,14 +172,6 @@ def test_springs_and_supports_follow_the_system_of_their_node(bulk):
     assert model["springs"][0][1] == pytest.approx({"y": 5e3})
     assert model["springs"][1][1] == pytest.approx({"rx": 7e-3})
     assert fixed(deck) == {"x": [4], "y": [4], "z": [3, 4], "rz": [3]}
-
-
-def test_permanent_supports_and_those_of_the_first_subcase(bulk):
-    control = "SUBCASE 1\n  SPC = 7\nSUBCASE 2\n  SPC = 8\nBEGIN BULK\n"
-    quad = QUAD.replace("GRID,1,,0.,0.,0.", "GRID,1,,0.,0.,0.,,12")
-    sets = "SPCADD,7,1,2\nSPC1,1,3,2,THRU,4\nSPC1,2,4,5\nSPC1,8,5,6\nSPC1,7,6,6\n"
-    _, deck = bulk(control + quad + "GRDSET,,,,,,,,\n" + sets)
-    assert fixed(deck) == {"x": [1], "y": [1], "z": [2, 3, 4], "rx": [5], "rz": [6]}
 
 
 def test_masses_with_a_factor(bulk):
@@ -291,31 +203,6 @@ def test_a_shear_modulus_that_contradicts_is_told(bulk):
 
 
 PLY = "MAT8,2,9.+4,2.+4,.3,5.+3,4.+3,3.+3,2.-9\n"
-
-
-@pytest.mark.parametrize(
-    ("element", "axis"),
-    [
-        ("CQUAD4,1,1,1,2,3,4", (1, 0, 0)),
-        ("CQUAD4,1,1,2,3,4,1", (0, 1, 0)),
-        ("CQUAD4,1,1,1,2,3,4,30.", (np.sqrt(3) / 2, 0.5, 0)),
-        ("CQUAD4,1,1,1,2,3,4,5", (0, 1, 0)),
-        ("CTRIA3,1,1,1,2,3,30.", (np.sqrt(3) / 2, 0.5, 0)),
-    ],
-)
-def test_the_axis_of_a_layered_shell(bulk, element, axis):
-    """The first side turned by THETA, or x of the system MCID."""
-    stack = "PCOMP,1,,6.-9,,,,,SYM\n,2,.1,45.,,,.2,0.\n"
-    model, _ = bulk(GRIDS + element + "\n" + stack + PLY + TURNED)
-    ((_, family, given, _),) = model["families"]
-    assert family == "Laminate"
-    assert given["axis"] == pytest.approx(axis, abs=1e-12)
-    assert given["top"] == pytest.approx([0, 0, 1])
-    found = [(layer["angle"], layer["thickness"]) for layer in given["layers"]]
-    assert found == pytest.approx([(45, 1e-4), (0, 2e-4), (0, 2e-4), (45, 1e-4)])
-    for layer in given["layers"]:
-        assert layer["rho"] == pytest.approx(2e3 + 6e-9 / 0.6 * 1e12)
-        assert (layer["E1"], layer["G13"], layer["G23"]) == pytest.approx((9e10, 4e9, 3e9))
 
 
 def test_a_shell_of_one_ply(bulk):

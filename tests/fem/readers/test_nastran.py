@@ -157,12 +157,6 @@ def test_a_layered_plate_is_the_laminate(tmp_path):
     )
 
 
-def test_deck_of_small_large_and_free_fields_without_case_control():
-    found = nastran.read(DECKS / "tube.bdf", "tube.bdf")
-    assert len(found.deck.points) == 32 + 12
-    assert not found.bulk.control.given
-
-
 def test_copies_of_entries(tmp_path):
     """= keeps a field, == all that follow, *(x) adds; =(n) repeats the last copy."""
     text = "GRID,1,,0.,1.,2.,,123\n=,*1,=,*.5,==\n=(2)\n=,*(10),=,=,7.,==\n"

@@ -69,33 +69,6 @@ def test_rods_alone_are_a_truss(tmp_path, cards, factor):
     assert not model["supports"]
 
 
-@pytest.mark.parametrize("cards", RODS)
-def test_rods_between_beams_are_springs(tmp_path, cards):
-    """EA/L along the line and GJ/L about it; half of the mass at each end."""
-    _, A, J, beside = RODS[cards]
-    bars = "CBAR,11,9,1,7,1.,2.,0.\nCBAR,12,9,1,2,0.,0.,1.\nPBAR,9,1,1.,1.,1.,1.\n"
-    model, _ = read(tmp_path, THREE + cards + bars + MAT1)
-    x = np.array([(0, 0, 0), (20, 0, 0), (20, 10, 10)])
-    rng = np.random.default_rng(0)
-    u = rng.normal(size=(3, 6))
-    expected = 0.0
-    masses = np.zeros(3)
-    for a, b in ((0, 1), (1, 2)):
-        along = x[b] - x[a]
-        L = np.linalg.norm(along)
-        stretch, twist = (u[b, k : k + 3] - u[a, k : k + 3] for k in (0, 3))
-        expected += 2e5 * A / L * (stretch @ along / L) ** 2
-        expected += 2e5 / 2.6 * J / L * (twist @ along / L) ** 2
-        masses[[a, b]] += (8e-9 * A + beside) * L / 2
-    found = 0.0
-    size = np.array([1e-3] * 3 + [1.0] * 3)
-    for terms, k in model["joints"]["springs"]:
-        found += k * sum(v * (u * size)[node, motion] for node, motion, v in terms) ** 2
-    assert found == pytest.approx(1e-3 * expected, rel=1e-7)
-    heavy = {rows[0][0][0]: mass for rows, _, mass in model["joints"]["masses"]}
-    assert heavy == pytest.approx({k: 1e3 * m for k, m in enumerate(masses)}, rel=1e-7)
-
-
 def test_motions_against_which_no_rod_is_stiff_are_held(tmp_path):
     """Rods along x and along the diagonal of x and y: y of the end of the first, z of all."""
     cards = "CROD,1,7,1,2\nCROD,2,7,1,3\nPROD,7,1,3.\n" + MAT1

@@ -71,17 +71,3 @@ def test_what_is_refused_is_told_with_its_line(tmp_path, case):
     text, line, word = REFUSED[case]
     with refused(line, word, MeshError):
         read(tmp_path, GRIDS + text + MAT1)
-
-
-def test_what_of_a_deck_is_not_taken_is_counted(tmp_path):
-    text = GRIDS + HEXA + "PSOLID,7,1\n" + MAT1 + "MATT1,1,2\nMATT1,1,3\nCREEP,1\nFORCE,1,2\n"
-    text += "PLOAD4,1,2\nPLOAD4,1,3\nGRAV,3\nCHBDYE,1,2\nPLOTEL,77,1,2\n"
-    model, deck = read(tmp_path, text)
-    assert model["ignored"] == [
-        "1 CHBDYE (line 20 of part.bdf)", "1 CREEP (line 15 of part.bdf)",
-        "1 FORCE (line 16 of part.bdf)", "1 GRAV (line 19 of part.bdf)",
-        "2 MATT1 (lines 13, 14 of part.bdf)", "2 PLOAD4 (lines 17, 18 of part.bdf)",
-    ]  # fmt: skip
-    assert deck.left == {}
-    path = tmp_path / "part.bdf"
-    assert nastran.read(path, path.name).deck.left == {"CHBDYE": 1}

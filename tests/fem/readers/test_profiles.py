@@ -143,19 +143,7 @@ WALLS = {
 }
 
 
-@pytest.mark.parametrize("kind", WALLS)
-def test_sections_of_walls_are_those_of_the_figures(kind):
-    inside, dimensions = WALLS[kind]
-    profile = nastran("PBARL", kind, *dimensions)
-    n = 1600
-    at = (np.arange(n) + 0.5) / n * 4 - 2
-    within = inside(at[:, None], at) * (4 / n) ** 2
-    x, y = within.sum(axis=1), within.sum(axis=0)
-    A = within.sum()
-    assert pytest.approx(A, rel=3e-3) == profile.A
-    assert pytest.approx(at**2 @ x - (at @ x) ** 2 / A, rel=4e-3) == profile.I
-    assert profile.I_side == pytest.approx(at**2 @ y - (at @ y) ** 2 / A, rel=4e-3)
-    assert profile.height == pytest.approx(np.ptp(at[x > 0]), rel=3e-3)
+SECTIONS |= {kind: (nastran("PBARL", kind, *sizes), at) for kind, (at, sizes) in WALLS.items()}
 
 
 def test_a_section_is_turned_to_its_principal_axes():
@@ -186,12 +174,13 @@ def test_area_and_second_moments_are_integrals(name):
     n = 1600
     at = (np.arange(n) + 0.5) / n * 4 - 2
     within = inside(at[:, None], at) * (4 / n) ** 2
-    x, y = within.sum(axis=1), within.sum(axis=0)
-    assert pytest.approx(within.sum(), rel=2e-3) == profile.A
-    assert pytest.approx(at**2 @ x, rel=2e-3) == profile.I
-    assert profile.I_side == pytest.approx(at**2 @ y, rel=2e-3)
+    x, y, A = within.sum(axis=1), within.sum(axis=0), within.sum()
+    assert pytest.approx(A, rel=3e-3) == profile.A
+    assert pytest.approx(at**2 @ x - (at @ x) ** 2 / A, rel=4e-3) == profile.I
+    assert profile.I_side == pytest.approx(at**2 @ y - (at @ y) ** 2 / A, rel=4e-3)
     assert profile.height == pytest.approx(np.ptp(at[x > 0]), rel=3e-3)
-    assert profile.width == pytest.approx(np.ptp(at[y > 0]), rel=3e-3)
+    if name not in WALLS:
+        assert profile.width == pytest.approx(np.ptp(at[y > 0]), rel=3e-3)
     turned = profile.rotated()
     assert (turned.I, turned.I_side) == (profile.I_side, profile.I)
     assert (turned.height, turned.width) == (profile.width, profile.height)

@@ -60,9 +60,9 @@ def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, 
 
 
 @pytest.mark.slow
-def test_point_and_patches_over_five_meshes():
+def test_point_and_patches_over_four_meshes():
     normal = (0, 0, -1)
-    structures = [graded(n) for n in (6, 8, 12, 16, 20)]
+    structures = [graded(n) for n in (6, 8, 12, 16)]
     sizes = np.array([smallest(s) for s in structures])
     point = np.array([compliance(s, normal)[0] for s in structures])
     # The point's compliance grows as 1/h: it knows no limit.
