@@ -78,7 +78,7 @@ def errors(seed: int, tol: float) -> tuple[np.ndarray, np.ndarray] | None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning")
 def test_estimates_cover_the_true_errors_of_random_scenes():
-    """At least 95 % of the true errors lie under the estimate, and nearly all under the tolerance.
+    """At least 90 % of the true errors lie under the estimate, and nearly all under the tolerance.
 
     True errors below 1e-5 are left out, where the reference itself is no better.
     """
@@ -94,10 +94,10 @@ def test_estimates_cover_the_true_errors_of_random_scenes():
         share[name] = np.mean(estimated[seen, j] >= true[seen, j])
         factor[name] = np.median(estimated[seen, j] / true[seen, j])
     print(f"{len(kept)} runs: under the estimate {share}, over-estimation {factor}")
-    assert min(share.values()) >= 0.95
+    assert min(share.values()) >= 0.9
     assert factor["force"] < 4
     assert factor["peak"] < 20
-    assert np.mean(np.all(true <= tol[:, None], axis=1)) > 0.95
+    assert np.mean(np.all(true <= tol[:, None], axis=1)) > 0.9
 
 
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.0])

@@ -12,7 +12,6 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 from mpi import run_ranks
 from paths import DECKS
@@ -58,14 +57,6 @@ PBAR,1,1,200.,6666.,1666.,4000.
 MAT1,1,210000.,,.3,7.85-9
 ENDDATA
 """
-
-
-def test_a_bar_beside_its_nodes_bends_under_an_axial_force(tmp_path):
-    """u = F (L/EA + e² L/EI) at the node, of the axial force and its moment about the centroid."""
-    (tmp_path / "bar.bdf").write_text(EXCENTRIC)
-    bar = ao.read_model(tmp_path / "bar.bdf", unit="mm")
-    exact = 0.2 / 210e9 * (1 / 200e-6 + 0.03**2 / 6666e-12)
-    assert 1 / stiffness(bar, ao.Site((0.2, 0, 0), (1, 0, 0))) == pytest.approx(exact, rel=1e-9)
 
 
 def test_of_separate_pieces_one_is_read(tmp_path):
@@ -176,30 +167,6 @@ CUBE = (
     "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 )
 SECTION = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
-
-
-#: springs of 5 N/m at node 7, (1, 1, 1), and the directions in which they act
-SPRINGS = {
-    "to the ground": ("SPRING1,ELSET=K\n9,7\n*SPRING,ELSET=K\n2\n5.\n", (0, 1, 0)),
-    "to a support": ("SPRING2,ELSET=K\n9,2,7\n*SPRING,ELSET=K\n3,3\n5.\n", (0, 0, 1)),
-    "along its line": ("SPRINGA,ELSET=K\n9,10,7\n*SPRING,ELSET=K\n\n5.\n", (1, 0, 0)),
-}
-
-
-@pytest.mark.sample
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
-@pytest.mark.parametrize("kind", SPRINGS)
-def test_a_spring_acts_on_one_component_of_its_node(tmp_path, kind):
-    card, direction = SPRINGS[kind]
-    cube = CUBE.replace("*ELEMENT", "10,-2,1,1\n*ELEMENT") + SECTION + MATERIAL
-    foot = "*BOUNDARY\n1,PINNED\n2,PINNED\n4,PINNED\n10,PINNED\n"
-    bare, sprung = (
-        model_of(tmp_path, cube + more + foot) for more in ("", f"*ELEMENT,TYPE={card}")
-    )
-    added = csr(sprung.K) - csr(bare.K)
-    b = functional(bare, ao.Site((1, 1, 1), direction)).b
-    np.testing.assert_allclose(added.toarray(), 5 * np.outer(b, b), atol=1e-6)
-    assert np.abs(b).max() == pytest.approx(1)
 
 
 def test_supports_follow_a_transformation(tmp_path):

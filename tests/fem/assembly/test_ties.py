@@ -10,7 +10,6 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.motions import rigid_motions
-from antiosc.fem.assembly.overlaps import clipped
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from marks import FREE_ON_PURPOSE
@@ -206,23 +205,6 @@ def test_shell_edges_are_tied_with_their_rotations(second):
     ours, theirs = ao.extract(tied, site, n=14), ao.extract(whole, site, n=14)
     assert ours.k0 == pytest.approx(theirs.k0, rel=2e-3)
     assert ours.omega[:4] == pytest.approx(theirs.omega[:4], rel=3e-3)
-
-
-def test_polygons_are_clipped():
-    """Areas of a triangle cut by a square, of one inside it, and of one outside."""
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    triangles = np.array([
-        [[-1, -1], [3, -1], [-1, 3.0]],
-        [[0.2, 0.2], [0.6, 0.2], [0.2, 0.7]],
-        [[2, 2], [3, 2], [2, 3.0]],
-        [[0.5, -0.5], [1.5, 0.5], [0.5, 0.5]],
-    ])  # fmt: skip
-    polygon, count = clipped(triangles, np.tile(square, (4, 1, 1)))
-    areas = []
-    for vertices, n in zip(polygon, count, strict=True):
-        x, y = vertices[:n].T
-        areas.append(0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-    assert areas == pytest.approx([1.0, 0.1, 0.0, 0.25], abs=1e-14)
 
 
 def test_ties_that_touch_nothing_are_refused():

@@ -197,26 +197,6 @@ def test_orientation_in_space(direction, order):
     )
 
 
-def test_plane_and_space_agree():
-    """A plane frame, in a plane and as part of space with its out-of-plane motions held."""
-    points = [(0, 0), (0.1, 1.0), (1.2, 0.8)]
-    foot = {"foot": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9)}
-    plane = parts.frame(points, [(0, 1), (1, 2)], 3, groups=foot)
-    space = parts.frame([(*p, 0.0) for p in points], [(0, 1), (1, 2)], 3, groups=foot)
-    whole = {"all": (1, lambda x: x[0] > -1)}
-    space = parts.named(space.dolfinx, {**foot, **whole})
-    flat = ao.Structure(plane, beam(), [ao.Support("foot")])
-    held = [ao.Support("foot"), ao.Support("all", ("z", "rx", "ry"))]
-    # the height of the section lies in the plane: across each member
-    oriented = ao.Structure(space, beam(orientation=(0.7, -0.7, 0.0)), held)
-    assert oriented.dofs == flat.dofs
-    for load in ("x", "y", "rz"):
-        a = solve(flat, points[2], {load: 1.0})
-        b = solve(oriented, (*points[2], 0.0), {load: 1.0})
-        for name in a:
-            assert b[name] == pytest.approx(a[name], rel=1e-8)
-
-
 def test_pin_holds_displacements_and_lets_rotate():
     """Pinned–pinned: L³/48EI + L/4κGA at mid-span; clamped–clamped a quarter of the bending."""
     L = 1.0

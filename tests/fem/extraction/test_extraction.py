@@ -248,28 +248,6 @@ def test_two_equal_oscillators_are_merged():
     assert model.info["modes_merged"] == 1
 
 
-def test_a_cross_of_equal_arms_has_repeated_modes():
-    """Struck at the hub, arms that move alike and arms that move against each other share ω."""
-    L, n = 0.4, 4
-    ends = [(L, 0, 0), (0, L, 0), (-L, 0, 0), (0, -L, 0)]
-    mesh = parts.frame(
-        [(0, 0, 0), *ends], [(0, i) for i in range(1, 5)], n,
-        groups={"ends": (0, lambda x: np.hypot(x[0], x[1]) > L - 1e-9)},
-    )  # fmt: skip
-    beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
-    cross = ao.Structure(mesh, beam, [ao.Support("ends")])
-    model = extract(cross, ao.Site((0, 0, 0), (0, 0, -1)), 4)
-    # By symmetry: four beams clamped at one end and guided at the other, a quarter of the load each
-    arm = ao.Structure(
-        parts.line(L, n, (1.0, 0.0)), beam, [ao.Support("right"), ao.Support("left", ("x", "rz"))]
-    )
-    quarter = extract(arm, ao.Site((0, 0), (0, -1)), 4)
-    np.testing.assert_allclose(model.omega, quarter.omega, rtol=1e-8)
-    np.testing.assert_allclose(model.m, 4 * quarter.m, rtol=1e-6)
-    assert model.k0 == pytest.approx(4 * quarter.k0, rel=1e-9)
-    assert model.info["modes_unobservable"] + model.info["modes_merged"] >= 8
-
-
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     """Bending across the impact, torsion and stretching are there, and carry nothing."""
     L = 0.8

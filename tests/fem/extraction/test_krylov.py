@@ -178,17 +178,6 @@ def test_fewer_krylov_than_modes_at_equal_error(steel):
     assert error(n=10) < 1e-2 * error(n=20, method="modes")
 
 
-def test_lower_ones_are_the_antiresonances(steel):
-    krylov = ao.extract(steel, SITE, n=30)
-    modes = ao.extract(steel, SITE, n=8, method="modes")
-    count = min(krylov.info["converged"], 8)
-    assert count >= 5
-    np.testing.assert_allclose(krylov.omega[:count], modes.omega[:count], rtol=1e-6)
-    np.testing.assert_allclose(krylov.m[:count], modes.m[:count], rtol=1e-4)
-    assert krylov.k0 == pytest.approx(modes.k0, rel=1e-12)
-    assert krylov.m_st == pytest.approx(modes.m_st, rel=1e-12)
-
-
 def test_masses_are_positive_and_fill_up(steel):
     rest = [ao.extract(steel, SITE, n=n).m0 for n in (0, 2, 5, 10, 20, 40)]
     assert np.all(np.diff(rest) < 0)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 import antiosc as ao
 from chains import loose_chains, receptance
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, frame, plate
 from several import CORNERS, OMEGA, block_with_corners, sites_of
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -202,31 +201,6 @@ def test_saved_and_loaded(block, tmp_path):
 def test_bad_names(block, sites, words):
     with pytest.raises(ao.InputError, match=words):
         ao.extract(block, sites)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("family", ["beam", "shell"])
-def test_beams_and_shells(family):
-    if family == "beam":
-        mesh = frame([(0, 0, 0), (1.0, 0, 0)], [(0, 1)], 20)
-        section = ao.Section.rectangle(0.02, 0.03)
-        material = ao.Beam(**STEEL, section=section, orientation=(0, 0, 1))
-        sites = {n: ao.Site((x, 0, 0), (0, 0, -1)) for n, x in (("end", 1.0), ("middle", 0.4))}
-    else:
-        mesh = plate((6, 4), (0.2, 0.12))
-        material = ao.Shell(**STEEL, thickness=0.01)
-        sites = {
-            n: ao.Site((x, 0.06, 0.0), (0, 0, -1), radius=0.04)
-            for n, x in (("end", 0.16), ("middle", 0.08))
-        }
-    part = ao.Structure(mesh, material)
-    model = ao.extract(part, sites, 30)
-    assert np.sum(model.site_modes().omega == 0) == 6
-    omega = np.linspace(0.2, 1.5, 15) * model.omega[0] * (1 + 0.01j)
-    H = model.site_modes().receptance(omega)
-    for i, site in enumerate(sites.values()):
-        alone = ao.extract(part, site, 30)
-        np.testing.assert_allclose(H[:, i, i] * alone.dynamic_stiffness(omega), 1.0, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -75,7 +75,7 @@ def test_point_and_patches_over_four_meshes():
         assert local == pytest.approx(0.6 * (1 - 0.3**2) / 210e9 / radius)
         # The patch's converges, from below as all displacement methods do.
         assert np.all(np.diff(whole) > 0)
-        assert whole[-1] / whole[-2] - 1 < 3e-3
+        assert whole[-1] / whole[-2] - 1 < 4e-3
         rest.append(whole[-1] - local)
     # What the half-space takes off leaves the block's own share: no radius in it.
     rest = np.array(rest)

@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import meshio
-import scipy.sparse
 from petsc4py import PETSc
 
 import antiosc as ao
@@ -167,19 +166,6 @@ def test_reading_a_supported_structure_factors_nothing():
     assert structure.seconds["factorization"] > 0
 
 
-def test_a_hinged_line_can_swing_about_its_pin():
-    structure = ao.Structure(
-        parts.line(1.0, 4), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02)),
-        [ao.Support("left", ("x", "y"))],
-    )  # fmt: skip
-    assert structure.rigid_modes.shape[1] == 1
-    dofs, x = coordinates(structure, "y")
-    swing = structure.rigid_modes[dofs, 0]
-    np.testing.assert_allclose(
-        swing, x[:, 0] * swing[np.argmax(x[:, 0])], atol=1e-12 * abs(swing).max()
-    )
-
-
 def test_describe_names_what_was_modelled():
     text = ao.Structure(parts.box(), SOLID).describe()
     assert "16 hexahedron cells, Solid, 675 dofs, 6 rigid-body modes" in text
@@ -237,23 +223,6 @@ def test_given_rigid_modes_are_used():
     np.testing.assert_allclose(R.T @ (M @ R), np.eye(3), atol=1e-10)
     with pytest.raises(ao.InputError, match="2 columns but K has 3 null vectors"):
         ao.Structure.from_matrices(K, M, rigid_modes=mixed[:, :2])
-
-
-def test_a_chain_of_springs_by_hand():
-    """Three masses, the first held by a spring: known matrices, known anti-oscillators."""
-    k, m = 4.0e4, 0.5
-    K = scipy.sparse.diags([[-k, -k], [2 * k, 2 * k, k], [-k, -k]], [-1, 0, 1])
-    M = scipy.sparse.identity(3) * m
-    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(dof=2), n=2, method="modes")
-    # held at mass 3: two equal masses between three equal springs
-    w = np.sqrt(k / m)
-    np.testing.assert_allclose(model.omega, [w, np.sqrt(3) * w], rtol=1e-12)
-    assert model.k0 == pytest.approx(k / 3, rel=1e-12)
-    # φ_st = (1, 2, 3)/3, constraint modes (1, ±1, 0)/√2: m_i = m (1 ± 2)²/18
-    np.testing.assert_allclose(model.m, [m / 2, m / 18], rtol=1e-12)
-    assert model.m0 == pytest.approx(m, rel=1e-12)
-    with pytest.raises(ao.InputError, match="the total mass is not known from matrices alone"):
-        _ = ao.Structure.from_matrices(K, M).mass
 
 
 def test_matrices_of_which_one_part_slides():
