@@ -47,7 +47,7 @@ def free_memory() -> float:
 
 
 def give_back() -> None:
-    """Return freed memory to the system, which glibc keeps for itself, so that it counts as free."""
+    """Return freed memory, which glibc keeps for itself, to the system, so that it counts."""
     trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
     if trim is not None:
         trim(0)
