@@ -412,6 +412,13 @@ OWN: dict[str, dict[str, Any]] = {
     "impact_map": {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
+    "Sensor": {"point": (0.1, 0.0, 0.02), "direction": (0, 0, 1)},
+    "find_impact": {
+        "sensors": lambda: [ao.Sensor((0.1, 0.0, 0.02), (0, 0, 1))], "rate": 2e4,
+        "signals": np.sin(np.arange(40.0))[:, None], "where": [(0.1, 0.1, 0.02)], "modes": 4,
+        "unknown": ("velocity",), "direction": (0, 0, -1), "radius": 0.05,
+        "impactor": lambda: ao.RigidMass(0.1, 1.0), "contact": lambda: ao.Linear(1e6),
+    },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},

@@ -31,7 +31,7 @@ from antiosc.simulation.impactors import RigidMass
 from antiosc.studies.find.fit import Fit
 from antiosc.studies.find.forward import Struck
 from antiosc.studies.find.found import FOUND, UNDETERMINED, UNEXPLAINED, FoundImpact
-from antiosc.studies.find.recording import FEWEST, Recording, recording
+from antiosc.studies.find.recording import Recording, recording
 from antiosc.studies.find.scan import Scan, scan
 from antiosc.studies.find.search import most_probable
 from antiosc.studies.find.sensor import Sensor
@@ -150,8 +150,9 @@ def find_impact(
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
     names = _names(unknown, impactor, contact)
-    expected = checks.tolerance(frequency_error, "frequency_error"), checks.tolerance(
-        shape_error, "shape_error"
+    expected = (
+        checks.tolerance(frequency_error, "frequency_error"),
+        checks.tolerance(shape_error, "shape_error"),
     )
     if band is not None:
         band = checks.positive("band", band, "rad/s")
@@ -160,9 +161,7 @@ def find_impact(
     prepared_at = time.perf_counter()
     data = recording(signals, len(sensors), rate, noise, band, monitored.seen.omega[-1] / ABOVE)
     with without_warnings():
-        result = found_in(
-            monitored, data, names, impactor, contact, as_damping(damping), expected
-        )
+        result = found_in(monitored, data, names, impactor, contact, as_damping(damping), expected)
     seconds = {"model": prepared_at - started, "search": time.perf_counter() - prepared_at}
     result = replace(result, info={**result.info, "seconds": seconds})
     if result.status:
@@ -205,7 +204,8 @@ def prepared(
     if radius is not None:
         radius = checks.positive("radius", radius, "m")
     count = MODES if modes is None and band is None else modes
-    seen = free_sites(structure, matrices, where, direction, radius, count, band)
+    with without_warnings():  # of patches that an edge cuts, at sites that were not struck
+        seen = free_sites(structure, matrices, where, direction, radius, count, band)
     rows = np.array([one.of_shapes(structure, seen.phi) for one in sensors])
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia, structure.shift)
     orders = np.array([one.derivative for one in sensors])
@@ -237,9 +237,7 @@ def found_in(
     if impactor is not None:
         known |= {"mass": impactor.mass, "velocity": impactor.velocity}
     known = {name: value for name, value in known.items() if name not in unknown}
-    scanned = scan(
-        data, omega, decay, monitored.rows, monitored.orders, seen.b, expected[0]
-    )
+    scanned = scan(data, omega, decay, monitored.rows, monitored.orders, seen.b, expected[0])
     fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
     return _told(model, scanned, fits, unknown)
 
@@ -295,8 +293,9 @@ def _bars(fit: Fit, unknown: Sequence[str]) -> dict[str, float]:
     place = fit.covariance[np.ix_(along, along)]
     bars = {"place": BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1])) if d else 0.0}
     for name, own in zip(fit.names[d:], variance[d:], strict=True):
-        bar = BAR[1] * float(np.sqrt(own))
-        bars[name] = bar if name == "start" or bar < 1 else np.inf
+        deviation = float(np.sqrt(own))
+        told = name == "start" or deviation < DETERMINED
+        bars[name] = BAR[1] * deviation if told else np.inf
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.gains[k]
         bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g))

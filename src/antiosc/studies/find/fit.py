@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -15,13 +14,13 @@ from antiosc.simulation.history import History
 from antiosc.studies.find.forward import Blow, Seen, Struck
 from antiosc.studies.find.surface import Chart
 
-#: Changes for differences: of the place over the spacing of sites, of logarithms, of the start over
-#: the contact time.
-CHANGE, CHANGE_PLACE = 2e-3, 0.02
+#: Changes for differences: of logarithms and of the start over the contact time; of frequencies,
+#: whose phases grow with time; of the place over the spacing of sites.
+CHANGE, CHANGE_FREQUENCY, CHANGE_PLACE = 2e-3, 1e-5, 0.02
 #: Longest steps: of the place over the spacing, of logarithms, of the start over the contact time.
 LONGEST_PLACE, LONGEST, LONGEST_START = 1.5, 0.7, 0.3
 #: Decrease of chi² that ends a search, and over chi² itself.
-CONVERGED, ENOUGH = 1e-3, 1e-7
+CONVERGED, ENOUGH = 0.01, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +56,14 @@ class Search:
     spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
     """
 
-    def __init__(
-        self, model: Struck, unknown: Sequence[str], spread: float, doubt: float
-    ) -> None:
+    def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
         self.model, self.logs = model, [name for name in unknown if name != "place"]
         self.spread, self.doubt = spread, doubt
 
     def cost(self, blow: Blow, signals: Array, trust: float = 1.0) -> tuple[float, Array]:
         """The cost, and all residuals; those of the signals times `trust`."""
         off = trust * (signals - self.model.data.compared).ravel()
-        rest = np.concatenate(
-            [off, blow.frequency / self.spread, blow.share.ravel() / self.doubt]
-        )
+        rest = np.concatenate([off, blow.frequency / self.spread, blow.share.ravel() / self.doubt])
         return float(rest @ rest), rest
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
@@ -145,9 +140,7 @@ class Search:
             **values,
         )
 
-    def _slopes(
-        self, blow: Blow, chart: Chart, there: Array, seen: Seen
-    ) -> tuple[Array, Array]:
+    def _slopes(self, blow: Blow, chart: Chart, there: Array, seen: Seen) -> tuple[Array, Array]:
         """Derivatives of all residuals by all unknowns; `gains` in the units of the steps."""
         model, columns, gains = self.model, [], []
 
@@ -161,17 +154,18 @@ class Search:
             x[i] = CHANGE_PLACE
             changed(blow, model.modes_at(chart, x), CHANGE_PLACE)
         for name in self.logs:
-            other = {name: getattr(blow, name) * float(np.exp(CHANGE))}
-            changed(replace(blow, **other), there, CHANGE)
+            change = CHANGE_FREQUENCY if name == "E" else CHANGE
+            other = {name: getattr(blow, name) * float(np.exp(change))}
+            changed(replace(blow, **other), there, change)
         changed(replace(blow, start=blow.start + CHANGE * blow.lasting), there, CHANGE)
         n, m, J = seen.parts.shape
         p = len(columns)
         found = np.zeros((n * m + J + m * J, p + J + m * J))
         found[: n * m, :p] = np.transpose(columns)
         # all frequencies at once: each mode's own part of the change
-        other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE) - 1)
+        other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
         moved = (model.seen(other, there).parts - seen.parts) * (1 + blow.share)
-        by_frequency = moved / (CHANGE * (1 + blow.frequency))
+        by_frequency = moved / (CHANGE_FREQUENCY * (1 + blow.frequency))
         found[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
             at = p + J + s * J

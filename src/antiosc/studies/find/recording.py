@@ -102,7 +102,8 @@ def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
     kernel /= np.linalg.norm(kernel)
     every, half = int(1 / ((1 + TRANSITION) * top)), len(kernel) // 2
     offsets = np.arange(-half, half + 1)
-    whole = scipy.sparse.diags(kernel, offsets, shape=(n, n), format="csr")
+    short = np.abs(offsets) < n
+    whole = scipy.sparse.diags(kernel[short], offsets[short], shape=(n, n), format="csr")
     return whole[::every]
 
 

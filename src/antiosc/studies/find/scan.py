@@ -120,4 +120,4 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     q = z.imag / lam.imag
     v = z.real + lam.real * q
     a = force - np.abs(lam) ** 2 * q + 2 * lam.real * v
-    return [q, v, a]
+    return [np.asarray(q), np.asarray(v), np.asarray(a)]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from antiosc.base._types import Array
 from antiosc.base.progress import counting
 from antiosc.studies.find.fit import Fit, Search
 from antiosc.studies.find.forward import Blow, Struck
@@ -18,8 +17,10 @@ PLACES, APART = 8, 2.5
 #: Masses that each is tried with, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Searches that begin, that go on, and the steps of both.
-BEGUN, KEPT = 6, 2
-FIRST_STEPS, LAST_STEPS = 6, 25
+BEGUN, KEPT = 4, 2
+FIRST_STEPS, LAST_STEPS = 5, 25
+#: Cost of a second search over that of the first, above which it does not go on.
+HOPELESS = 10.0
 #: Of a rigid wall: contact time over 2 × approach/velocity, and impulse over mass × velocity.
 HERTZ_TIME, REBOUND = 2.943, 1.6
 
@@ -68,7 +69,8 @@ def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
     first, *rest = begun
     far = APART * model.surface.spacing(first.blow.site)
     apart = [fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > far]
-    return [first, *apart, *rest][:KEPT]
+    near = [fit for fit in (*apart, *rest) if fit.cost < HOPELESS * first.cost]
+    return [first, *near][:KEPT]
 
 
 def _places(model: Struck, scanned: Scan) -> list[int]:
