@@ -29,17 +29,9 @@ ANY, OF_TYPES, OF_EXTREMES = range(len(POOL)), range(len(TYPES)), range(len(TYPE
 #: Those that assemble, extract, march or draw: some milliseconds a call and more.
 DEAR = {"Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"}
 DEAR |= {"assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"}
-DEAR |= {
-    "from_frf",
-    "find_impact",
-    "save_fields",
-    "read_mesh",
-    "read_model",
-    "peak_field",
-    "reactions",
-    "strike",
-}
+DEAR |= {"from_frf", "save_fields", "read_mesh", "read_model", "peak_field", "reactions", "strike"}
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("plotting.")}
+DEAR |= {"find_impact"}
 DEAR |= {"drop", *(name for name in CALLS if name.startswith(("Fall.", "Drops.", "closed_form.")))}
 #: Parameters that take the caller's own function: what that raises is the caller's.
 OWN_FUNCTIONS = {"make", "run"}

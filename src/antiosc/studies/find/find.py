@@ -34,7 +34,7 @@ from antiosc.studies.find.found import FOUND, UNDETERMINED, UNEXPLAINED, FoundIm
 from antiosc.studies.find.recording import Recording, recording
 from antiosc.studies.find.scan import Scan, scan
 from antiosc.studies.find.search import most_probable
-from antiosc.studies.find.sensor import Sensor
+from antiosc.studies.find.sensor import Sensor, of_shapes
 from antiosc.studies.find.surface import Surface
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
 
@@ -51,6 +51,9 @@ POOR = 2.0
 DETERMINED, DETERMINED_PLACE = 0.3, 0.05
 #: Standard deviations of the half-widths of intervals of 95 %: of one number, of a place.
 BAR = {0: 1.96, 1: 1.96, 2: 2.45}
+#: Standard deviation of a place by the interpolation between sites, over their spacing: what 24
+#: blows on two meshes showed.
+INTERPOLATION = 0.01
 #: Difference of the costs of two blows that are as probable, per chi².
 AS_PROBABLE = 9.0
 
@@ -172,7 +175,9 @@ def find_impact(
 def _names(unknown: Any, impactor: Any, contact: Any) -> list[str]:
     """Checked names of the unknowns; InputError where a known value is missing."""
     if isinstance(unknown, str) or not isinstance(unknown, Sequence):
-        raise InputError(f"unknown must list names of {', '.join(UNKNOWN)}; got {unknown!r}.")
+        raise InputError(
+            f"unknown must list names of {', '.join(UNKNOWN)}; got {checks.shown(unknown)}."
+        )
     for name in unknown:
         checks.choice("unknown", name, UNKNOWN)
     if impactor is not None:
@@ -206,7 +211,7 @@ def prepared(
     count = MODES if modes is None and band is None else modes
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         seen = free_sites(structure, matrices, where, direction, radius, count, band)
-    rows = np.array([one.of_shapes(structure, seen.phi) for one in sensors])
+    rows = np.array([of_shapes(one, structure, seen.phi) for one in sensors])
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia, structure.shift)
     orders = np.array([one.derivative for one in sensors])
     return Monitored(seen, rows, orders, r, structure.mass)
@@ -291,7 +296,10 @@ def _bars(fit: Fit, unknown: Sequence[str]) -> dict[str, float]:
     along = np.array([name == "place" for name in fit.names])
     d = int(along.sum())
     place = fit.covariance[np.ix_(along, along)]
-    bars = {"place": BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1])) if d else 0.0}
+    bars = {"place": 0.0}
+    if d:
+        between = (INTERPOLATION * fit.chart.size) ** 2
+        bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + between))
     for name, own in zip(fit.names[d:], variance[d:], strict=True):
         deviation = float(np.sqrt(own))
         told = name == "start" or deviation < DETERMINED

@@ -123,11 +123,11 @@ class FoundImpact(Brief):
         for s in range(count):
             size, at = float(np.abs(self.measured[:, s]).max()), -step * s
             t = 1e3 * self.compared_time
-            left.plot(t, at + self.measured[:, s] / size, color="0.6", lw=2.5)
+            left.plot(t, at + self.measured[:, s] / size, color="0.75", lw=4)
             left.plot(t, at + self.computed[:, s] / size, color="C0", lw=1)
         left.set(xlabel="time (ms)", title="measured (grey), computed", yticks=[])
         left.set_ylabel("sensors, the first on top")
-        end = min(3 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
+        end = min(1.5 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
         t = np.linspace(0.0, end, 400)
         right.plot(1e3 * (t + self.start), self.history.force_at(t), color="C3")
         right.set(xlabel="time (ms)", ylabel="force (N)", ylim=(0, None), title="contact force")

@@ -18,6 +18,8 @@ from antiosc.base.errors import InputError
 FEWEST, MOST = 32, 200_000
 #: Share of the power of a signal above its noise that lies in its band.
 IN_BAND = 0.995
+#: Periods of the record that the band holds at least.
+LINES = 4
 #: Transition of the filter over its band, and its attenuation [dB].
 TRANSITION, ATTENUATION = 0.3, 60.0
 #: Least noise of a signal over its root mean square: no sensor is better.
@@ -77,8 +79,12 @@ def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: 
     size = np.sqrt(np.mean(values**2, axis=0))
     if np.any(size == 0):
         raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
-    nyquist = np.pi * rate
-    top = min(most, _band(values, rate)) if band is None else checks.positive("band", band, "rad/s")
+    nyquist, lowest = np.pi * rate, LINES * 2 * np.pi * rate / len(values)
+    if band is not None and checks.positive("band", band, "rad/s") < lowest:
+        raise InputError(
+            f"band must hold {LINES} periods of the record, {lowest:.4g} rad/s; got {band:g}."
+        )
+    top = min(most, _band(values, rate)) if band is None else band
     top = min(top, nyquist)
     if noise is None:
         sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
@@ -120,7 +126,7 @@ def _band(values: Array, rate: float) -> float:
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
     above = np.cumsum(power - floor, axis=0)
     ends = [w[np.argmax(one > IN_BAND * one.max())] for one in above.T]
-    return float(max(max(ends), w[4]))
+    return float(max(max(ends), w[LINES]))
 
 
 def _noise(values: Array, rate: float, band: float) -> Array:

@@ -73,21 +73,22 @@ class Sensor:
         """Time derivative of the displacement of which its signal is made."""
         return DERIVATIVE[self.quantity]
 
-    def of_shapes(self, structure: Structure, shapes: Array) -> Array:
-        """The displacement along it, or its strain, (J,) in shapes (rows of this rank, J)."""
-        d = np.pad(self.direction, (0, 3 - len(self.direction)))
-        d = d / np.linalg.norm(d)
-        x, part, end = point_of(structure, self.point, self.part)
-        if end is not None:
-            raise InputError(f"{self.point!r} has no mesh: a sensor sits on the mesh of a part.")
-        fields, reach = source(structure), Reach("the point of the sensor")
-        if self.quantity != "strain":
-            columns = fields.at_point(structure, shapes, x, part, reach)
-            return np.asarray(d[: len(columns)] @ columns)
-        nodes, weights = np.zeros(1), np.full(1, 2.0)
-        if self.length is not None:
-            nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
-        points = x + np.outer(nodes, d) * (self.length or 0.0) / 2
-        there = place(self.surface, None, (0.0, 0.0), "global")
-        strain = fields.recovered(structure, shapes, points, part, "strain", there, reach)
-        return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
+
+def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
+    """The displacement along a sensor, or its strain, (J,) in shapes (rows of this rank, J)."""
+    d = np.pad(sensor.direction, (0, 3 - len(sensor.direction)))
+    d = d / np.linalg.norm(d)
+    x, part, end = point_of(structure, sensor.point, sensor.part)
+    if end is not None:
+        raise InputError(f"{sensor.point!r} has no mesh: a sensor sits on the mesh of a part.")
+    fields, reach = source(structure), Reach("the point of the sensor")
+    if sensor.quantity != "strain":
+        columns = fields.at_point(structure, shapes, x, part, reach)
+        return np.asarray(d[: len(columns)] @ columns)
+    nodes, weights = np.zeros(1), np.full(1, 2.0)
+    if sensor.length is not None:
+        nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+    points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
+    there = place(sensor.surface, None, (0.0, 0.0), "global")
+    strain = fields.recovered(structure, shapes, points, part, "strain", there, reach)
+    return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
