@@ -23,7 +23,7 @@ SIZE, RATE, SAMPLES = (0.4, 0.3), 16e3, 160
 POINTS = ((0.07, 0.06, 0), (0.33, 0.08, 0), (0.29, 0.25, 0), (0.11, 0.22, 0))
 SENSORS = [ao.Sensor(point, (0, 0, 1)) for point in POINTS]
 DOWN, MODES = (0, 0, -1), 20
-BLOW, LAW, START = ao.RigidMass(0.12, 2.0), ao.Hertz(4e8), 4.7e-4
+BLOW, LAW, START = ao.RigidMass(0.3, 2.0), ao.Hertz(4e7), 4.7e-4
 
 
 def edge(x: np.ndarray) -> np.ndarray:
