@@ -113,7 +113,7 @@ class Search:
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
         """The blow after a change of all unknowns."""
         d, k = len(chart.axes), len(self.logs)
-        x = change[:d] * min(1.0, LONGEST_PLACE / max(np.linalg.norm(change[:d]), 1e-300))
+        x = change[:d] * min(1.0, LONGEST_PLACE / max(float(np.linalg.norm(change[:d])), 1e-300))
         place, site = blow.place, blow.site
         if d:
             place, site = self.model.surface.nearest(
@@ -155,8 +155,8 @@ class Search:
             changed(blow, model.modes_at(chart, x), CHANGE_PLACE)
         for name in self.logs:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
-            other = {name: getattr(blow, name) * float(np.exp(change))}
-            changed(replace(blow, **other), there, change)
+            value = {name: getattr(blow, name) * float(np.exp(change))}
+            changed(replace(blow, **value), there, change)
         changed(replace(blow, start=blow.start + CHANGE * blow.lasting), there, CHANGE)
         n, m, J = seen.parts.shape
         p = len(columns)

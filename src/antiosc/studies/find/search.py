@@ -90,7 +90,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
     """A blow whose pulse on a rigid wall would be that of site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
-    velocity = max(impulse, np.finfo(float).tiny) / (REBOUND * mass)
+    velocity = max(impulse, float(np.finfo(float).tiny)) / (REBOUND * mass)
     approach = T * velocity / HERTZ_TIME
     exponent = model.exponent
     stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
