@@ -19,6 +19,7 @@ PICTURES = {
         "composite_panel": ["composite_panel.png"],
         "drop": ["drop.png"],
         "drop_on_corners": ["drop_on_corners.png"],
+        "find_blow": ["find_blow.png"],
         "impact_map": ["bracket_map.png"],
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "machine_guard": ["machine_guard.png"],

@@ -65,7 +65,7 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    *("ForceComparison", "Gradient", "Optimum"),
+    *("ForceComparison", "FoundImpact", "Gradient", "Optimum"),
     *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -336,6 +336,17 @@ def surface_map() -> Any:
         return ao.impact_map(part(), at, direction=(0, 0, -1), radius=0.05, n=2, modes=4)
 
 
+@functools.cache
+def found_blow() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        return ao.find_impact(part(), **{k: arguments(v) for k, v in OWN["find_impact"].items()})
+
+
+def arguments(value: Any) -> Any:
+    return value() if callable(value) else value
+
+
 def two_sites() -> Any:
     """A model of two sites with one anti-oscillator, and its shapes."""
     return ao.AntiOscillators(
@@ -411,6 +422,13 @@ OWN: dict[str, dict[str, Any]] = {
     "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
     "impact_map": {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
+    },
+    "Sensor": {"point": (0.1, 0.0, 0.02), "direction": (0, 0, 1)},
+    "find_impact": {
+        "sensors": lambda: [ao.Sensor((0.1, 0.0, 0.02), (0, 0, 1))], "rate": 2e4,
+        "signals": np.sin(np.arange(40.0))[:, None], "where": [(0.1, 0.1, 0.02)], "modes": 4,
+        "unknown": ("velocity",), "direction": (0, 0, -1), "radius": 0.05,
+        "impactor": lambda: ao.RigidMass(0.1, 1.0), "contact": lambda: ao.Linear(1e6),
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
@@ -499,6 +517,7 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.load": {"path": saved_history}, "SavedHistory.load": {"path": saved_history},
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
+    "FoundImpact.plot": {"path": "found.png"},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
     "PeakField.write": {"path": "peak.vtu"}, "SavedFields.load": {"path": saved_fields},
     "SavedFields.plot": {"path": "fields.png", "time": 0.5}, "SavedFields.at": {"time": 0.5},
@@ -527,6 +546,7 @@ OWN: dict[str, dict[str, Any]] = {
 
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
+    "FoundImpact": found_blow,
     "SavedHistory": lambda: ao.History.load(saved_history()),
     "NamedImpactor": lambda: ao.IMPACTORS["tennis ball"],
     "SavedFields": lambda: ao.SavedFields.load(saved_fields()),

@@ -286,6 +286,15 @@ from antiosc.studies.drops.floor import (
     SoftLayer as SoftLayer,
     contact_at as contact_at,
 )
+from antiosc.studies.find.find import (
+    find_impact as find_impact,
+)
+from antiosc.studies.find.found import (
+    FoundImpact as FoundImpact,
+)
+from antiosc.studies.find.sensor import (
+    Sensor as Sensor,
+)
 from antiosc.studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,

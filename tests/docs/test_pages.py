@@ -24,11 +24,11 @@ LIGHT = {
     *("howto/gradient", "api/gradients"),
     "howto/measured",
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
-    *("api/errors", "api/exports", "api/measured"),
+    *("api/errors", "api/exports", "api/measured", "api/find"),
 }
 MESHED = {"howto/deck", "howto/drop"}
 SLOW = {
-    *("first_impact", "limits", "howto/map", "howto/measured", "howto/units"),
+    *("first_impact", "limits", "howto/find", "howto/map", "howto/measured", "howto/units"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
 }

@@ -8,7 +8,6 @@ is too large, the site is extracted separately.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +22,6 @@ from antiosc.base.threads import one_thread
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.dampers import refuse_dampers
-from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
     at_one_site,
@@ -33,9 +31,7 @@ from antiosc.fem.extraction.oscillators import (
     oscillators,
 )
 from antiosc.fem.extraction.site_shapes import shapes_of_models
-from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
-from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point, free_modes
@@ -43,18 +39,13 @@ from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
+from antiosc.studies.free_sites import free_sites
 from antiosc.studies.map_results import ImpactMap
 
-#: Free modes where neither `modes` nor a band says how many.
-FREE_MODES = 20
-#: Frequency of the last free mode over the band.
-ABOVE = 1.5
 #: The band where none is given, over the last free mode.
 WITHIN = 0.5
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
-
-log = logging.getLogger(__name__)
 
 
 @collective()
@@ -106,7 +97,6 @@ def impact_map(
     InputError
         An empty group, points off the structure, no site that can move, a missing direction.
     """
-    started = time.perf_counter()
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
     if radius is not None:
@@ -123,24 +113,16 @@ def impact_map(
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
     matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
-    found = sites_of(matrices, where, direction, radius)
-    sites = found.sites
     refuse_dampers(structure, "a map")
-    structure.factorize()
-    located = time.perf_counter()
-    free = _free_modes(structure, modes, band)
-    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
-    phi = np.column_stack([structure.rigid_modes, free.phi])
+    seen = free_sites(structure, matrices, where, direction, radius, modes, band)
+    found, omega, b, C, G = seen.found, seen.omega, seen.b, seen.compliance, seen.inertia
+    sites, moved = found.sites, time.perf_counter()
     band = WITHIN * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
         raise InputError(
             f"the band {band:g} rad/s must end below the last of {len(omega)} free modes,"
             f" {omega[-1]:g} rad/s: ask for more modes."
         )
-    b = structure.comm.allreduce(sites.loads.T @ phi)
-    solved = time.perf_counter()
-    C, G = deflections(structure, sites.loads, omega, b)
-    moved = time.perf_counter()
     models = free_modes.at_sites(omega, b, C, G, n, structure.shift, "krylov")
     left_out, reduction = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
     reduced = time.perf_counter()
@@ -149,9 +131,7 @@ def impact_map(
     )
     extracted = time.perf_counter()
     seconds = {
-        "sites": located - started,
-        "free_modes": solved - located,
-        "deflections": moved - solved,
+        **seen.seconds,
         "models": reduced - moved,
         "direct": extracted - reduced,
     }
@@ -179,19 +159,6 @@ def impact_map(
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, result, impactor, contact, duration)
-
-
-# --- Free modes ---------------------------------------------------------------------------------
-
-
-def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
-    """The lowest elastic modes: `count`, or as many as reach above the band."""
-    wanted = FREE_MODES if count is None else whole("modes", count)
-    reach = 0.0 if band is None or count is not None else ABOVE * band
-    found = ModeSolver(structure).lowest(wanted, reach)
-    kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
-    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
-    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
 
 
 # --- What is not good enough --------------------------------------------------------------------

@@ -1,0 +1,1 @@
+"""Where and how hard was a structure struck? Found from measured signals."""

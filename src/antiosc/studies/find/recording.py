@@ -1,0 +1,138 @@
+"""Measured signals: their band, noise and filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from scipy import signal
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+
+#: Fewest samples, and most values of all signals.
+FEWEST, MOST = 32, 200_000
+#: Share of the power of a signal above its noise that lies in its band.
+IN_BAND = 0.995
+#: Periods of the record that the band holds at least.
+LINES = 4
+#: Transition of the filter over its band, and its attenuation [dB].
+TRANSITION, ATTENUATION = 0.3, 60.0
+#: Least noise of a signal over its root mean square: no sensor is better.
+LEAST_NOISE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Signals of m sensors, and how they are compared with a model.
+
+    Attributes
+    ----------
+    values : (n, m); dt : sampling interval [s].
+    sigma : (m,) standard deviation of the noise of a sample.
+    band : (rad/s) up to which they are compared.
+    filter : (n', n) low-pass filter that keeps the noise of a sample and leaves out samples.
+    """
+
+    values: Array
+    dt: float
+    sigma: Array
+    band: float
+    filter: scipy.sparse.csr_matrix
+
+    @property
+    def time(self) -> Array:
+        """(n,) from the first sample [s]."""
+        return self.dt * np.arange(len(self.values))
+
+    @property
+    def duration(self) -> float:
+        """Of the record [s]."""
+        return self.dt * len(self.values)
+
+    @cached_property
+    def compared(self) -> Array:
+        """(n', m) the signals in the band, over their noise."""
+        return np.asarray(self.filter @ (self.values / self.sigma))
+
+
+def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: float) -> Recording:
+    """Checked signals (n, m) of `count` sensors; InputError for others."""
+    rate = checks.positive("rate", rate, "Hz")
+    values = checks.array("signals", signals, None)
+    if values.ndim == 1 and count == 1:
+        values = values[:, None]
+    if values.ndim != 2 or values.shape[1] != count:
+        raise InputError(
+            f"signals must have one column for each of the {count} sensors; got shape"
+            f" {values.shape}."
+        )
+    if len(values) < FEWEST or values.size > MOST:
+        raise InputError(
+            f"signals need {FEWEST} samples or more, and at most {MOST} values; got"
+            f" {len(values)} of {count} sensors: cut them to the time of the blow."
+        )
+    size = np.sqrt(np.mean(values**2, axis=0))
+    if np.any(size == 0):
+        raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
+    nyquist, lowest = np.pi * rate, LINES * 2 * np.pi * rate / len(values)
+    if band is not None and checks.positive("band", band, "rad/s") < lowest:
+        raise InputError(
+            f"band must hold {LINES} periods of the record, {lowest:.4g} rad/s; got {band:g}."
+        )
+    top = min(most, _band(values, rate)) if band is None else band
+    top = min(top, nyquist)
+    if noise is None:
+        sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
+    else:
+        sigma = checks.positives("noise", noise)
+        if sigma.size not in (1, count):
+            raise InputError(
+                f"noise is one standard deviation or one for each of {count} sensors; got"
+                f" {sigma.size}."
+            )
+        sigma = np.broadcast_to(sigma, (count,))
+    return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
+
+
+def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
+    """The filter (n', n) of a band up to `top` times the highest frequency."""
+    if top * (1 + TRANSITION) >= 1:
+        return scipy.sparse.identity(n, format="csr")
+    taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
+    kernel = signal.firwin(taps | 1, (1 + TRANSITION / 2) * top, window=("kaiser", beta))
+    kernel /= np.linalg.norm(kernel)
+    every, half = int(1 / ((1 + TRANSITION) * top)), len(kernel) // 2
+    offsets = np.arange(-half, half + 1)
+    short = np.abs(offsets) < n
+    whole = scipy.sparse.diags(kernel[short], offsets[short], shape=(n, n), format="csr")
+    return whole[::every]
+
+
+def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:
+    """Circular frequencies (F,), and the power (F, m) of a sample at each."""
+    window = signal.windows.hann(len(values))[:, None]
+    power = np.abs(np.fft.rfft(values * window, axis=0)) ** 2 / np.sum(window**2)
+    return 2 * np.pi * np.fft.rfftfreq(len(values), 1 / rate), power
+
+
+def _band(values: Array, rate: float) -> float:
+    """Where the power of all signals above their noise ends [rad/s]."""
+    w, power = _spectrum(values, rate)
+    floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
+    above = np.cumsum(power - floor, axis=0)
+    ends = [w[np.argmax(one > IN_BAND * one.max())] for one in above.T]
+    return float(max(max(ends), w[LINES]))
+
+
+def _noise(values: Array, rate: float, band: float) -> Array:
+    """Standard deviations (m,) of a sample, from the spectrum above the band."""
+    w, power = _spectrum(values, rate)
+    above = w > (1 + TRANSITION) * band
+    if np.count_nonzero(above) < FEWEST // 4:
+        above = w > w[-len(w) // 4]
+    return np.sqrt(np.median(power[above], axis=0) / np.log(2))
