@@ -132,7 +132,7 @@ def print_table(
         ("first antiresonances", f"{lowest} Hz"),
         ("site", "({:.5f}, {:.5f}, {:.5f}) m".format(*found["point"])),
         ("peak force", f"{hit.peak_force:.5g} N"),
-        ("contact time", f"{hit.contact_time * 1e6:.4g} us in {len(hit.contacts)} contact(s)"),
+        ("contact time", f"{hit.contact_time * 1e6:.4g} µs in {len(hit.contacts)} contact(s)"),
         ("restitution", f"{hit.restitution:.3f}"),
         ("force error", f"{hit.error['force']:.1e} {COVERS}"),
         ("energy drift", f"{hit.energy.drift:.1e} of the energy at the start"),

@@ -6,7 +6,7 @@ when they return from the edges within the contact time. Beyond a size the resti
 who solved the infinite plate. Lengths are counted in the wave's own measure, the distance
 (D/ρh)^(1/4) √T that bending waves of one period T, the contact time, need for their spread.
 
-    .venv/bin/python demos/plate_impact.py --help
+    .venv/bin/python benchmarks/plate_impact.py --help
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from math import sqrt
 from pathlib import Path
 
-import command_line
 import dolfinx
 import numpy as np
 from mpi4py import MPI
+from options import command
 from scipy.optimize import brentq
 
 import antiosc as ao
@@ -166,4 +166,4 @@ def plot(
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)

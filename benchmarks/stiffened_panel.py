@@ -5,7 +5,7 @@ edges with the skin; once they are beams on the lines of the skin. Its curved en
 sits on it as a point mass, and two mounts hold its straight sides as springs. Struck are the skin
 between two stringers, and the skin over a stringer.
 
-    .venv/bin/python demos/stiffened_panel.py --help
+    .venv/bin/python benchmarks/stiffened_panel.py --help
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import time
 from math import cos, radians, sin
 from pathlib import Path
 
-import command_line
-import compared
 import numpy as np
+from options import command, compared
 
 import antiosc as ao
 
@@ -125,4 +124,4 @@ def toward_axis(x: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)

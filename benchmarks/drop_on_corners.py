@@ -5,7 +5,7 @@ heavy part. Its free modes are computed once; every orientation is a `drop` unti
 is over, in which one to four corners touch. The script prints the peak accelerations of the boards
 and draws them over the orientations.
 
-    .venv/bin/python demos/drop_on_corners.py --help
+    .venv/bin/python benchmarks/drop_on_corners.py --help
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import time
 from itertools import product
 from pathlib import Path
 
-import command_line
-import compared
 import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
+from options import command, compared
 
 import antiosc as ao
 from antiosc import plotting
@@ -153,4 +152,4 @@ def plot(
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)
