@@ -15,9 +15,10 @@ try:
 except ImportError:  # before setuptools 70.1
     from wheel.bdist_wheel import bdist_wheel
 
-ROOT = Path(__file__).resolve().parent
-sys.path.insert(0, str(ROOT / "packaging"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "packaging"))
 import library
+
+ROOT = Path(__file__).resolve().parent
 
 
 class BuildWithLibrary(build_py):

@@ -40,11 +40,12 @@ def plot(found: dict[str, Any], out: Path) -> None:
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
     named = {n: h for a in axes.flat for h, n in zip(*a.get_legend_handles_labels(), strict=True)}
     below = {"loc": "upper left", "bbox_to_anchor": (0, -0.2), "ncols": 3, "fontsize": 9}
-    axes[1, 0].legend(named.values(), named, **below).set_in_layout(False)
+    legend = axes[1, 0].legend(named.values(), named, **below)
+    legend.set_in_layout(False)
     figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
     name = found["case"].replace(", ", "_").replace(" ", "_")
     path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
-    plotting.save_figure(figure, path, dpi=110, bbox_inches="tight")
+    plotting.save_figure(figure, path, dpi=110, bbox_inches="tight", bbox_extra_artists=[legend])
 
 
 def ratios(found: dict[str, Any]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A hammer, an accelerometer and no mesh: a bar is measured, struck, and compared.
+"""A measured structure: a hammer, an accelerometer and no mesh.
 
 The measurements are made here: accelerance at the struck point of a steel bar with all its modes,
 with the mass of the sensor and noise, and the force of a blow. The model knows the first file.

@@ -140,7 +140,7 @@ def demo_pages(folder: Path) -> None:
     index += ["`--help` lists its options. Click on a picture for the program.", ""]
     index += [*gallery("demos", lists["demos"], folder), "", hidden(lists["demos"])]
     write(folder / "index.md", "\n".join(index) + "\n")
-    index = ["# Measurements", "", "The scripts of `benchmarks/`, and the pages that they write.", ""]
+    index = ["# Measurements", "", "Scripts of `benchmarks/`, and the pages that they write.", ""]
     index += [*gallery("benchmarks", [*PICTURES["benchmarks"]], folder), "", "## All", ""]
     index += ["```{toctree}", ":maxdepth: 1", "", *lists["benchmarks"], "```"]
     write(folder / "measurements.md", "\n".join(index) + "\n")

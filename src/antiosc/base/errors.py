@@ -106,7 +106,7 @@ def finite_element_packages() -> Iterator[None]:
     except ImportError as error:
         raise MissingDependencyError(
             f"{error.name or error} is not installed: meshes and their structures need dolfinx, "
-            "petsc4py, slepc4py and gmsh (Debian's python3-dolfinx-real, …; `antiosc info` proposes "
-            "the command for this installation); Structure.from_matrices, extract, models, contact "
+            "petsc4py, slepc4py and gmsh (Debian's python3-dolfinx-real, …; `antiosc info` has the "
+            "command for this installation); Structure.from_matrices, extract, models, contact "
             "laws and simulate work without them."
         ) from error
