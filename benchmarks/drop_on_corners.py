@@ -130,14 +130,14 @@ def plot(
     numbers: dict[str, dict[str, float]], shown: dict[str, tuple[Array, Array]], path: Path
 ) -> None:
     """Peak accelerations of all orientations, and that of the upper board for the worst of each."""
-    figure, axes = plotting.panels(1, 2, size=(11, 5))
+    figure, axes = plotting.panels(1, 2, size=(9, 6))
     bars, lines = axes.ravel()
     names = sorted(numbers, key=lambda name: (len(name), name))
     place = np.arange(len(names))
     for shift, board in ((-0.2, "lower"), (0.2, "upper")):
         values = [numbers[name][board] / 9.81 for name in names]
         bars.barh(place + shift, values, height=0.4, label=f"{board} board")
-    bars.set_yticks(place, names, fontsize=7)
+    bars.set_yticks(place, names, fontsize=8)
     bars.set_xlabel("peak acceleration (g)")
     bars.legend()
     for kind in ("face", "edge", "corner"):

@@ -71,7 +71,7 @@ def main(
         if name == "shells":
             frames = np.linspace(0, duration, 30)
             ao.write_series(part, hit, out / "stiffened_panel.pvd", frames)
-    own = {"contact us": ("contact_time", 1e6, ".1f"), "restitution": ("restitution", 1.0, ".3f")}
+    own = {"contact µs": ("contact_time", 1e6, ".1f"), "restitution": ("restitution", 1.0, ".3f")}
     compared.print_table("model, site", numbers, {**own, **compared.SECONDS})
     compared.plot_hits(hits, out / "stiffened_panel.png")
     print(f"written to {out}: stiffened_panel.png, stiffened_panel.pvd")

@@ -21,12 +21,12 @@ PICTURES = {
     "demos": {
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "drop": ["drop.png"],
-        "composite_panel": ["composite_panel.png"],
+        "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
         "measured_part": ["measured_part.png"],
-        "board_on_spacers": ["board_on_spacers.png"],
+        "board_on_spacers": ["board_on_spacers_part.png", "board_on_spacers.png"],
         "impact_map": ["bracket_map.png"],
-        "machine_guard": ["machine_guard.png"],
-        "oblique_blow": ["oblique_blow.png"],
+        "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
+        "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
     },
     "benchmarks": {
         "assembly_accuracy": ["assembly_accuracy.png"],
