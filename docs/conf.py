@@ -8,6 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from sphinx.errors import ExtensionError
+
 import antiosc
 
 HERE = Path(__file__).resolve().parent
@@ -74,6 +76,8 @@ def _plain(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[s
 def _with_mathjax(app: Any, error: Exception | None) -> None:
     if error is not None or app.builder.format != "html":
         return
+    if not MATHJAX.is_dir():
+        raise ExtensionError(f"{MATHJAX} is missing: apt install libjs-mathjax.")
     for part in MATHJAX_PARTS:
         source, target = MATHJAX / part, Path(app.outdir, "_static/mathjax", part)
         if source.is_dir():

@@ -37,10 +37,11 @@ class Page(HTMLParser):
 
 
 def faults(folder: Path) -> list[str]:
-    """Dead links, missing pictures and anchors of all pages of a folder."""
+    """Dead links, missing pictures and anchors, and what is loaded from elsewhere, of all pages."""
     pages = {path.resolve(): Page(path) for path in sorted(folder.rglob("*.html"))}
     found = []
     for path, page in pages.items():
+        found += [f"{path.name}: {one} is elsewhere" for one in page.pictures if "://" in one]
         for link in [*page.links, *page.pictures]:
             if re.match(r"[a-z]+:", link) or link == "#":
                 continue

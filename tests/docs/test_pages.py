@@ -170,13 +170,6 @@ def test_demos_are_short_and_have_their_pictures(generated):
     assert long == set()
 
 
-def test_the_pages_ask_no_network(tmp_path):
-    """Nothing of the configuration loads from elsewhere: MathJax is a part of the pages."""
-    text = (DOCS / "conf.py").read_text(encoding="utf-8")
-    assert re.findall(r"https?://\S+", text) == []
-    assert re.search(r'^mathjax_path = "mathjax/', text, re.MULTILINE)
-
-
 @pytest.mark.parametrize(
     "path", [*DOCS.glob("*.md"), *DOCS.glob("[aht]*/*.md"), ROOT / "CONTRIBUTING.md"], ids=str
 )
@@ -190,8 +183,8 @@ def test_links_between_the_sources_hold(path):
 @pytest.mark.fem
 @pytest.mark.slow
 def test_the_pages_are_built_without_a_warning_and_can_be_read(tmp_path: Path):
-    pytest.importorskip("sphinx")
-    pytest.importorskip("myst_parser")
+    for package in ("sphinx", "myst_parser", "furo", "sphinx_copybutton"):
+        pytest.importorskip(package)
     built = tmp_path / "html"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-E", "-b", "html"]
     run = subprocess.run(
