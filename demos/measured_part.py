@@ -90,7 +90,7 @@ def plot(frf: ao.FRF, model: ao.AntiOscillators, over: ao.ForceComparison, path:
     below.plot(1e3 * over.time, over.measured, ".", ms=4, color="0.7", label="measured")
     below.plot(1e3 * over.time, over.computed, lw=1.3, label=f"computed, L2 {over.L2:.2%}")
     below.set(xlabel="time (ms)", ylabel="contact force (N)")
-    above.legend(loc="upper left")
+    above.legend(loc="lower right")
     below.legend(loc="upper right")
     plotting.save_figure(figure, path, dpi=110)
 
