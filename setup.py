@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import tomllib
 from pathlib import Path
 
-from setuptools import Distribution, setup
+from setuptools import Distribution, __version__ as setuptools_version, setup
 from setuptools.command.build_py import build_py
 
 try:
@@ -15,6 +17,8 @@ except ImportError:  # before setuptools 70.1
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "packaging"))
 import library
+
+ROOT = Path(__file__).resolve().parent
 
 
 class BuildWithLibrary(build_py):
@@ -40,5 +44,21 @@ class OfOnePlatform(Distribution):
         return True
 
 
+def whole_links(text: str) -> str:
+    """README as the package index shows it: links and pictures lead to the tagged sources."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    source, tag = project["urls"]["Source"], f"v{project['version']}"
+    text = re.sub(r"!\[([^]]*)\]\((?!https?:)", rf"![\1]({source}/raw/{tag}/", text)
+    return re.sub(r"(?<!!)\[([^]]*)\]\((?!https?:)", rf"[\1]({source}/blob/{tag}/", text)
+
+
+# the SPDX expression, which setuptools knows since version 77; Debian 12 has 66
+LICENSE = "license" if int(setuptools_version.split(".")[0]) < 77 else "license_expression"
 COMMANDS = {"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel}
-setup(distclass=OfOnePlatform, cmdclass=COMMANDS)
+setup(
+    distclass=OfOnePlatform,
+    cmdclass=COMMANDS,
+    long_description=whole_links((ROOT / "README.md").read_text(encoding="utf-8")),
+    long_description_content_type="text/markdown",
+    **{LICENSE: "BSD-3-Clause"},
+)

@@ -90,13 +90,13 @@ def claims(case1: dict[str, Any], case2: dict[str, Any]) -> str:
             " `tests/closed_form/test_closed_form.py`.",
         ),
         (
-            "m_i = 2 rho S L/(i²π²), m_CR = rho S L/3, k_0 = 0 (24)-(27)",
-            f"the same; with rotary inertia m_CR is {analytic().alpha * 3:.1e} larger",
+            "m_i = 2 rho S L/(i²π²), m_st = rho S L/3, k_0 = 0 (24)-(27)",
+            f"the same; with rotary inertia m_st is {analytic().alpha * 3:.1e} larger",
             "Exact for each wave number; with shear and rotary inertia the two spectra share this"
             " mass, and the shear mode at the cut-off holds rho I/L, which (3) leaves out.",
         ),
         (
-            "first five AO hold 89 % of m_CR",
+            "first five AO hold 89 % of m_st",
             f"{a['share_five']:.1%}",
             "Reproduced: 6/π² (1 + 1/4 + 1/9 + 1/16 + 1/25) without shear.",
         ),
@@ -108,7 +108,7 @@ def claims(case1: dict[str, Any], case2: dict[str, Any]) -> str:
         ),
         (
             "the first AO's mass is more than half of the structure's",
-            f"{a['first_of_effective']:.1%} of m_CR, {b['first_of_effective']:.1%} of m_st;"
+            f"{a['first_of_effective']:.1%} of m_st, {b['first_of_effective']:.1%} of m_st;"
             f" {a['first_of_beam']:.1%} and {b['first_of_beam']:.1%} of the beam's mass",
             "True of the effective mass, not of the mass of the structure.",
         ),

@@ -178,19 +178,22 @@ def norms(table: Mapping[str, Sequence[Errors]]) -> list[Panel]:
 
 
 def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path) -> None:
-    """Relative errors against the number of degrees of freedom, side by side."""
-    figure, axes = plotting.panels(1, len(panels), size=(14, 3.3), sharex=True, sharey=True)
+    """Relative errors against the number of degrees of freedom, a panel for each."""
+    rows = (len(panels) + 1) // 2
+    figure, axes = plotting.panels(rows, 2, size=(8, 3 * rows), sharex=True, sharey=True)
     styles = ("C0o-", "C1s--", "C2^:")
-    for axis, panel in zip(axes[0], panels, strict=True):
+    for axis, panel in zip(axes.flat, panels, strict=False):
         series = {
             name: (counts, [max(getattr(e, panel.measure), 1e-6) for e in errors])
             for name, errors in panel.table.items()
         }
         plotting.plot_errors(series, axis, styles=dict(zip(series, styles, strict=True)))
         axis.set_title(panel.title)
-        axis.set_xlabel("anti-oscillators, or modes")
-    axes[0, 0].set_ylabel("relative error")
-    plotting.legend_beside(axes[0, -1])
+    for below in axes[-1]:
+        below.set_xlabel("anti-oscillators, or modes")
+    for beside in axes[:, 0]:
+        beside.set_ylabel("relative error")
+    axes[0, 0].legend(fontsize=8)
     save(figure, path)
 
 
@@ -219,4 +222,4 @@ def show(numbers: Mapping[str, Any], indent: str = "") -> None:
 def save(figure: object, path: Path) -> None:
     """A small PNG."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    plotting.save_figure(figure, path, dpi=80, bbox_inches="tight")
+    plotting.save_figure(figure, path, dpi=100, bbox_inches="tight")

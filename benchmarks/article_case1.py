@@ -209,20 +209,22 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     done(figure, "fig2")
 
     for name, number in (("AO 50", "fig3"), ("modes 90", "fig4")):
-        figure, grid = plotting.panels(2, 1, size=(8, 4.6))
-        axes = grid.ravel()
-        for axis, until in zip(axes, (16.0, 2.0), strict=True):
-            for label, style in (("FE", "0.6"), ("exact", "k"), (name, "C3")):
-                axis.plot(hits[label].time * 1e3, hits[label].force, style, lw=0.8, label=label)
-            axis.set(xlim=(0, until), ylabel="force (N)")
-        axes[0].legend(fontsize=8)
-        axes[1].set_xlabel("time (ms)")
+        figure, grid = plotting.panels(3, 2, size=(9, 5), sharex="col", sharey=True)
+        for row, (label, style) in zip(
+            grid, (("FE", "0.4"), ("exact", "k"), (name, "C3")), strict=True
+        ):
+            for axis, until in zip(row, (16.0, 2.0), strict=True):
+                axis.plot(hits[label].time * 1e3, hits[label].force, style, lw=0.8)
+                axis.set(xlim=(0, until), title=label)
+            row[0].set_ylabel("force (N)")
+        for axis in grid[-1]:
+            axis.set_xlabel("time (ms)")
         done(figure, number)
 
     figure, ((axis,),) = plotting.panels(1, 1, size=(6, 2.6))
     ao50 = models["AO 50"]
     axis.bar(np.arange(1, ao50.n + 1), ao50.m / ao50.m_st)
-    axis.set(xlabel="anti-oscillator", ylabel="m_i / m_CR", yscale="log")
+    axis.set(xlabel="anti-oscillator", ylabel="$m_i\\,/\\,m_{st}$", yscale="log")
     done(figure, "fig7")
 
     figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))

@@ -228,7 +228,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
 
     for names, number in ((("modes 5", "modes 10"), "fig5"), (("AO 9",), "fig6")):
         figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3))
-        axis.plot(hits["FE"].time * 1e3, hits["FE"].force, "k--", lw=1, label="FE")
+        axis.plot(hits["FE"].time * 1e3, hits["FE"].force, "0.75", lw=4, label="FE")
         for name in names:
             axis.plot(hits[name].time * 1e3, hits[name].force, lw=1, label=name)
         axis.set(xlim=(0, 3), xlabel="time (ms)", ylabel="force (N)")
@@ -238,7 +238,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     figure, ((axis,),) = plotting.panels(1, 1, size=(6, 2.6))
     full = models["FE, all AO"]
     axis.bar(np.arange(1, 11), full.m[:10] / full.m_st)
-    axis.set(xlabel="anti-oscillator", ylabel="m_i / m_st")
+    axis.set(xlabel="anti-oscillator", ylabel="$m_i\\,/\\,m_{st}$")
     done(figure, "fig8")
 
     figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
@@ -251,7 +251,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     axis.legend(fontsize=8)
     done(figure, "fig10")
 
-    figure, grid = plotting.panels(1, 2, size=(10, 3.2))
+    figure, grid = plotting.panels(1, 2, size=(9, 3.4))
     axes = grid.ravel()
     k = np.array(list(result["sweep"]))
     rows = list(result["sweep"].values())
@@ -263,7 +263,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
         axes[1].loglog(k, [row[name] for row in rows], "o-", ms=3, label=name)
     axes[1].set(xlabel="Hertz stiffness (N m$^{-3/2}$)", ylabel="force error, L2")
     for axis in axes:
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=8)
     done(figure, "stiffness")
 
     counts, tables = result["counts"], result["convergence"]

@@ -217,7 +217,7 @@ def print_table(name: str, case: Case, numbers: dict[str, Any]) -> None:
     )
     print(
         "  family    dofs      s  compliance (m/N)  m_st (kg)  first AOs (kHz)      "
-        "peak (N)  contact (us)  restitution  error"
+        "peak (N)  contact (µs)  restitution  error"
     )
     for family in FAMILIES:
         if family not in numbers:

@@ -11,9 +11,21 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "demos"))
 
-from command_line import count, line, listed, positive, run, seed
+import compared
+from command_line import command, count, line, listed, positive, run, seed
 
-__all__ = ["apart", "code_state", "count", "line", "listed", "positive", "run", "seed"]
+__all__ = [
+    "apart",
+    "code_state",
+    "command",
+    "compared",
+    "count",
+    "line",
+    "listed",
+    "positive",
+    "run",
+    "seed",
+]
 
 
 def apart(script: str, *task: Any, ranks: int = 1) -> Any:

@@ -26,7 +26,7 @@ STYLE = {
 
 def plot(found: dict[str, Any], out: Path) -> None:
     """Errors of force and Z against total seconds and against N."""
-    figure, axes = plotting.panels(2, 2, size=(12, 7), sharey="row")
+    figure, axes = plotting.panels(2, 2, size=(9, 7.6), sharey="row")
     styles = {method: color + style for method, (color, style) in STYLE.items()}
     for row, error in enumerate(("error force", "error Z")):
         for column, key in enumerate(("total", "n")):
@@ -38,11 +38,14 @@ def plot(found: dict[str, Any], out: Path) -> None:
             ax = plotting.plot_errors(series, axes[row, column], styles=styles)
             ax.set_xlabel("seconds, all told" if key == "total" else "N")
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
-    plotting.legend_beside(axes[0, 1])
+    named = {n: h for a in axes.flat for h, n in zip(*a.get_legend_handles_labels(), strict=True)}
+    below = {"loc": "upper left", "bbox_to_anchor": (0, -0.2), "ncols": 3, "fontsize": 9}
+    legend = axes[1, 0].legend(named.values(), named, **below)
+    legend.set_in_layout(False)
     figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
     name = found["case"].replace(", ", "_").replace(" ", "_")
     path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
-    plotting.save_figure(figure, path, dpi=130)
+    plotting.save_figure(figure, path, dpi=110, bbox_inches="tight", bbox_extra_artists=[legend])
 
 
 def ratios(found: dict[str, Any]) -> dict[str, float]:
@@ -74,7 +77,7 @@ def tables(result: dict[str, Any]) -> str:
         lines += [
             f"## {found['case']}, {found['dofs']} dofs",
             "",
-            f"Peak force {found['peak force']:.4g} N, contact {found['contact time'] * 1e6:.4g} us;"
+            f"Peak force {found['peak force']:.4g} N, contact {found['contact time'] * 1e6:.4g} µs;"
             f" band {found['band'] / 2e3 / pi:.3g} kHz with"
             f" {found['antiresonances in the band']} antiresonances; assembly"
             f" {found['seconds']['assembly']:.2g} s, factorization"

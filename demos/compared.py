@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,14 @@ COMMON: Columns = {
 SECONDS: Columns = {"s": ("seconds", 1.0, ".1f")}
 
 
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Put the seconds of a stage into `seconds`."""
+    started = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - started
+
+
 def numbers(
     part: ao.Structure, model: ao.AntiOscillators, hit: ao.History, mass: float, velocity: float
 ) -> dict[str, float]:
@@ -39,8 +49,8 @@ def numbers(
 
 
 def print_table(title: str, rows: Mapping[str, Mapping[str, float]], own: Columns) -> None:
-    """A line for each structure: the common columns, its own ones and the seconds."""
-    table(title, rows, {**COMMON, **own, **SECONDS})
+    """A line for each structure: the common columns and its own ones."""
+    table(title, rows, {**COMMON, **own})
 
 
 def table(title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Columns) -> None:

@@ -1,4 +1,4 @@
-"""A bracket of aluminium falls from 1 m onto concrete, inclined, and tumbles.
+"""A drop: a bracket falls from 1 m onto concrete, inclined, and tumbles.
 
 The script prints the table of impacts, the peak acceleration at the eye in g, the worst stress
 against yield, and draws the fall. With --falls it also computes falls with random tilts and prints

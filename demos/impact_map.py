@@ -1,4 +1,4 @@
-"""A steel sphere strikes a bracket everywhere: its peak force over the whole surface.
+"""A map: the peak force of a blow anywhere on a bracket.
 
 One eigenproblem and two factors serve every vertex of the surface: each gets anti-oscillators of
 its own and an impact of its own. The map tells where a dropped tool loads the part most, and how

@@ -1,4 +1,4 @@
-"""A hammer, an accelerometer and no mesh: a bar is measured, struck, and compared.
+"""A measured structure: a hammer, an accelerometer and no mesh.
 
 The measurements are made here: accelerance at the struck point of a steel bar with all its modes,
 with the mass of the sensor and noise, and the force of a blow. The model knows the first file.
@@ -83,15 +83,15 @@ def plot(frf: ao.FRF, model: ao.AntiOscillators, over: ao.ForceComparison, path:
     above, below = axes[:, 0]
     f = np.geomspace(20, 4 * frf.frequency[-1], 6000)
     H = model.modal().receptance(2 * np.pi * f) * (2 * np.pi * f) ** 2
-    above.loglog(frf.frequency, np.abs(frf.values), ".", ms=2, color="0.6", label="measured")
+    above.loglog(frf.frequency, np.abs(frf.values), ".", ms=4, color="0.7", label="measured")
     above.loglog(f, np.abs(H), lw=1, label="model, without the sensor")
     above.axvspan(frf.frequency[-1], f[-1], color="0.93", zorder=0, label="above the band")
     above.set(xlabel="frequency (Hz)", ylabel="accelerance (m/s² per N)")
-    below.plot(1e3 * over.time, over.measured, ".", ms=2, color="0.6", label="measured")
+    below.plot(1e3 * over.time, over.measured, ".", ms=4, color="0.7", label="measured")
     below.plot(1e3 * over.time, over.computed, lw=1.3, label=f"computed, L2 {over.L2:.2%}")
     below.set(xlabel="time (ms)", ylabel="contact force (N)")
-    for axis in (above, below):
-        axis.legend(fontsize=8)
+    above.legend(loc="lower right")
+    below.legend(loc="upper right")
     plotting.save_figure(figure, path, dpi=110)
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import light
 
@@ -12,34 +16,36 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 #: a line of an API page: the public names of these modules and packages stand in its place
 LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
-#: folder of scripts -> script -> pictures that the repository keeps of it
+#: folder of scripts -> script -> pictures that the repository keeps of it; demos in their order
 PICTURES = {
     "demos": {
-        "board_on_spacers": ["board_on_spacers.png"],
-        "composite_panel": ["composite_panel.png"],
+        "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "drop": ["drop.png"],
-        "drop_on_corners": ["drop_on_corners.png"],
+        "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
+        "measured_part": ["measured_part.png"],
+        "board_on_spacers": ["board_on_spacers_part.png", "board_on_spacers.png"],
         "find_blow": ["find_blow.png"],
         "impact_map": ["bracket_map.png"],
-        "impact_on_bracket": ["bracket.png", "bracket_force.png"],
-        "machine_guard": ["machine_guard.png"],
-        "measured_part": ["measured_part.png"],
-        "oblique_blow": ["oblique_blow.png"],
-        "plate_impact": ["plate_impact.png"],
-        "stiffened_panel": ["stiffened_panel.png"],
-        "tube_between_stops": ["tube_between_stops.png"],
+        "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
+        "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
     },
     "benchmarks": {
         "assembly_accuracy": ["assembly_accuracy.png"],
         "blas_threads": ["../speed/blas_threads.png"],
+        "drop_on_corners": ["drop_on_corners.png"],
         "error_budget": ["../speed/error_budget_effectivity.png"],
         "local_quantities": ["../speed/local_quantities.png"],
+        "plate_impact": ["plate_impact.png"],
         "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
         "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
+        "stiffened_panel": ["stiffened_panel.png"],
         "strike_or_uniform": ["../speed/strike_or_uniform.png"],
+        "tube_between_stops": ["tube_between_stops.png"],
         "work_precision": ["work_precision.png", "work_precision_contacts.png"],
     },
 }
+#: the scene whose report stands in the pages
+REPORTED = ROOT / "demos/scenes/step.toml"
 
 
 def public_names() -> dict[str, str]:
@@ -131,17 +137,58 @@ def demo_pages(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     lists = {name: script_pages(ROOT / name, folder) for name in PICTURES}
     lists["benchmarks"] += measured_pages(folder)
-    index = ["# Demos", "", "Every demo is a script in `demos/`; `--help` lists its options.", ""]
-    index += ["```{toctree}", *lists["demos"], "```", "", "## Measurements", ""]
-    index += ["`benchmarks/` has the scripts, and the pages that they have written.", ""]
-    index += ["```{toctree}", *lists["benchmarks"], "```"]
+    index = ["# Gallery", "", "Each demo is a script of at most 100 lines in `demos/`;"]
+    index += ["`--help` lists its options. Click on a picture for the program.", ""]
+    index += [*gallery("demos", lists["demos"], folder), "", hidden(lists["demos"])]
     write(folder / "index.md", "\n".join(index) + "\n")
+    index = ["# Measurements", "", "Scripts of `benchmarks/`, and the pages that they write.", ""]
+    index += [*gallery("benchmarks", [*PICTURES["benchmarks"]], folder), "", "## All", ""]
+    index += ["```{toctree}", ":maxdepth: 1", "", *lists["benchmarks"], "```"]
+    write(folder / "measurements.md", "\n".join(index) + "\n")
+
+
+def hidden(pages: list[str]) -> str:
+    """A table of contents that the navigation alone shows."""
+    return "\n".join(["```{toctree}", ":hidden:", "", *pages, "```"])
+
+
+def gallery(scripts: str, names: list[str], folder: Path) -> list[str]:
+    """Cards: the first picture of each page and its title."""
+    lines = ["::::{container} cards"]
+    for name in names:
+        title = (folder / f"{name}.md").read_text(encoding="utf-8").split("\n")[0].strip("# ")
+        picture = f"../../{scripts}/pictures/{PICTURES[scripts][name][0]}"
+        lines += [":::{container} card", f"[![{title}]({picture})]({name}.md)", ""]
+        lines += [f"[{title}]({name}.md)", ":::"]
+    return [*lines, "::::"]
+
+
+def embedded(out: str) -> str:
+    """HTML that shows the report of a scene, which stands beside the pages after this."""
+    made, shown = ROOT / "out/live_report.html", Path(out, "_static/report.html")
+    sources = [REPORTED, *(ROOT / "src/antiosc/app").rglob("*.*")]
+    if not made.is_file() or any(one.stat().st_mtime > made.stat().st_mtime for one in sources):
+        made.parent.mkdir(exist_ok=True)
+        with TemporaryDirectory() as folder:
+            options = ["--report", str(made), "--out", folder]
+            command = [sys.executable, "-P", "-m", "antiosc", "run", str(REPORTED), *options]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    shown.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(made, shown)
+    return '<iframe class="report" src="_static/report.html" title="A report"></iframe>'
+
+
+def rank(name: str, order: list[str]) -> int:
+    """Place in a list; behind it, if it does not stand there."""
+    return order.index(name) if name in order else len(order)
 
 
 def script_pages(scripts: Path, folder: Path) -> list[str]:
     """A page for each script: what it shows, its pictures, its code in the light format."""
     names = []
-    for script in sorted(scripts.glob("*.py")):
+    order = list(PICTURES[scripts.name]) if scripts.name == "demos" else []
+    found = sorted(scripts.glob("*.py"), key=lambda path: (rank(path.stem, order), path.stem))
+    for script in found:
         source = script.read_text(encoding="utf-8")
         text = ast.get_docstring(ast.parse(source))
         if text is None or '__name__ == "__main__"' not in source:
@@ -180,9 +227,12 @@ def measured_pages(folder: Path) -> list[str]:
 
 
 def of_this_folder(text: str) -> str:
-    """A page whose links to pages of measurements lead to their copies here."""
-    copies = re.compile(r"\]\(\.\./benchmarks/(?:speed/)?(\w+)\.md\)")
-    return copies.sub(lambda found: f"](demos/{found[1].lower()}_page.md)", text)
+    """A page whose links to scripts and to pages of measurements lead to their pages here."""
+    text = re.sub(r"\]\(((?:\.\./)*)\.\./demos\)", r"](\1demos/index.md)", text)
+    scripts = re.compile(r"\]\(((?:\.\./)*)\.\./(?:demos|benchmarks)/(\w+)\.py\)")
+    text = scripts.sub(r"](\1demos/\2.md)", text)
+    copies = re.compile(r"\]\(((?:\.\./)*)\.\./benchmarks/(?:speed/)?(\w+)\.md\)")
+    return copies.sub(lambda found: f"]({found[1]}demos/{found[2].lower()}_page.md)", text)
 
 
 def fenced(lines: list[str]) -> list[str]:

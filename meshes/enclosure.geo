@@ -1,4 +1,4 @@
-// A closed box of sheets, 160 x 100 x 50 mm, for electronics: demos/drop_on_corners.py.
+// A closed box of sheets, 160 x 100 x 50 mm, for electronics: benchmarks/drop_on_corners.py.
 a = 0.16; b = 0.10; c = 0.05;
 Point(1) = {0, 0, 0}; Point(2) = {a, 0, 0}; Point(3) = {a, b, 0}; Point(4) = {0, b, 0};
 Point(5) = {0, 0, c}; Point(6) = {a, 0, c}; Point(7) = {a, b, c}; Point(8) = {0, b, c};

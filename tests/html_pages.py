@@ -37,10 +37,11 @@ class Page(HTMLParser):
 
 
 def faults(folder: Path) -> list[str]:
-    """Dead links, missing pictures and anchors of all pages of a folder."""
+    """Dead links, missing pictures and anchors, and what is loaded from elsewhere, of all pages."""
     pages = {path.resolve(): Page(path) for path in sorted(folder.rglob("*.html"))}
     found = []
     for path, page in pages.items():
+        found += [f"{path.name}: {one} is elsewhere" for one in page.pictures if "://" in one]
         for link in [*page.links, *page.pictures]:
             if re.match(r"[a-z]+:", link) or link == "#":
                 continue
@@ -61,7 +62,8 @@ def loaded(folder: Path) -> dict[str, dict[str, int]] | None:
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     if browser is None:
         return None
-    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.html"))
+    pages = [path.relative_to(folder) for path in folder.rglob("*.html")]
+    names = sorted(str(page) for page in pages if page.parts[0] != "_static")  # no page: a report
     (folder / "probe.html").write_text(PROBE.replace("NAMES", json.dumps(names)), encoding="utf-8")
     handler = functools.partial(Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:

@@ -31,26 +31,30 @@ ao.export("blow.c", model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9))
 
 def test_the_conda_recipe_agrees_with_the_project():
     yaml = pytest.importorskip("yaml")
-    recipe = yaml.safe_load((ROOT / "packaging" / "meta.yaml").read_text(encoding="utf-8"))
-    assert set(recipe) >= {"package", "source", "build", "requirements", "test", "about"}
-    package = recipe["package"]
-    assert (package["name"], package["version"]) == (PROJECT["name"], PROJECT["version"])
+    recipe = yaml.safe_load((ROOT / "packaging" / "recipe.yaml").read_text(encoding="utf-8"))
+    assert recipe["context"]["version"] == PROJECT["version"]
+    assert recipe["package"]["name"] == PROJECT["name"]
     assert "noarch" not in recipe["build"]  # it holds a library
+    assert any("compiler('c')" in one for one in recipe["requirements"]["build"])
     scripts = [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]
-    assert recipe["build"]["entry_points"] == scripts
+    assert recipe["build"]["python"]["entry_points"] == scripts
     run = [re.sub(r"\s", "", one) for one in recipe["requirements"]["run"]]
     assert f"python{PROJECT['requires-python']}" in run
     assert set(PROJECT["dependencies"]) <= set(run)
+    assert "petsc*real_*" in run
     assert (ROOT / "packaging" / recipe["source"]["path"]).resolve() == ROOT
     assert (ROOT / recipe["about"]["license_file"]).is_file()
+    checked = recipe["tests"][1]  # `info` fails without dolfinx
+    assert "antiosc info" in [one.strip() for one in checked["script"]]
+    assert [one for one in checked["files"]["source"] if not (ROOT / one).exists()] == []
 
 
 def test_the_dockerfile_names_what_is_there():
     text = (ROOT / "packaging" / "Dockerfile").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     steps = [line.split(maxsplit=1) for line in lines]
-    assert steps[0][0] == "FROM"
-    assert {name for name, _ in steps} <= {"FROM", "RUN", "COPY", "WORKDIR", "ENV", "CMD"}
+    assert [name for name, _ in steps[:2]] == ["ARG", "FROM"]
+    assert {name for name, _ in steps} <= {"ARG", "FROM", "RUN", "COPY", "WORKDIR", "ENV", "CMD"}
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"\bmake (\w+)", text):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
@@ -92,6 +96,11 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
         inside = {name for name in file.namelist() if ".dist-info/" not in name}
         (points,) = (name for name in file.namelist() if name.endswith("entry_points.txt"))
         registered = file.read(points).decode()
+        (about,) = (file.read(n).decode() for n in file.namelist() if n.endswith("METADATA"))
+    assert re.search(r"^License(-Expression)?: BSD-3-Clause$", about, re.MULTILINE)
+    links = re.findall(r"\]\(([^)]+)\)", about)
+    assert len(links) > 10
+    assert [link for link in links if not link.startswith("https://")] == []
     assert "antiosc = antiosc.app.cli:main" in registered
     assert "inp = antiosc_decks.readers:ABAQUS" in registered
     ours = sorted((ROOT / "csrc").rglob("*.[ch]"))
@@ -100,6 +109,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
         names = {name.split("/", 1)[-1] for name in file.getnames()}
     kept = {f"src/{name}" for name in sources if "libantiosc_march" not in name}
     assert kept | {"pyproject.toml", "LICENSE", "setup.py", "csrc/antiosc_march.h"} <= names
+    assert {"tests/conftest.py", "demos/drop.py", "meshes/bracket.geo", "Makefile"} <= names
     assert not any("libantiosc_march" in name for name in names)
 
     # an environment of its own with the NumPy and SciPy of this machine; nothing is fetched

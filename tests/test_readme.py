@@ -70,7 +70,7 @@ def same_numbers(said: str) -> None:
         (line,) = re.findall(rf"^{name}\D*(.*)", text, re.M)[:1]
         return [float(one) for one in re.findall(r"\d+\.?\d*(?:e[-+]\d+)?", line)]
 
-    pairs = {"peak force": 1.0, "restitution": 1.0, "contact time": 1e-6, "site": 1.0}
+    pairs = {"peak force": 1.0, "restitution": 1.0, "contact time": 1.0, "site": 1.0}
     for name, scale in pairs.items():
         found, told = numbers(name, said), numbers(name, shown)
         count = 3 if name == "site" else 1

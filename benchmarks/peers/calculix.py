@@ -169,7 +169,7 @@ def plot(curves: dict[str, Curve], path: Path) -> None:
     (axis,) = axes.ravel()
     for name, (t, force) in curves.items():
         axis.plot(t * 1e6, force, "--" if name.startswith("antiosc") else "-", label=name, lw=1.2)
-    axis.set_xlabel("time (us)")
+    axis.set_xlabel("time (µs)")
     axis.set_ylabel("contact force (N)")
     axis.legend(fontsize=8)
     plotting.save_figure(figure, path, dpi=120)

@@ -118,9 +118,15 @@ def compare(
     names, values = zip(*published, strict=True)
     figure, axes = plotting.panels(1, 1, size=(7, 3.2))
     (axis,) = axes.ravel()
-    axis.plot(names, values, "ko", label="published")
-    axis.plot(names, found, "x", label="antiosc")
-    axis.set_xlabel("mode")
+    place = np.arange(len(names))
+    axis.bar(place - 0.2, values, 0.38, color="0.6", label="published")
+    bars = axis.bar(place + 0.2, found, 0.38, label="antiosc")
+    axis.bar_label(
+        bars, [f"{ours / value - 1:+.1%}" for ours, value in zip(found, values, strict=True)]
+    )
+    axis.margins(y=0.12)
+    axis.set_xticks(place, names)
+    axis.set_xlabel("mode (difference above the bars)")
     axis.set_ylabel("frequency (Hz)")
     axis.legend()
     plotting.save_figure(figure, picture, dpi=100)

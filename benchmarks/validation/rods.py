@@ -91,12 +91,13 @@ def on_a_wall(data: Wall, picture: Path) -> list[Row]:
     one = hit["rod:end", "wall"]
     figure, axes = plotting.panels(1, 1, size=(7, 3.2))
     (axis,) = axes.ravel()
-    axis.plot(one.time * 1e6, one.force, label="antiosc")
+    factor, unit = (1e-6, "MN") if one.peak_force > 1e6 else (1e-3, "kN")
+    axis.plot(one.time * 1e6, factor * one.force, label="antiosc")
     if data.force:
-        axis.axhline(data.force[0], color="k", ls=":", label="published")
+        axis.axhline(factor * data.force[0], color="k", ls=":", label="published")
         axis.legend()
-    axis.set_xlabel("time (us)")
-    axis.set_ylabel("force on the wall (N)")
+    axis.set_xlabel("time (µs)")
+    axis.set_ylabel(f"force on the wall ({unit})")
     plotting.save_figure(figure, picture, dpi=100)
     return at_the_wall(data, hit)
 

@@ -29,7 +29,7 @@ def hertz(picture: Path) -> list[Row]:
     axis.plot(one.time * 1e6, one.force / 1e3, label="antiosc")
     peak = 4 / 3 * modulus * np.sqrt(ball.radius) * deepest**1.5
     axis.axhline(peak / 1e3, color="k", ls=":", label="Hertz")
-    axis.set_xlabel("time (us)")
+    axis.set_xlabel("time (µs)")
     axis.set_ylabel("force (kN)")
     axis.legend()
     plotting.save_figure(figure, picture, dpi=100)
@@ -76,7 +76,7 @@ def large_plate(picture: Path) -> list[Row]:
     (axis,) = axes.ravel()
     for name, hit in curves.items():
         axis.plot(hit.time * 1e6, hit.force, label=name)
-    axis.set_xlabel("time (us)")
+    axis.set_xlabel("time (µs)")
     axis.set_ylabel("force (N)")
     axis.legend()
     plotting.save_figure(figure, picture, dpi=100)
@@ -161,14 +161,14 @@ def rebound_of_spheres(picture: Path) -> list[Row]:
             why = STICKING if angle < 25 else SCATTER
             quantity = f"{name} at {angle:g}°"
             rows.append(Row(quantity, value, found, bound, absolute=absolute, why=why))
-    figure, axes = plotting.panels(1, 3, size=(12, 3.6))
+    figure, axes = plotting.panels(1, 3, size=(9, 3.2))
     angles = np.linspace(2.0, 62.0, 25)
     curves = np.array([oblique(a) for a in angles])
-    labels = ("tangential restitution", "spin (rad/s)", "rebound angle (degrees)")
+    labels = ("tangential restitution", "spin (rad/s)", "rebound angle (°)")
     for i, (axis, points) in enumerate(zip(axes.ravel(), (TANGENTIAL, SPIN, ANGLE), strict=True)):
         axis.plot(angles, curves[:, i], label="antiosc")
         axis.plot(*zip(*points, strict=True), "ko", label="measured")
-        axis.set_xlabel("angle of incidence (degrees)")
+        axis.set_xlabel("angle of incidence (°)")
         axis.set_ylabel(labels[i])
     axes.ravel()[0].legend()
     plotting.save_figure(figure, picture, dpi=100)

@@ -40,7 +40,7 @@ def cantilever(picture: Path) -> list[Row]:
     axis.plot(t * 1e3, exact.at(t)["beam"].displacement("tip") * 1e6, label="antiosc")
     axis.plot([131.5], [-1.85334], "ko", label="published")
     axis.set_xlabel("time (ms)")
-    axis.set_ylabel("tip (um)")
+    axis.set_ylabel("tip (µm)")
     axis.legend()
     plotting.save_figure(figure, picture, dpi=100)
     return rows

@@ -59,7 +59,7 @@ def shaken(picture: Path) -> list[Row]:
         at_end = force(hit, "N2", t)
         name = f"rms force at the end, stops of {stiffness:g} N/m, N"
         rows.append(Row(name, published, float(np.sqrt(np.mean(at_end**2))), 0.05))
-        axis.plot(t * 1e3, at_end, lw=1, label=f"stops of {stiffness:g} N/m")
+        axis.plot(t * 1e3, at_end, lw=1, label=f"stops of {stiffness / 1e3:g} kN/m")
     axis.set_xlabel("time (ms)")
     axis.set_ylabel("force on the last stop (N)")
     axis.legend()

@@ -36,7 +36,7 @@ def sphere_on_beam(speed: float = 0.5, place: float = 0.5) -> dict[str, float]:
     hit = ao.simulate(model, ball, ball.hertz(STEEL["E"], STEEL["nu"]), duration=2e-2)
     first = hit.contacts[0]
     return {
-        "first sub-impact (us)": 1e6 * (first[1] - first[0]),
+        "first sub-impact (µs)": 1e6 * (first[1] - first[0]),
         "sub-impacts": len(hit.contacts),
         "peak force (N)": hit.peak_force,
         "restitution": known(hit.restitution),
@@ -51,7 +51,7 @@ def plate_thickness(radius: float = 10e-3, speed: float = 1.0) -> dict[str, floa
         model = plate.anti_oscillators(0.25, 0.25, 60)
         ball = ao.Sphere(radius, **STEEL, velocity=speed)
         hit = ao.simulate(model, ball, ball.hertz(STEEL["E"], STEEL["nu"]), duration=3e-4)
-        found[f"contact time, {1e3 * thickness:g} mm (us)"] = 1e6 * hit.contact_time
+        found[f"contact time, {1e3 * thickness:g} mm (µs)"] = 1e6 * hit.contact_time
     return found
 
 
@@ -96,7 +96,7 @@ def timoshenko(speed: float = 0.01) -> dict[str, float]:
     return {
         "peak force (N)": hit.peak_force,
         "contacts": len(hit.contacts),
-        "end of the main impact (us)": 1e6 * hit.contacts[-1][1],
+        "end of the main impact (µs)": 1e6 * hit.contacts[-1][1],
     }
 
 
@@ -107,7 +107,7 @@ def karas() -> dict[str, float]:
     ball = ao.Sphere(10e-3, **steel, velocity=1.0)
     model = plate.anti_oscillators(0.1, 0.1, 100)
     hit = ao.simulate(model, ball, ball.hertz(steel["E"], steel["nu"]), duration=2e-4)
-    return {"peak force (N)": hit.peak_force, "contact time (us)": 1e6 * hit.contact_time}
+    return {"peak force (N)": hit.peak_force, "contact time (µs)": 1e6 * hit.contact_time}
 
 
 def laminate() -> dict[str, float]:
@@ -121,7 +121,7 @@ def laminate() -> dict[str, float]:
     model = ao.extract(part, ao.Site((0.1, 0.1, 0.0), (0, 0, -1)), n=60)
     ball = ao.Sphere(6.35e-3, E=210e9, nu=0.3, rho=7960.0, velocity=3.0)
     hit = ao.simulate(model, ball, ao.Hertz(8.394e8), duration=8e-4)
-    return {"peak force (N)": hit.peak_force, "contact time (us)": 1e6 * hit.contact_time}
+    return {"peak force (N)": hit.peak_force, "contact time (µs)": 1e6 * hit.contact_time}
 
 
 WAITING = [

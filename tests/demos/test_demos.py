@@ -29,7 +29,7 @@ def test_impact_on_bracket(tmp_path, capsys):
     frames = sorted(tmp_path.glob("bracket_*.vtu"))
     assert len(frames) == 40
     table = capsys.readouterr().out
-    for row in ("static stiffness k0", "peak force", "contact time", "restitution", "seconds"):
+    for row in ("k0 ", "peak force", "contact time", "restitution", "seconds"):
         assert row in table
     assert np.isfinite(list(result.values())).all()
 

@@ -22,7 +22,7 @@ DOCS = ROOT / "docs"
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
     *("howto/gradient", "api/gradients"),
-    "howto/measured",
+    *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),
 }
@@ -31,6 +31,7 @@ SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/measured", "howto/units"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
+    *("tutorials/drop", "tutorials/composite", "tutorials/assembly"),
 }
 
 
@@ -74,7 +75,7 @@ def test_no_page_with_a_program_is_left_out():
     elsewhere = {"assemblies", "closed_forms", "guide", "matrices", "results"}
     with_programs = {
         str(path.relative_to(DOCS).with_suffix(""))
-        for folder in (DOCS, DOCS / "howto", DOCS / "api")
+        for folder in (DOCS, DOCS / "howto", DOCS / "api", DOCS / "tutorials")
         for path in folder.glob("*.md")
         if "```python\nimport antiosc" in path.read_text(encoding="utf-8")
         or "\nimport antiosc as ao\n" in path.read_text(encoding="utf-8")
@@ -110,7 +111,7 @@ def test_every_public_name_stands_on_one_page_of_the_api(generated):
 @pytest.mark.slow
 def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     generated.demo_pages(tmp_path / "demos")
-    pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index"}
+    pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index", "measurements"}
     scripts = {
         path.stem: path
         for folder in (DEMOS, BENCHMARKS)
@@ -155,13 +156,22 @@ def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
     pictures = re.findall(r"\]\(\.\./\.\./(benchmarks/[^)]+)\)", text)
     assert pictures
     assert [p for p in pictures if not (ROOT / p).is_file()] == []
-    link = "see [it](../benchmarks/speed/free_modes.md) and [that](../demos/pictures/x.png)"
-    there = "see [it](demos/free_modes_page.md) and [that](../demos/pictures/x.png)"
+    link = "[it](../benchmarks/speed/free_modes.md) [that](../demos/pictures/x.png) [all](../demos)"
+    there = "[it](demos/free_modes_page.md) [that](../demos/pictures/x.png) [all](demos/index.md)"
     assert generated.of_this_folder(link) == there
+    assert generated.of_this_folder("[a](../../demos/drop.py)") == "[a](../demos/drop.md)"
+
+
+def test_demos_are_short_and_have_their_pictures(generated):
+    """What a user opens: eight scripts, each of at most 100 lines."""
+    scripts = {path.stem: path for path in DEMOS.glob("*.py")}
+    assert set(generated.PICTURES["demos"]) == set(scripts) - {"command_line", "compared"}
+    long = {name for name, path in scripts.items() if len(path.read_text().splitlines()) > 100}
+    assert long == set()
 
 
 @pytest.mark.parametrize(
-    "path", [*DOCS.glob("*.md"), *DOCS.glob("[ah]*/*.md"), ROOT / "CONTRIBUTING.md"], ids=str
+    "path", [*DOCS.glob("*.md"), *DOCS.glob("[aht]*/*.md"), ROOT / "CONTRIBUTING.md"], ids=str
 )
 def test_links_between_the_sources_hold(path):
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -173,8 +183,8 @@ def test_links_between_the_sources_hold(path):
 @pytest.mark.fem
 @pytest.mark.slow
 def test_the_pages_are_built_without_a_warning_and_can_be_read(tmp_path: Path):
-    pytest.importorskip("sphinx")
-    pytest.importorskip("myst_parser")
+    for package in ("sphinx", "myst_parser", "furo", "sphinx_copybutton"):
+        pytest.importorskip(package)
     built = tmp_path / "html"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-E", "-b", "html"]
     run = subprocess.run(

@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
             )
         if name in ("run", "sweep", "map"):
             _results(command)
-    found = "versions, BLAS and solvers found here, and how to get what is missing"
+    found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
     commands.add_parser("info", help=found).set_defaults(run=_info)
     return parser
 
@@ -134,4 +134,4 @@ def _on_scene_file(options: argparse.Namespace) -> int:
 
 def _info(_options: argparse.Namespace) -> int:
     print(info.report())
-    return 0
+    return 0 if info.meshes_work() else 1

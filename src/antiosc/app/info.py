@@ -1,4 +1,4 @@
-"""Packages on this machine: versions, BLAS, solvers, and how to install missing ones."""
+"""Packages of this installation: versions, BLAS, solvers, and how to get missing ones."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from antiosc.base import threads
 from antiosc.base.isolation import loading, restored, start_petsc
 
+#: Of a package that is installed and cannot be imported.
+BROKEN = "fails to load"
 #: Fast BLAS libraries, as threadpoolctl and as people call them.
 BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 
@@ -26,7 +29,10 @@ class Package:
     name: str  # as its makers write it
     module: str  # what is imported
     debian: str  # the Debian package that brings it
+    conda: str  # that of conda-forge
+    pypi: str  # that of PyPI; empty: it has none for all systems
     version: Callable[[], str]  # called only where the module is installed
+    meshes: bool = True  # structures with a mesh need it
 
 
 @dataclass(frozen=True)
@@ -46,24 +52,38 @@ def version() -> str:
         return "unknown"
 
 
+@cache
+def packages_found() -> dict[Package, str]:
+    """Version of each package; "" if it is missing, "fails to load: why" if it is broken."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            with loading(), restored():
+                there = importlib.util.find_spec(package.module)
+                found[package] = package.version() if there else ""
+        except Exception as error:  # an installed package can fail in any way: say so and go on
+            found[package] = f"{BROKEN}: {error}"
+    return found
+
+
+def meshes_work() -> bool:
+    """Whether every package is there that structures with a mesh need."""
+    found = packages_found()
+    return all(found[p] and not found[p].startswith(BROKEN) for p in found if p.meshes)
+
+
 def report() -> str:
     """Versions, BLAS, threads, PETSc's solvers, and missing packages with the remedy, as text."""
     rows = [
         ("antiosc", version()),
         ("Python", f"{platform.python_version()}  {sys.executable}"),
     ]
-    missing = []
     remarks = []
-    for package in PACKAGES:
-        try:
-            with loading(), restored():
-                found = package.version() if importlib.util.find_spec(package.module) else ""
-        except Exception as error:  # an installed package can fail in any way: say so and go on
-            found = "fails to load"
-            remarks.append(f"{package.name} is installed but fails to load: {error}")
-        rows.append((package.name, found or "missing"))
-        if not found:
-            missing.append(package)
+    for package, found in packages_found().items():
+        rows.append((package.name, BROKEN if found.startswith(BROKEN) else found or "missing"))
+        if found.startswith(BROKEN):
+            remarks.append(f"{package.name} is installed but {found}")
+    missing = [package for package, found in packages_found().items() if not found]
     rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
     rows += [("threads", _threads())]
 
@@ -76,11 +96,43 @@ def report() -> str:
         )
     if missing:
         names = ", ".join(package.name for package in missing)
-        debian = " ".join(sorted({package.debian for package in missing}))
-        remarks.append(f"Missing: {names}. Remedy: sudo apt install {debian}")
-
+        remarks.append(f"Missing: {names}. Remedy: {remedy(missing, installation())}")
+    if not meshes_work():
+        works = "models, given matrices, measured parts, scenes of these"
+        remarks.append(f"Meshes cannot be read or simulated here; {works} work.")
     lines = [f"{name:<15}{text}".rstrip() for name, text in rows]
     return "\n".join(lines + [""] * bool(remarks) + remarks)
+
+
+def installation() -> str:
+    """What brought this Python: "conda", "debian", "venv" of another Python on Debian, or "pip"."""
+    if Path(sys.prefix, "conda-meta").is_dir():
+        return "conda"
+    if not Path("/etc/debian_version").is_file():
+        return "pip"
+    shared = "/usr/lib/python3/dist-packages" in sys.path
+    return "debian" if sys.base_prefix == "/usr" and shared else "venv"
+
+
+def remedy(missing: list[Package], kind: str) -> str:
+    """The command that gets packages into an installation of a kind."""
+    if kind == "conda":
+        names = sorted({package.conda for package in missing})
+        return f"conda install -c conda-forge {' '.join(names)}"
+    debian = f"sudo apt install {' '.join(sorted({package.debian for package in missing}))}"
+    if kind == "debian":
+        return debian
+    pip = [package.pypi for package in missing if package.pypi]
+    said = [f"pip install {' '.join(dict.fromkeys(pip))}"] if pip else []
+    if len(pip) < len(missing):
+        elsewhere = "conda (conda-forge), or the container of packaging/Dockerfile"
+        if kind == "venv":
+            elsewhere = f"{debian}, and an environment of Debian's Python: "
+            elsewhere += "/usr/bin/python3 -m venv --system-site-packages"
+        elif sys.platform == "win32":
+            elsewhere = "WSL with Debian, or the container of packaging/Dockerfile"
+        said.append(f"for meshes {elsewhere}")
+    return "; ".join(said)
 
 
 def solvers() -> list[str]:
@@ -183,20 +235,30 @@ def _gmsh() -> str:
     return done.stdout.split()[-1]
 
 
+def _package(name: str, module: str, version: Callable[[], str], *, meshes: bool = True) -> Package:
+    """A package whose names elsewhere follow from its module."""
+    real = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""
+    pypi = "" if real or module == "mpi4py" else module
+    conda = {"gmsh": "python-gmsh", "dolfinx": "fenics-dolfinx", "matplotlib": "matplotlib-base"}
+    petsc = {"petsc4py": '"petsc=*=real_*" petsc4py'}
+    known = (conda | petsc).get(module, module)
+    return Package(name, module, f"python3-{module}{real}", known, pypi, version, meshes)
+
+
 PACKAGES = [
-    Package("NumPy", "numpy", "python3-numpy", _attribute("numpy")),
-    Package("SciPy", "scipy", "python3-scipy", _attribute("scipy")),
-    Package("matplotlib", "matplotlib", "python3-matplotlib", _attribute("matplotlib")),
-    Package("jinja2", "jinja2", "python3-jinja2", _attribute("jinja2")),
-    Package("MPI", "mpi4py", "python3-mpi4py", _mpi),
-    Package("mpi4py", "mpi4py", "python3-mpi4py", _attribute("mpi4py")),
-    Package("PETSc", "petsc4py", "python3-petsc4py-real", _petsc),
-    Package("petsc4py", "petsc4py", "python3-petsc4py-real", _attribute("petsc4py")),
-    Package("SLEPc", "slepc4py", "python3-slepc4py-real", _slepc),
-    Package("slepc4py", "slepc4py", "python3-slepc4py-real", _attribute("slepc4py")),
-    Package("dolfinx", "dolfinx", "python3-dolfinx-real", _attribute("dolfinx")),
-    Package("gmsh", "gmsh", "python3-gmsh", _gmsh),
-    Package("threadpoolctl", "threadpoolctl", "python3-threadpoolctl", _attribute("threadpoolctl")),
-    Package("meshio", "meshio", "python3-meshio", _attribute("meshio")),
-    Package("h5py", "h5py", "python3-h5py", _attribute("h5py")),
+    _package("NumPy", "numpy", _attribute("numpy"), meshes=False),
+    _package("SciPy", "scipy", _attribute("scipy"), meshes=False),
+    _package("matplotlib", "matplotlib", _attribute("matplotlib"), meshes=False),
+    _package("jinja2", "jinja2", _attribute("jinja2"), meshes=False),
+    _package("MPI", "mpi4py", _mpi),
+    _package("mpi4py", "mpi4py", _attribute("mpi4py")),
+    _package("PETSc", "petsc4py", _petsc),
+    _package("petsc4py", "petsc4py", _attribute("petsc4py")),
+    _package("SLEPc", "slepc4py", _slepc),
+    _package("slepc4py", "slepc4py", _attribute("slepc4py")),
+    _package("dolfinx", "dolfinx", _attribute("dolfinx")),
+    _package("gmsh", "gmsh", _gmsh),
+    _package("threadpoolctl", "threadpoolctl", _attribute("threadpoolctl"), meshes=False),
+    _package("meshio", "meshio", _attribute("meshio")),
+    _package("h5py", "h5py", _attribute("h5py")),
 ]

@@ -105,8 +105,8 @@ def finite_element_packages() -> Iterator[None]:
         raise
     except ImportError as error:
         raise MissingDependencyError(
-            f"{error.name or error} is not installed: meshes and their structures need Debian's "
-            "python3-dolfinx-real, python3-petsc4py-real, python3-slepc4py-real and python3-gmsh "
-            "(sudo apt install …); Structure.from_matrices, extract, models, contact laws and "
-            "simulate work without them."
+            f"{error.name or error} is not installed: meshes and their structures need dolfinx, "
+            "petsc4py, slepc4py and gmsh (Debian's python3-dolfinx-real, …; `antiosc info` has the "
+            "command for this installation); Structure.from_matrices, extract, models, contact "
+            "laws and simulate work without them."
         ) from error

@@ -36,9 +36,9 @@ __all__ = [
 def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given.
 
-    At the tip k0 = 0, φ_CR = x/L and the constraint modes are the hinged beam's: Article (24)-(27).
+    At the tip k0 = 0, φ_st = x/L and the constraint modes are the hinged beam's: Article (24)-(27).
     With rotary inertia the two spectra share the mass 2 rhoA L/(i²π²) of each wave number i, the
-    pure shear mode at the cut-off holds rhoI/L, and m_CR = rhoA L/3 + rhoI/L.
+    pure shear mode at the cut-off holds rhoI/L, and m_st = rhoA L/3 + rhoI/L.
     """
     return StruckBeam(beam, "pinned", "free", _place(beam, 1.0, site))
 
@@ -60,7 +60,7 @@ def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 def free_free(beam: UniformBeam, site: float) -> StruckBeam:
     """Free at both ends, struck at `site` (m).
 
-    Two rigid-body modes, so k0 = 0 and 1/m_CR = 1/m + d²/J, with d the distance from the middle
+    Two rigid-body modes, so k0 = 0 and 1/m_st = 1/m + d²/J, with d the distance from the middle
     and J = rhoA L³/12 + rhoI L.
     """
     return StruckBeam(beam, "free", "free", site)

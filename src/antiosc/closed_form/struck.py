@@ -36,10 +36,10 @@ MOST_FREQUENCIES = 10_000
 
 
 class _Static(NamedTuple):
-    """Of φ_st, or of φ_CR with rigid-body modes."""
+    """Of the static mode, or of the rigid motion in its place."""
 
     stiffness: float  # k0 in N/m
-    mass: float  # m_st or m_CR in kg
+    mass: float  # m_st in kg
     moved: Array  # momentum of w as velocity, and about mid-span over the length: (2,) in kg
 
 
@@ -141,10 +141,10 @@ class StruckBeam:
     @property
     @checks.within_range
     def static_mass(self) -> float:
-        """m_st = M(φ_st, φ_st) in kg, or m_CR = M(φ_CR, φ_CR) with rigid-body modes.
+        """m_st = M(φ_st, φ_st) in kg; with rigid-body modes φ_st is the one that moves the site.
 
-        With rigid modes R (columns), G = RᵀMR and b = R at the site, φ_CR = R G⁻¹b / (bᵀG⁻¹b) is
-        M-orthogonal to the rigid motions that leave the site at rest, and m_CR = 1/(bᵀG⁻¹b).
+        With rigid modes R (columns), G = RᵀMR and b = R at the site, φ_st = R G⁻¹b / (bᵀG⁻¹b) is
+        M-orthogonal to the rigid motions that leave the site at rest, and m_st = 1/(bᵀG⁻¹b).
         """
         return self._static.mass
 
@@ -204,7 +204,7 @@ class StruckBeam:
     def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> BeamModes:
         """The first n natural modes that move the site, the rigid-body one included.
 
-        Of several rigid-body modes one moves the site, φ_CR/√m_CR. With `static_correction` the
+        Of several rigid-body modes one moves the site, φ_st/√m_st. With `static_correction` the
         static deflection of the truncated modes is included.
         """
         points = self._points(x)
@@ -260,7 +260,7 @@ class StruckBeam:
     def _compliance(self, x: Array) -> tuple[float, Array]:
         """Elastic deflection at the site and at x (m) under a unit force, without rigid modes.
 
-        The constant term in ω² of H and of the field H·(φ_CR + Σ ω²/(ω_i² - ω²) ψ_i). The series
+        The constant term in ω² of H and of the field H·(φ_st + Σ ω²/(ω_i² - ω²) ψ_i). The series
         falls as 1/i⁶.
         """
         if not self.rigid_modes:
@@ -312,7 +312,7 @@ class StruckBeam:
         return self._static_state(x / self.beam.length)[0]
 
     def _static_state(self, x: Array) -> tuple[Array, Array]:
-        """w and θ of the static mode or of φ_CR at x (in L), with w = 1 at the site."""
+        """w and θ of the static mode (or rigid motion) at x (in L), with w = 1 at the site."""
         if not self.rigid_modes:
             return self._unit.state(0.0, self._unit.solve(0.0, force=False)[0], x)
         mass = np.array([[1, 0.5], [0.5, 1 / 3 + self.beam.alpha]])

@@ -192,7 +192,7 @@ class FreeModes(Brief):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalBody(FreeModes):
-    """A linear body in free modes (see the module's equations).
+    """A linear body in free modes: q'' + 2 d q' + omega² q = b F, displacement b·q + r F.
 
     Attributes
     ----------

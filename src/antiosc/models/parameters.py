@@ -67,7 +67,7 @@ class Parameters(Body):
 
     @property
     def m_st(self) -> Any:
-        """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
+        """Static mass m0 + sum(m_i) [kg], also of free bodies. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
 
 

@@ -26,8 +26,9 @@ class RigidMass(Body):
         [kg].
     velocity : float
         [m/s], > 0 toward the structure.
-    tip_radius : float, optional
-        Radius [m] of its spherical tip, and E, nu the constants of the tip [Pa]: for `hertz`.
+    tip_radius, E, nu : float, optional
+        Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
+        `hertz` needs all three.
     """
 
     mass: float

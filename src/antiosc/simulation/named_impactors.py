@@ -149,7 +149,7 @@ def named_impactor(
         "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
         has its numbers, their source, and what is not known.
     velocity : float, optional
-        [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls have none.
+        [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls need it.
     diameter : float
         [m], of the steel ball and the ice ball.
 

@@ -201,7 +201,7 @@ def full(
     Raises
     ------
     InputError
-        For more dofs than a dense eigensolver can treat, or on several ranks.
+        More dofs than a dense eigensolver can treat; several MPI ranks.
     """
     _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:

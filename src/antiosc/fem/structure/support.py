@@ -29,10 +29,9 @@ class Support:
     Parameters
     ----------
     where
-        Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
-        which of the n points are fixed. Instead of it one of `near`, `box`, `plane`, which select
-        nodes by their coordinates. Nodes that lie outside by a millionth of the mesh's size or less
-        are selected too.
+        Name of a group of the mesh, or a function that maps coordinates x of shape (3, n) to a
+        mask (n,) of the fixed points. Give either `where` or one of `near`, `box` and `plane`,
+        which select nodes by their coordinates, with a tolerance of a millionth of the mesh's size.
     fix
         "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.

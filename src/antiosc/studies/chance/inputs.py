@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError
 def normal(mean: float, sigma: float) -> Any:
     """The normal distribution of this mean and standard deviation, both in the input's unit.
 
-    Returned is a frozen distribution of scipy.stats, as by `lognormal` and `uniform`.
+    Returns a frozen distribution of scipy.stats, as do `lognormal` and `uniform`.
     """
     from scipy.stats import norm
 

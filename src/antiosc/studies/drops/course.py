@@ -44,15 +44,17 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The course of a fall from its start to its end.
+    """The course of a fall: flights and episodes of contact in turn.
 
     Attributes
     ----------
-    body, setting : what falls, and in what.
-    start, end : states.
-    episodes : of contact; `groups` those of each impact.
-    flights : in between.
-    status : how it ended.
+    body : the free modes of the part; `drop` takes it in place of the part.
+    setting : floor, gravity and tolerances of the fall.
+    start, end : position, orientation, velocity and spin at the start and at the end.
+    episodes : the contacts, each linear in one orientation.
+    flights : the motions between the episodes.
+    groups : of each impact the indices of its episodes.
+    status : why the fall ended.
     """
 
     body: FreeBody

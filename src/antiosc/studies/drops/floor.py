@@ -71,12 +71,12 @@ class Floor:
     friction : float
         Coulomb's coefficient.
     restitution : float, optional
-        Coefficient of restitution of the contact itself (a Hunt-Crossley law); None: elastic. What
-        the part's vibrations take comes besides.
+        Coefficient of restitution of the contact itself (a Hunt-Crossley law); None: elastic. The
+        energy that goes into vibrations of the part is lost in addition.
     layer : SoftLayer, optional
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
-        Of every contact, in place of the one from curvatures and materials.
+        Contact law of every contact, in place of the one from curvatures and materials.
     model : AntiOscillators or another model of one site, optional
         An elastic floor, such as a plate extracted at the place that is hit; its displacement is
         that of all points that touch.

@@ -6,7 +6,7 @@ when they return from the edges within the contact time. Beyond a size the resti
 who solved the infinite plate. Lengths are counted in the wave's own measure, the distance
 (D/ρh)^(1/4) √T that bending waves of one period T, the contact time, need for their spread.
 
-    .venv/bin/python demos/plate_impact.py --help
+    .venv/bin/python benchmarks/plate_impact.py --help
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from math import sqrt
 from pathlib import Path
 
-import command_line
 import dolfinx
 import numpy as np
 from mpi4py import MPI
+from options import command
 from scipy.optimize import brentq
 
 import antiosc as ao
@@ -62,7 +62,7 @@ def main(
         numbers[f"{lam:g} zener"] = limit
         print(
             f"λ = {lam:g}: sphere of radius {1e3 * scene.sphere.radius:.3g} mm, contact time "
-            f"{1e6 * scene.time:.4g} us, plates of {thickness * 1e3:g} mm"
+            f"{1e6 * scene.time:.4g} µs, plates of {thickness * 1e3:g} mm"
         )
         print("  side/unit   side (mm)   restitution   over Zener's   peak force (N)   contacts")
         for size, hit in zip(sizes, found, strict=True):
@@ -78,7 +78,7 @@ def main(
         numbers[name] = hit.restitution
         print(
             f"{name:10s} of the plate of {side:g} units: peak force {hit.peak_force:.4f} N, "
-            f"deflection {1e6 * hit.displacement.max():.3f} um, restitution {hit.restitution:.4f}"
+            f"deflection {1e6 * hit.displacement.max():.3f} µm, restitution {hit.restitution:.4f}"
         )
     out.mkdir(parents=True, exist_ok=True)
     plot(scene, pair, sizes, curves, out / "plate_impact.png")
@@ -148,7 +148,7 @@ def plot(
     path: Path,
 ) -> None:
     """Force and deflection at two sites; restitution against size."""
-    figure, axes = plotting.panels(1, 3, size=(12, 3.8))
+    figure, axes = plotting.panels(1, 3, size=(9.5, 3.6))
     force, motion, limit = axes[0]
     named = dict(zip(("centre", "off-centre"), pair, strict=True))
     plotting.plot_force(named, force)
@@ -159,11 +159,11 @@ def plot(
     limit.set(xlabel="side of the plate / (D/ρh)$^{1/4}$√T", ylabel="restitution", ylim=(0, 1))
     limit.legend(title="dotted: Zener")
     figure.suptitle(
-        f"A nylon sphere of radius {1e3 * scene.sphere.radius:.3g} mm strikes a supported "
+        f"A nylon sphere of radius {1e3 * scene.sphere.radius:.3g} mm strikes a supported\n"
         f"aluminium plate of {1e3 * scene.thickness:g} mm (left and middle: λ = {scene.lam:g})"
     )
     plotting.save_figure(figure, path, dpi=120)
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)

@@ -6,7 +6,7 @@ SDNL301, the load lumped at the spans' middles. One model with eight sites serve
 script prints the impacts and the root mean square of the forces on each plate, and draws the motion
 of the free end. Where rattling makes the forces uncertain, it says until when they are certain.
 
-    .venv/bin/python demos/tube_between_stops.py --help
+    .venv/bin/python benchmarks/tube_between_stops.py --help
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import time
 import warnings
 from pathlib import Path
 
-import command_line
-import compared
 import numpy as np
 from numpy.typing import NDArray
+from options import command, compared
 
 import antiosc as ao
 from antiosc import plotting
@@ -137,4 +136,4 @@ def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)

@@ -5,7 +5,7 @@ heavy part. Its free modes are computed once; every orientation is a `drop` unti
 is over, in which one to four corners touch. The script prints the peak accelerations of the boards
 and draws them over the orientations.
 
-    .venv/bin/python demos/drop_on_corners.py --help
+    .venv/bin/python benchmarks/drop_on_corners.py --help
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import time
 from itertools import product
 from pathlib import Path
 
-import command_line
-import compared
 import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
+from options import command, compared
 
 import antiosc as ao
 from antiosc import plotting
@@ -131,14 +130,14 @@ def plot(
     numbers: dict[str, dict[str, float]], shown: dict[str, tuple[Array, Array]], path: Path
 ) -> None:
     """Peak accelerations of all orientations, and that of the upper board for the worst of each."""
-    figure, axes = plotting.panels(1, 2, size=(11, 5))
+    figure, axes = plotting.panels(1, 2, size=(9, 6))
     bars, lines = axes.ravel()
     names = sorted(numbers, key=lambda name: (len(name), name))
     place = np.arange(len(names))
     for shift, board in ((-0.2, "lower"), (0.2, "upper")):
         values = [numbers[name][board] / 9.81 for name in names]
         bars.barh(place + shift, values, height=0.4, label=f"{board} board")
-    bars.set_yticks(place, names, fontsize=7)
+    bars.set_yticks(place, names, fontsize=8)
     bars.set_xlabel("peak acceleration (g)")
     bars.legend()
     for kind in ("face", "edge", "corner"):
@@ -153,4 +152,4 @@ def plot(
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)

@@ -5,7 +5,7 @@ edges with the skin; once they are beams on the lines of the skin. Its curved en
 sits on it as a point mass, and two mounts hold its straight sides as springs. Struck are the skin
 between two stringers, and the skin over a stringer.
 
-    .venv/bin/python demos/stiffened_panel.py --help
+    .venv/bin/python benchmarks/stiffened_panel.py --help
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import time
 from math import cos, radians, sin
 from pathlib import Path
 
-import command_line
-import compared
 import numpy as np
+from options import command, compared
 
 import antiosc as ao
 
@@ -72,8 +71,8 @@ def main(
         if name == "shells":
             frames = np.linspace(0, duration, 30)
             ao.write_series(part, hit, out / "stiffened_panel.pvd", frames)
-    own = {"contact us": ("contact_time", 1e6, ".1f"), "restitution": ("restitution", 1.0, ".3f")}
-    compared.print_table("model, site", numbers, own)
+    own = {"contact µs": ("contact_time", 1e6, ".1f"), "restitution": ("restitution", 1.0, ".3f")}
+    compared.print_table("model, site", numbers, {**own, **compared.SECONDS})
     compared.plot_hits(hits, out / "stiffened_panel.png")
     print(f"written to {out}: stiffened_panel.png, stiffened_panel.pvd")
     return numbers
@@ -125,4 +124,4 @@ def toward_axis(x: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    command_line.command(main)
+    command(main)
