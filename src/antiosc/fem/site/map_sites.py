@@ -104,12 +104,12 @@ def joined(found: Sequence[MapSites]) -> MapSites:
     columns = {
         name: np.concatenate([getattr(one.sites, name) for one in found])
         for name in vars(found[0].sites)
-        if name not in ("loads", "weighted")
+        if name not in ("loads", "weighted", "contact")
     }
     loads = scipy.sparse.hstack([one.sites.loads for one in found]).tocsr()
     before = np.cumsum([0, *(one.count for one in found)])[:-1]
     return MapSites(
-        Sites(loads=loads, weighted=None, **columns),
+        Sites(loads=loads, **columns),
         np.concatenate([np.zeros((0, wanted), dtype=int), *elements]),
         np.concatenate([one.kept + start for one, start in zip(found, before, strict=True)]),
         sum(one.count for one in found),
