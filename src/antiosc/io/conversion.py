@@ -69,14 +69,14 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         for block, _ in some if order == 2 else ():
             _note_middles(block, nodes)
         mixed = dim == 2 and bool(deck.model and deck.model.get("mixed"))
-        for own in _by_shape(some) if mixed else filter(None, [some]):
-            shapes = {block.shape for block, _ in own}
-            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in own)
+        for alike in _by_shape(some) if mixed else filter(None, [some]):
+            shapes = {block.shape for block, _ in alike}
+            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in alike)
             split = dim > 1 and (split or divided)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
-            cells[label], owners[label] = _of_dimension(deck, own, split, order, nodes)
-            shapes_of.append((label, shape, [block for block, _ in own]))
+            cells[label], owners[label] = _of_dimension(deck, alike, split, order, nodes)
+            shapes_of.append((label, shape, [block for block, _ in alike]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
         inside = np.zeros(deck.n_elements, dtype=bool)
