@@ -210,7 +210,7 @@ def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry
 def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
     """CBUSH1D: a spring and a damper along the line between two nodes, or along x of its system."""
     if any(own.text(k) for k in range(3, len(own.fields))):
-        raise own.place.error("PBUSH1D is read with K and C alone.")
+        builder.tell_once(f"what of PBUSH1D {own.text(0)} is not K or C")
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
     if entry.text(4) or len(rows) < 2:
         axis = found.systems(entry.whole(4, 0), entry.place).axes[0]
