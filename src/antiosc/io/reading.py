@@ -63,13 +63,14 @@ def read_parts(
     merge: float | None,
     model: ModelOptions,
 ) -> dict[str, RawMesh]:
-    """Cells of a deck by kind, with its model: one entry unless they are joined at nodes."""
+    """Cells of a deck by their shape, with its model: one entry unless they are joined at nodes."""
     content = _content(path, None, None, (), False, timeout, unit, merge, model)
-    found = content.model
-    if found is None or not found["joined"]:
-        return {"": selected(content, None, None, path.name)}
-    labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
-    return {label: selected(_alone(content, label), None, None, path.name) for label in labels}
+    if content.model is None or not content.model["joined"]:
+        found = [selected(content, None, None, path.name)]
+    else:
+        labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
+        found = [selected(_alone(content, label), None, None, path.name) for label in labels]
+    return {raw.kind.shape: raw for raw in found}
 
 
 def _alone(content: FileMesh, label: str) -> FileMesh:

@@ -104,7 +104,9 @@ def test_one_of_several_pieces(tmp_path):
 
     def piece(rank: int):
         options = {"density": None, "parts": None, "piece": rank}
-        return read_parts(path, timeout=None, unit=UnitSystem(1e-3), merge=None, model=options)[3]
+        return read_parts(path, timeout=None, unit=UnitSystem(1e-3), merge=None, model=options)[
+            "hexahedron"
+        ]
 
     assert [len(piece(rank).cells) for rank in (1, 2)] == [2, 1]
     assert [bool(piece(rank).model["masses"]) for rank in (1, 2)] == [False, True]

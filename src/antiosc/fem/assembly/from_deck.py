@@ -190,8 +190,8 @@ def _reader(
     def work() -> dict[str, RawMesh]:
         options = {"density": density, "parts": parts, "piece": piece, "root": root}
         found: dict[str, RawMesh] = {}
-        by_kind = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
-        for raw in by_kind.values():
+        by_shape = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        for raw in by_shape.values():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
