@@ -19,7 +19,7 @@ from antiosc_decks.nastran.table import CELLS
 #: Field of the thickness of the first corner.
 OWN_THICKNESS = 10
 #: Sine of the angle below which a direction is normal to an element.
-NORMAL = 1e-6
+NORMAL = 0.05
 
 
 class Shells:

@@ -122,7 +122,10 @@ def test_what_is_no_mesh_is_told(case):
 
 def test_cells_of_one_kind_with_what_belongs_to_them():
     mesh = whole()
-    mesh.fixed = {f"f{of_kind('', 'hexahedron')}": {2: SIDES}, f"f{of_kind('', 'line')}": {0: SIDES[:1]}}
+    mesh.fixed = {
+        f"f{of_kind('', 'hexahedron')}": {2: SIDES},
+        f"f{of_kind('', 'line')}": {0: SIDES[:1]},
+    }
     own = _alone(mesh, "line")
     assert list(own.cells) == ["line"]
     assert {n: list(p) for n, p in own.groups.items()} == {"b": ["line"]}
