@@ -77,3 +77,16 @@ def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis)
     ((_, _, arguments, _),) = model["families"]
     for direction in arguments["axis"]["directions"]:
         np.testing.assert_allclose(direction, np.array(axis) / np.linalg.norm(axis), atol=1e-12)
+
+
+@pytest.mark.parametrize(("gap", "springs"), [(0.0, 1), (0.1, 0)])
+def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, springs):
+    """Closed it is a spring along its nodes, open it is none; both are told."""
+    text = (
+        BAR
+        + PBAR
+        + f"GRID,10,,60.,0.,0.\nCBAR,2,7,2,10,0.,1.,0.\nPGAP,3,{gap},,5.\nCGAP,9,3,1,10\n"
+    )
+    model, _ = bdf.read(tmp_path, text)
+    assert len(model["joints"]["springs"]) == springs
+    assert any("CGAP" in sentence for sentence in model["ignored"])
