@@ -89,6 +89,12 @@ class Sources:
         self._open.append(path)
         return self.lines(path, path.name)
 
+    def holds(self, named: str) -> bool:
+        """Whether a file that the deck includes is there; of a name that is none, True."""
+        name = named.strip().strip("'\"").replace("\\", "/")
+        folders = [self.folder, *(path.parent for path in self._open[-1:])]
+        return not name or any(os.path.isfile(folder / name) for folder in folders)
+
     def leave(self) -> None:
         """Leave the file that was entered last."""
         self._open.pop()

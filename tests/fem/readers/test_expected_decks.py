@@ -90,3 +90,13 @@ def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, springs):
     model, _ = bdf.read(tmp_path, text)
     assert len(model["joints"]["springs"]) == springs
     assert any("CGAP" in sentence for sentence in model["ignored"])
+
+
+def test_a_file_of_loads_may_be_missing(tmp_path):
+    """The loads are not read either; it is told."""
+    path = tmp_path / "part.inp"
+    loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
+    path.write_text(CYLINDER.format(0) + loads)
+    found = assembly.read(path, path.name)
+    model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
+    assert any("*INCLUDE" in sentence for sentence in model["ignored"])
