@@ -343,7 +343,7 @@ def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Pl
         mine = numbers == number
         if family.kind != "Shell":
             if np.isfinite(thickness[mine]).any():
-                builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({place})")
+                builder.ignored.append(f"*NODAL THICKNESS of layers, which have theirs ({place})")
             continue
         for value in np.unique(np.round(thickness[mine], 12)):
             some = elements[mine & (np.round(thickness, 12) == value)]

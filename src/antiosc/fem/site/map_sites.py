@@ -59,9 +59,10 @@ class MapSites:
 
     def taken(self, which: IntArray) -> MapSites:
         """Sites by their numbers (n,), without elements."""
-        of_all = ("loads", "weighted")
+        of_all = ("loads", "weighted", "contact")
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
-        sites = replace(self.sites, loads=self.sites.loads[:, which], weighted=None, **rows)
+        alone = dict.fromkeys(of_all[1:])
+        sites = replace(self.sites, loads=self.sites.loads[:, which], **alone, **rows)
         nothing = np.zeros((0, 3), dtype=int)
         kept, names = self.kept[which], self.names[which]
         return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
