@@ -61,8 +61,8 @@ class MapSites:
         """Sites by their numbers (n,), without elements."""
         of_all = ("loads", "weighted", "contact")
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
-        alone = dict.fromkeys(of_all[1:])
-        sites = replace(self.sites, loads=self.sites.loads[:, which], **alone, **rows)
+        rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
+        sites = replace(self.sites, **rows)
         nothing = np.zeros((0, 3), dtype=int)
         kept, names = self.kept[which], self.names[which]
         return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
