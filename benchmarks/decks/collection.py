@@ -3,9 +3,9 @@
     python benchmarks/decks/collection.py FOLDER... --out results.jsonl [--pattern '*.bdf'] ...
 
 Each file is read (`read_model`) in a child process with limits of time and memory. Where the error
-asks for an option, it is read again with that: a density, a unit, the largest piece. Files without
-nodes of their own (parts that others include, loads, sets) are counted apart. Results that the
-output file holds are kept, so that a run can be continued; `--again TEXT` repeats those whose
+asks for an option, it is read again with that: a density, a unit, the largest piece, a root. Files
+without nodes of their own (parts that others include, loads, sets) are counted apart. Results that
+the output file holds are kept, so that a run can be continued; `--again TEXT` repeats those whose
 sentence contains TEXT.
 """
 
@@ -59,6 +59,7 @@ def tried(path: Path) -> dict[str, Any]:
 
     options: dict[str, Any] = {}
     units = iter(UNITS)
+    roots = map(str, path.parents[2:6])
     while True:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
@@ -75,6 +76,8 @@ def tried(path: Path) -> dict[str, Any]:
             options["unit"] = unit
         elif "piece=1" in text and "piece" not in options:
             options["piece"] = 1
+        elif "by root=" in text and (root := next(roots, None)) is not None:
+            options["root"] = root
         else:
             return {"options": options, "refused": text}
 

@@ -11,7 +11,9 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
 
 #: What the first lines of Nastran's bulk data are known by.
-BULK = re.compile(r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)
+BULK = re.compile(
+    r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])", re.IGNORECASE | re.MULTILINE
+)
 #: Greatest depth of included files.
 DEEPEST_INCLUDE = 16
 #: Least names in the path of a folder above the deck's from which files may be included: none of
@@ -86,6 +88,12 @@ class Sources:
             raise at.error(f"files include one another more than {DEEPEST_INCLUDE} deep.")
         self._open.append(path)
         return self.lines(path, path.name)
+
+    def holds(self, named: str) -> bool:
+        """Whether a file that the deck includes is there; of a name that is none, True."""
+        name = named.strip().strip("'\"").replace("\\", "/")
+        folders = [self.folder, *(path.parent for path in self._open[-1:])]
+        return not name or any(os.path.isfile(folder / name) for folder in folders)
 
     def leave(self) -> None:
         """Leave the file that was entered last."""

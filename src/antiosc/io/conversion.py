@@ -1,7 +1,8 @@
 """Elements of a deck as cells of one mesh.
 
 A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
-collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles.
+collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles,
+unless they are joined as two meshes (`kept_apart`).
 Every cell is divided into the pyramids from its node of lowest number over the faces without this
 node, and every rectangle from its node of lowest number. Two cells therefore divide the face
 between them in the same way without knowing each other (the pulling triangulation: C. W. Lee,
@@ -14,10 +15,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, listed
+from antiosc.io.deck import Array, Block, Deck, IntArray, listed, some_rows
 from antiosc.io.fixed_entities import DIAGONALS, FixedEntities, fixed_with
-from antiosc.io.neutral import FileMesh, of_dimension
+from antiosc.io.neutral import FileMesh, of_kind
 from antiosc.io.node_table import NodeTable
 from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
@@ -52,25 +54,29 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
     starts = np.cumsum([0, *map(len, deck.blocks)])
+    every = [
+        (block, np.arange(start, start + len(block)))
+        for block, start in zip(deck.blocks, starts, strict=False)
+        if len(block)
+    ]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
-        some = [
-            (block, np.arange(start, start + len(block)))
-            for block, start in zip(deck.blocks, starts, strict=False)
-            if DIMENSION[block.shape] == dim and len(block)
-        ]
-        if not some:
-            continue
+        some = [one for one in every if DIMENSION[one[0].shape] == dim]
         if dim == 1 and halve_lines:
             some = [_halved(*one) for one in some]
-        shapes = {block.shape for block, _ in some}
-        split = dim > 1 and (split or shapes not in _WHOLE or any(_collapsed(b) for b, _ in some))
         order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
-        shape = _SIMPLEX[dim] if split else next(iter(shapes))
-        label = CELL_LABELS[shape, order]
-        cells[label], owners[label] = _of_dimension(deck, some, split, order, nodes)
-        shapes_of.append((label, shape, [block for block, _ in some]))
+        for block, _ in some if order == 2 else ():
+            _note_middles(block, nodes)
+        mixed = dim == 2 and bool(deck.model and deck.model.get("mixed"))
+        for alike in _by_shape(some) if mixed else filter(None, [some]):
+            shapes = {block.shape for block, _ in alike}
+            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in alike)
+            split = dim > 1 and (split or divided)
+            shape = _SIMPLEX[dim] if split else next(iter(shapes))
+            label = CELL_LABELS[shape, order]
+            cells[label], owners[label] = _of_dimension(deck, alike, split, order, nodes)
+            shapes_of.append((label, shape, [block for block, _ in alike]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
         inside = np.zeros(deck.n_elements, dtype=bool)
@@ -82,7 +88,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     # else those of lower dimension are sides of the first
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
-        own = of_dimension("", DIMENSION[shape]) if joined else ""
+        own = of_kind("", label) if joined else ""
         mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
     mesh.model = deck.model
     if joined and deck.model:
@@ -99,6 +105,29 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     return mesh
 
 
+def kept_apart(deck: Deck) -> bool:
+    """Whether sheets are mostly quadrilaterals with some triangles, so that two meshes are smaller.
+
+    Not beside volumes, whose faces may become triangles.
+    """
+    if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
+        return False
+    sheets = [b for b in deck.blocks if DIMENSION[b.shape] == 2]
+    triangles = sum(len(b) if b.shape == "triangle" else int(_folded(b).sum()) for b in sheets)
+    return 0 < 2 * triangles <= sum(map(len, sheets))
+
+
+def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, IntArray]]]:
+    """The quadrilaterals; the triangles and the quadrilaterals that use a node twice."""
+    found: list[list[tuple[Block, IntArray]]] = [[], []]
+    for block, elements in sheets:
+        flat = _folded(block) | (block.shape == "triangle")
+        for own, some in zip(found, (~flat, flat), strict=True):
+            if some.any():
+                own.append((some_rows(block, some), elements[some]))
+    return found
+
+
 #: Shapes that are not divided if all elements have one of them.
 _WHOLE = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
 _SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
@@ -108,12 +137,8 @@ def _of_dimension(
     deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
 ) -> tuple[IntArray, IntArray]:
     """(cells with all their nodes, the element of each)."""
-    if order == 2:
-        for block, _ in blocks:
-            _note_middles(block, nodes)
-        if split:
-            for block, _ in blocks:
-                _note_cuts(block, nodes)
+    for block, _ in blocks if order == 2 and split else ():
+        _note_cuts(block, nodes)
     tables, owners = [], []
     for block, elements in blocks:
         every = np.arange(len(block))
@@ -222,10 +247,13 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
 
 def _collapsed(block: Block) -> bool:
     """Whether an element with more corners than a simplex uses a node twice."""
-    if CORNERS[block.shape] <= DIMENSION[block.shape] + 1:
-        return False
+    return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(_folded(block).any())
+
+
+def _folded(block: Block) -> BoolArray:
+    """The elements that use a node twice."""
     ordered = np.sort(block.corners, axis=1)
-    return bool((ordered[:, 1:] == ordered[:, :-1]).any())
+    return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
 
 def _simplices(block: Block) -> tuple[IntArray, IntArray]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 
 IntArray = NDArray[np.int64]
@@ -38,6 +39,12 @@ class Block:
 
     def __len__(self) -> int:
         return len(self.corners)
+
+
+def some_rows(block: Block, some: BoolArray) -> Block:
+    """Some elements of a block."""
+    tables = (block.corners[some], block.mids[some], block.inner[some])
+    return Block(block.shape, block.type, *tables)
 
 
 @dataclass(frozen=True)

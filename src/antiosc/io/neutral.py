@@ -111,9 +111,9 @@ class RawMesh:
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
-def of_dimension(name: str, dim: int) -> str:
-    """Name of what a support fixes in the cells of one dimension, where there are several."""
-    return f"{name}@{dim}"
+def of_kind(name: str, label: str) -> str:
+    """Name of what a support fixes in the cells of one kind, where there are several."""
+    return f"{name}@{label}"
 
 
 def kind_of(label: str) -> CellKind:

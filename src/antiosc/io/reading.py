@@ -16,7 +16,7 @@ from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.io.cad import CAD, STATES_UNIT
 from antiosc.io.isolation import read_apart
 from antiosc.io.merging import merged
-from antiosc.io.neutral import FileMesh, RawMesh, kind_of, of_dimension
+from antiosc.io.neutral import FileMesh, RawMesh, kind_of, of_kind
 from antiosc.io.request import GRADING, ModelOptions, Refinement
 from antiosc.io.selection import Wanted, selected
 from antiosc.io.size_field import SizeField
@@ -62,28 +62,25 @@ def read_parts(
     unit: UnitSystem,
     merge: float | None,
     model: ModelOptions,
-) -> dict[int, RawMesh]:
-    """Cells of a deck by dimension, with its model: one entry unless they are joined at nodes."""
+) -> dict[str, RawMesh]:
+    """Cells of a deck by their shape, with its model: one entry unless they are joined at nodes."""
     content = _content(path, None, None, (), False, timeout, unit, merge, model)
-    found = content.model
-    if found is None or not found["joined"]:
-        raw = selected(content, None, None, path.name)
-        return {raw.kind.dim: raw}
-    dims = sorted({kind_of(label).dim for label in content.cells}, reverse=True)
-    return {dim: selected(_alone(content, dim), dim, None, path.name) for dim in dims}
+    if content.model is None or not content.model["joined"]:
+        found = [selected(content, None, None, path.name)]
+    else:
+        labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
+        found = [selected(_alone(content, label), None, None, path.name) for label in labels]
+    return {raw.kind.shape: raw for raw in found}
 
 
-def _alone(content: FileMesh, dim: int) -> FileMesh:
-    """The cells of one dimension, with their groups and what supports fix of them."""
-    own = {label for label in content.cells if kind_of(label).dim == dim}
-    mark = of_dimension("", dim)
+def _alone(content: FileMesh, label: str) -> FileMesh:
+    """The cells of one kind, with their groups and what supports fix of them."""
+    mark = of_kind("", label)
     return replace(
         content,
-        cells={label: block for label, block in content.cells.items() if label in own},
+        cells={label: content.cells[label]},
         groups={
-            name: kept
-            for name, parts in content.groups.items()
-            if (kept := {label: rows for label, rows in parts.items() if label in own})
+            name: {label: parts[label]} for name, parts in content.groups.items() if label in parts
         },
         fixed={
             name.removesuffix(mark): entities

@@ -12,6 +12,9 @@ from antiosc_decks.sources import BULK, Sources
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 
+#: Cards of loads, whose data may be in a file that is not there.
+LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
+
 
 @dataclass
 class Card:
@@ -94,12 +97,17 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             line += following
             number += 1
         card = _card(line, place)
-        if card.keyword == "INCLUDE":
+        if card.keyword == "INCLUDE" and not _of_loads(sources, card, found):
             _included(sources, card.needed("INPUT"), place, found)
             continue
         found.append(card)
         if card.keyword in WITH_INPUT and card.option("INPUT"):
             _included(sources, card.option("INPUT"), place, found)
+
+
+def _of_loads(sources: Sources, card: Card, found: list[Card]) -> bool:
+    """Whether a file that is not there would be of loads, which are not read either."""
+    return bool(found) and found[-1].keyword in LOADS and not sources.holds(card.needed("INPUT"))
 
 
 def _included(sources: Sources, named: str, place: Place, found: list[Card]) -> None:

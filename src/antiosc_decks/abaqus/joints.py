@@ -133,7 +133,7 @@ def _mpc(whole: Whole, joints: Constraints, card: Card, within: Instance) -> Non
             _plane(joints, list(dict.fromkeys(nodes)), place)
         elif kind == "STRAIGHT":
             _straight(joints, list(dict.fromkeys(nodes)), place)
-        elif kind == "MEANROT":
+        elif kind == "MEANROT" or (kind == "1" and "USER" in card.options):  # as cgx writes it
             _mean_rotation(joints, list(dict.fromkeys(nodes)), place)
         elif kind in ("TIE", "PIN") and len(nodes) == 2:
             for c in range(3):

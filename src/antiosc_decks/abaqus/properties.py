@@ -101,13 +101,13 @@ class Orientations:
 
     def __init__(self, cards: Iterable[tuple[Card, Instance]]) -> None:
         self._cards = {
-            f"{within.name}.{card.needed('NAME')}".upper().removeprefix("."): (card, within.turn)
+            f"{within.name}.{card.needed('NAME')}".upper().removeprefix("."): (card, within)
             for card, within in cards
             if card.keyword == "ORIENTATION"
         }
 
-    def find(self, name: str, within: Instance) -> tuple[Card, Array] | None:
-        """The card of a name in an instance, or else in the assembly, and how it is turned."""
+    def find(self, name: str, within: Instance) -> tuple[Card, Instance] | None:
+        """The card of a name in an instance, or else in the assembly, and the instance it is of."""
         own = self._cards.get(f"{within.name}.{name}".upper())
         return own or self._cards.get(name.upper())
 
@@ -115,19 +115,42 @@ class Orientations:
         """Direction 1 of an *ORIENTATION."""
         return self.frame(name, place, within)[0]
 
-    def frame(self, name: str, place: Place, within: Instance) -> tuple[Array, Array]:
-        """Directions 1 and 3 of an *ORIENTATION."""
+    def _rows(
+        self, name: str, place: Place, within: Instance
+    ) -> tuple[Card, Instance, str, list[tuple[list[str], Place]]]:
+        """(card, its instance, R or C, its lines)."""
         found = self.find(name, within)
         if found is None:
             raise place.error(f"there is no orientation {name!r} (*ORIENTATION, NAME=).")
-        card, turn = found
-        system = card.option("SYSTEM", "RECTANGULAR").upper()
+        card, of = found
         rows = [(f, p) for f, p in card.rows() if f]
-        if not system.startswith("R") or not rows or "DEFINITION" in card.options:
-            raise card.place.error("*ORIENTATION is read as RECTANGULAR, by two points, only.")
+        return card, of, card.option("SYSTEM", "RECTANGULAR").upper()[:1], rows
+
+    def cylinder(
+        self, name: str, place: Place, within: Instance
+    ) -> tuple[Array, Array, float] | None:
+        """(a point of the axis, its direction, degrees about the normal); None of a rectangular."""
+        card, of, system, rows = self._rows(name, place, within)
+        if system != "C":
+            return None
+        points = [[real_number(f, p) if f else 0.0 for f in fields] for fields, p in rows[:1]]
+        if not points or len(points[0]) < 6 or points[0][:3] == points[0][3:6]:
+            raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
+        a, b = np.reshape(points[0][:6], (2, 3))
+        along = of.turn @ (b - a) / np.linalg.norm(b - a)
+        degrees = [real_number(f[1], p) for f, p in rows[1:2] if len(f) > 1 and f[1]]
+        return of.turn @ a + of.shift, along, degrees[0] if degrees else 0.0
+
+    def frame(self, name: str, place: Place, within: Instance) -> tuple[Array, Array]:
+        """Directions 1 and 3 of an *ORIENTATION."""
+        card, of, system, rows = self._rows(name, place, within)
+        if system != "R" or not rows or "DEFINITION" in card.options:
+            raise card.place.error(
+                "*ORIENTATION is read as RECTANGULAR, by two points, and of shells as CYLINDRICAL."
+            )
         values = [real_number(f, rows[0][1]) if f else 0.0 for f in (*rows[0][0], *"000000000")]
         a, b, origin = np.reshape(values[:9], (3, 3))
-        a, b = turn @ (a - origin), turn @ (b - origin)
+        a, b = of.turn @ (a - origin), of.turn @ (b - origin)
         normal = np.cross(a, b)
         if not normal.any():
             raise card.place.error("the two points of *ORIENTATION give no plane.")

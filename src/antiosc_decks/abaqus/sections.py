@@ -14,9 +14,19 @@ from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.properties import Orientations, profile_of
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
-from antiosc_decks.model.geometry import common_direction, normals_of, side_of, tangents_of, top_of
+from antiosc_decks.model.geometry import (
+    common_direction,
+    corners_of,
+    everywhere,
+    normals_of,
+    side_of,
+    tangents_of,
+    top_of,
+)
 from antiosc_decks.model.properties import Material
 
+#: Sine of the angle below which a direction is normal to a shell.
+NORMAL = 0.05
 SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
 
 
@@ -168,9 +178,9 @@ class Sections:
         normals = normals_of(self.whole.deck, elements)
         top = common_direction(normals)
         length = self.builder.units.length
-        axis = np.array([1.0, 0.0, 0.0])
+        axis: Any = np.array([1.0, 0.0, 0.0])
         if card.option("ORIENTATION"):
-            axis = self.orientations.axis(card.option("ORIENTATION"), card.place, within)
+            axis = self._direction(card.option("ORIENTATION"), card.place, within, elements)
         else:
             within.refuse_turned(card)
             if top is not None and abs(top[0]) > math.cos(math.radians(0.1)):
@@ -183,14 +193,36 @@ class Sections:
             layers.append(self.builder.layer(material, real_number(fields[0], place), angle))
         arguments = {
             "layers": layers,
-            "axis": axis.tolist(),
+            "axis": axis if isinstance(axis, dict) else axis.tolist(),
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
             "top": top_of(self.whole.deck, elements, length),
         }
         self.builder.add(name, elements, Family("Laminate", arguments, card.place))
 
+    def _direction(self, name: str, place: Place, within: Instance, elements: IntArray) -> Any:
+        """Direction 1 of an *ORIENTATION: one, or about the axis of a cylinder one in each element.
+
+        Where it is the normal of a shell, it is direction 2.
+        """
+        around = self.orientations.cylinder(name, place, within)
+        if around is None:
+            return self.orientations.axis(name, place, within)
+        origin, along, degrees = around
+        deck = self.whole.deck
+        normals = normals_of(deck, elements)
+        out = np.array([x.mean(axis=0) for x in corners_of(deck, elements)]) - origin
+        out -= (out @ along)[:, None] * along
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
+        hoop = np.cross(along, out)
+        is_normal = np.linalg.norm(np.cross(out, normals), axis=1) < NORMAL
+        first = np.where(is_normal[:, None], hoop, out)
+        first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
+        angle = math.radians(degrees)
+        first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
+        return everywhere(deck, elements, first, self.builder.units.length)
+
     def _angle(
-        self, word: str, axis: Array, top: Array | None, place: Place, within: Instance
+        self, word: str, axis: Any, top: Array | None, place: Place, within: Instance
     ) -> float:
         """Degrees from the axis of the stack to direction 1 of a layer."""
         if not word:
@@ -198,7 +230,7 @@ class Sections:
         if self.orientations.find(word, within) is None:
             return real_number(word, place)
         own = self.orientations.axis(word, place, within)
-        if top is None:
+        if top is None or isinstance(axis, dict):
             raise place.error(
                 "layers with an *ORIENTATION of their own need a flat shell; give angles instead."
             )
@@ -308,9 +340,11 @@ def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Pl
     numbers = builder.of_element[elements]
     for number in np.unique(numbers[numbers >= 0]):
         family, name = builder.families[number], builder.names[number]
-        if family.kind != "Shell":
-            raise place.error("*NODAL THICKNESS is read for isotropic shells only.")
         mine = numbers == number
+        if family.kind != "Shell":
+            if np.isfinite(thickness[mine]).any():
+                builder.ignored.append(f"*NODAL THICKNESS of layers, which have theirs ({place})")
+            continue
         for value in np.unique(np.round(thickness[mine], 12)):
             some = elements[mine & (np.round(thickness, 12) == value)]
             own = {**family.arguments, "thickness": float(value) * builder.units.length}

@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Place
+from antiosc.io.deck import Array, Block, Deck, IntArray, Place, some_rows
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
 from antiosc_decks.model.panels import Panel
@@ -30,12 +30,6 @@ def chosen_elements(deck: Deck) -> BoolArray:
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
         chosen[own] = True
     return chosen if deck.piece is None else one_piece(deck, chosen)
-
-
-def some_rows(block: Block, some: BoolArray) -> Block:
-    """Some elements of a block."""
-    tables = (block.corners[some], block.mids[some], block.inner[some])
-    return Block(block.shape, block.type, *tables)
 
 
 def nodes_of_block(block: Block) -> IntArray:

@@ -224,7 +224,9 @@ class Constraints:
         cross = np.array([[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]])
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
-        if not good.all() and any(c >= 3 or np.abs(arm).max() > 1e-9 for c in motions):
+        # rotations about the line do not matter for displacements of what lies on it
+        unknown = np.abs(cross @ axes[:, ~good]).max(initial=0.0) > 1e-9 * np.abs(r).max()
+        if not good.all() and any(c >= 3 or unknown for c in motions):
             raise place.error(
                 "the nodes whose mean motion is taken lie on one line, so that their "
                 "rotation is not known; take more nodes, or displacements alone at their centre."

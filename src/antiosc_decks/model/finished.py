@@ -16,10 +16,11 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import IntArray
+from antiosc.io.conversion import kept_apart
+from antiosc.io.deck import IntArray, some_rows
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
-from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
+from antiosc_decks.model.builder import MOTIONS, ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.pieces import connected, held_apart
 from antiosc_decks.model.rods import join_rods, make_truss
@@ -50,8 +51,10 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         )
     hold_middles(builder)
     _drop_alone(builder)
-    stiffened = present == {"shell", "beam"} and not builder.joints.every() and _on_edges(builder)
-    several = len(present) > 1 and not stiffened
+    mixed = "shell" in present and kept_apart(builder.deck)
+    stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
+    stiffened = stiffened and _on_edges(builder)
+    several = mixed or (len(present) > 1 and not stiffened)
     attached = [one[0] for one in builder.masses] + [one[0] for one in builder.springs]
     beside = any(not builder.used[node] for node in attached)
     joined = several or beside or bool(builder.joints.every())
@@ -85,6 +88,7 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
         "joined": joined,
+        "mixed": mixed,
         "joints": joints,
         "apart": builder.apart,
         "fixed_points": fixed_points,

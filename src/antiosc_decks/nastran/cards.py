@@ -97,6 +97,8 @@ class Bulk:
     control: CaseControl = field(default_factory=CaseControl)
     #: number of a property -> its name in a comment
     names: dict[int, str] = field(default_factory=dict)
+    #: warnings, one sentence each
+    told: list[str] = field(default_factory=list)
 
 
 def bulk_data(sources: Sources) -> Bulk:
@@ -199,7 +201,15 @@ class _Collector:
                         break
                     named += lines[number].strip()
                     number += 1
-                included = self.sources.enter(named, place)
+                try:
+                    included = self.sources.enter(named, place)
+                except MeshError as error:
+                    if self.started:
+                        raise
+                    self.bulk.told.append(
+                        f"{error} It is not read: it stands before the bulk data."
+                    )
+                    continue
                 self.read(included, named.strip("'\" "))
                 self.sources.leave()
             elif not self.started:
@@ -225,8 +235,10 @@ class _Collector:
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
-                kind = "BEGIN SUPER" if words[1:2] and words[1].startswith("SUPER") else "BEGIN"
-                self._begin(Entry(kind, place), "")
+                part = (
+                    any(word.startswith("SUPER") for word in words) and "MASSID" not in line.upper()
+                )
+                self._begin(Entry("BEGIN SUPER" if part else "BEGIN", place), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:

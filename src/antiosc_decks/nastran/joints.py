@@ -1,4 +1,6 @@
-"""Joints of Nastran decks: MPC, RBE2, RBE3, RBAR; CELAS1 to 4, CDAMP1 to 4, CVISC and CBUSH."""
+"""Joints of Nastran decks: MPC, RBE2, RBE3, RBAR; CELAS1 to 4, CDAMP1 to 4, CVISC, CBUSH
+and CGAP.
+"""
 
 from __future__ import annotations
 
@@ -182,6 +184,10 @@ def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
     for entry in found.named("CBUSH"):
         own, _ = its_property(entry, "PBUSH", bushes)
         _bush(found, builder, entry, own)
+    gaps = found.properties("PGAP")
+    for entry in found.named("CGAP"):
+        own, _ = its_property(entry, "PGAP", gaps)
+        _gap(found, builder, entry, own)
 
 
 def _scalar(
@@ -210,7 +216,7 @@ def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry
 def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
     """CBUSH1D: a spring and a damper along the line between two nodes, or along x of its system."""
     if any(own.text(k) for k in range(3, len(own.fields))):
-        raise own.place.error("PBUSH1D is read with K and C alone.")
+        builder.tell_once(f"what of PBUSH1D {own.text(0)} is not K or C")
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
     if entry.text(4) or len(rows) < 2:
         axis = found.systems(entry.whole(4, 0), entry.place).axes[0]
@@ -223,6 +229,18 @@ def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own
     for k, what in ((1, "stiffness"), (2, "damping")):
         if own.real(k):
             _add(builder, entry, ends, what, own.real(k))
+
+
+def _gap(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
+    """CGAP as linear solutions take it: a spring, closed or open as it is at first."""
+    is_open = own.real(1) > 0
+    along = own.real(4) if is_open else own.real(3, None)
+    across = 0.0 if is_open else own.real(5, own.real(6) * along)
+    spring = Entry("PBUSH", own.place, ["", "K", *(repr(k) for k in (along, across, across))])
+    builder.tell_once(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
+                      f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
+    if along or across:
+        _bush(found, builder, Entry(entry.name, entry.place, entry.fields[:8]), spring)
 
 
 def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:

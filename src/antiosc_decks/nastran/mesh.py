@@ -158,7 +158,7 @@ def read(
     bulk = bulk_data(Sources(path, name, on_size, root))
     found = _nodes(bulk, name)
     found.account = account_for(bulk.entries, name)
-    found.deck.told += found.account.unknown_cards()
+    found.deck.told += [*bulk.told, *found.account.unknown_cards()]
     _refuse_images(found)
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):
@@ -326,6 +326,8 @@ def _elements(found: NastranDeck) -> None:
     seen: set[int] = set()
     for entry in found.bulk.entries:
         cell = CELLS.get(entry.name)
+        if entry.name == "BEGIN SUPER":  # which numbers its elements anew
+            seen = set()
         if cell is None:
             if is_other(entry.name):
                 found.deck.leave(entry.name, 1)

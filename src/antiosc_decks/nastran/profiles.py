@@ -21,6 +21,10 @@ DIMENSIONS = {
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 
 
+#: Of a second moment that is 0 the share of the other one that is taken.
+SLIGHT = 1e-6
+
+
 @dataclass(frozen=True)
 class BeamProfile:
     """The cross-section of a beam at one place."""
@@ -75,9 +79,14 @@ class BeamProfiles:
 
     def _by_constants(self) -> list[tuple[float, BeamProfile]]:
         entry = self.entry
-        area, first, second = (entry.real(k, None) for k in (2, 3, 4))
+        area, first, second = entry.real(2, None), *(entry.real(k) for k in (3, 4))
         ends: dict[float, list[float]] = {}
+        label = f"{entry.name} {entry.text(0)}"
         if entry.name == "PBAR":
+            if max(first, second) > min(first, second) == 0:
+                self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
+                                 "of the other is taken")  # fmt: skip
+                first, second = (max(one, SLIGHT * max(first, second)) for one in (first, second))
             torsion, extra, mixed = entry.real(5), entry.real(6), entry.real(18)
             k1, k2 = entry.real(16), entry.real(17)
         else:
@@ -88,7 +97,6 @@ class BeamProfiles:
         if min(area, first, second) <= 0:
             raise entry.place.error(f"{entry.name} needs A, I1 and I2 above 0.")
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
-        label = f"{entry.name} {entry.text(0)}"
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
             what = "their mean is taken" if shear else "both planes are taken as rigid in shear"
             self.told.append(f"K1 and K2 of {label}, which differ: {what}")

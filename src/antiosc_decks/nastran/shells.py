@@ -18,6 +18,8 @@ from antiosc_decks.nastran.table import CELLS
 
 #: Field of the thickness of the first corner.
 OWN_THICKNESS = 10
+#: Sine of the angle below which a direction is normal to an element.
+NORMAL = 0.05
 
 
 class Shells:
@@ -226,7 +228,12 @@ class Shells:
         where = CELLS[entry.name].theta
         word = entry.text(where)
         if word.lstrip("+-").isdigit():
-            return np.asarray(self.found.systems(int(word), entry.place).axes[0])
+            x, y, _ = self.found.systems(int(word), entry.place).axes
+            if np.linalg.norm(np.cross(x, normal)) > NORMAL:
+                return np.asarray(x)
+            self.builder.tell_once(f"x of the system {word} (MCID) where it is normal to elements, "
+                                   "its y is taken")  # fmt: skip
+            return np.asarray(y)
         nodes = [self.found.row(entry.whole(k), entry.place) for k in (2, 3)]
         side = self.found.deck.points[nodes[1]] - self.found.deck.points[nodes[0]]
         side -= (side @ normal) * normal

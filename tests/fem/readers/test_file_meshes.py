@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.io import merging
-from antiosc.io.neutral import FileMesh, of_dimension, packed, unpacked
+from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
 from antiosc.io.reading import _alone
 from antiosc.io.selection import selected
 from refusals import refused
@@ -120,11 +120,14 @@ def test_what_is_no_mesh_is_told(case):
         selected(mesh, wanted, None, "p.vtu")
 
 
-def test_cells_of_one_dimension_with_what_belongs_to_them():
+def test_cells_of_one_kind_with_what_belongs_to_them():
     mesh = whole()
-    mesh.fixed = {f"f{of_dimension('', 3)}": {2: SIDES}, f"f{of_dimension('', 1)}": {0: SIDES[:1]}}
-    own = _alone(mesh, 1)
+    mesh.fixed = {
+        f"f{of_kind('', 'hexahedron')}": {2: SIDES},
+        f"f{of_kind('', 'line')}": {0: SIDES[:1]},
+    }
+    own = _alone(mesh, "line")
     assert list(own.cells) == ["line"]
     assert {n: list(p) for n, p in own.groups.items()} == {"b": ["line"]}
     assert {n: list(p) for n, p in own.fixed.items()} == {"f": [0]}
-    assert list(_alone(mesh, 3).groups) == ["a"]
+    assert list(_alone(mesh, "hexahedron").groups) == ["a"]

@@ -62,7 +62,7 @@ REFUSED = {
         f"{HEXA}PSOLID,7,1\nCBUSH,9,9,1,2\nPBUSH,9,K{k * ','}1.\n", 12, "CID")
        for k in (2, 3, 5, 6)},
     "contact": (f"{HEXA}BCONTACT,1\n", 11, "contact"),
-    "element": (f"{HEXA}CGAP,9,9,1,2\n", 11, "CGAP"),
+    "element": (f"{HEXA}CFAST,9,9,1,2\n", 11, "CFAST"),
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -93,7 +94,14 @@ def refused(call: Call, error: Exception) -> tuple[Place, str]:
     if not isinstance(error, AntioscError):
         error = InputError(f"{type(error).__name__}: {error}")
     name = _refused_argument(error, call.arguments)
-    return (*call.place, *name), f"{label(call.place)}: {str(error).rstrip('.')}."
+    return (*call.place, *name), f"{label(call.place)}: {in_keys(error, call).rstrip('.')}."
+
+
+def in_keys(error: Exception, call: Call) -> str:
+    """An error of a call with its arguments as keys: `density=` as the key density, `piece = 1`."""
+    known = "|".join(inspect.signature(call.make).parameters)
+    text = re.sub(rf"\b({known})=(?=\w)", r"\1 = ", str(error))
+    return re.sub(rf"\b({known})=(?!\w)", r"the key \1", text)
 
 
 def _refused_argument(error: Exception, arguments: Mapping[str, Any]) -> tuple[str, ...]:

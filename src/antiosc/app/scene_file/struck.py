@@ -88,7 +88,8 @@ def _part(build: Builder, data: Mapping[str, Any], place: Place) -> Call | None:
     given = {"mesh": build.table("geometry", data, place), **supported}
     given["material"] = material(build, data, place)
     options = build.part("structure", dict, data)
-    return build.call(SECTIONS["structure"], options, (*place, "structure"), given)
+    at = "structure" if "structure" in data else "material"  # the section that is there
+    return build.call(SECTIONS["structure"], options, (*place, at), given)
 
 
 def _supported(build: Builder, data: Mapping[str, Any], place: Place) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 
 import antiosc
-from antiosc.app.scene_file.build import Call
+from antiosc.app.scene_file.build import Call, in_keys
 from antiosc.app.scene_file.group_names import Outline, outline
 from antiosc.app.scene_file.pages import rendered
 from antiosc.base import checks
@@ -38,7 +38,8 @@ def text(name: str, part: str | None, around: Outline | None = None, drop: bool 
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         deck=ending in DECK_ENDINGS,
-        cad=ending in CAD_ENDINGS,
+        cad=ending in {*CAD_ENDINGS, ".stl"},
+        closed=ending == ".stl",
         point=point,
         plane=plane,
         drop=drop,
@@ -50,10 +51,11 @@ def _outline(part: str) -> tuple[Outline | None, list[str]]:
     name = Path(part).name
     deck = Path(part).suffix.lower() in DECK_ENDINGS
     made = {"path": part, "unit": "mm"} if deck else {"source": part}
+    call = Call(antiosc.read_model if deck else antiosc.read_mesh, made)
     try:
-        found = outline(Call(antiosc.read_model if deck else antiosc.read_mesh, made))
+        found = outline(call)
     except (AntioscError, OSError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
+        why = error.strerror if isinstance(error, OSError) else in_keys(error, call).rstrip(".")
         return None, [f"the box of {name} is not known: {why}."]
     return found, [f"{name} reaches {found.text()}."]
 

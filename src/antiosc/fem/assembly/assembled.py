@@ -43,8 +43,12 @@ class Added:
     def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
         self._elastic = [(one, rounded(one.G @ T)) for one in elastic]
         self.mass = float(sum(one.mass for one in elastic))
-        self.K = sum((_square(G, one.k) for one, G in self._elastic), Sparse(T.shape)).tocsr()
-        self.M = sum((_square(G, one.m) for one, G in self._elastic), Sparse(T.shape)).tocsr()
+        every = stacked([G for _, G in self._elastic], T.shape[1])
+
+        def whole(blocks: Sequence[Array]) -> Sparse:
+            return (every.T @ scipy.sparse.block_diag([np.zeros((0, 0)), *blocks]) @ every).tocsr()
+
+        self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
 
     def dampers(self) -> list[tuple[Sparse, Array]]:
         """(functionals of q, their damping (j, j)) of all dampers."""
@@ -65,10 +69,6 @@ class Added:
             loads += G.T @ (one.m @ moved)
             energies += moved.T @ one.m @ moved
         return loads, energies
-
-
-def _square(G: Sparse, k: Array) -> Sparse:
-    return G.T @ scipy.sparse.csr_matrix(k) @ G
 
 
 @dataclass(eq=False)

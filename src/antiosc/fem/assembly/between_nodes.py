@@ -10,7 +10,7 @@ one rigid body.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import basix
 import numpy as np
@@ -24,6 +24,8 @@ from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 #: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
 Term = tuple[int, int, float]
+#: Columns and values of a row of a matrix.
+Row = tuple[IntArray, Array]
 
 
 class Nodes:
@@ -37,7 +39,7 @@ class Nodes:
         self.members = list(layout.members.values())
         self.at_cell: list[dict[int, tuple[int, int]]] = []
         self.tables: list[IntArray] = []
-        self._single: dict[tuple[int, int], Sparse] = {}
+        self._single: dict[tuple[int, int], Row] = {}
         #: which dofs are zero
         self.fixed = np.zeros(layout.count, dtype=bool)
         for member in self.members:
@@ -101,18 +103,30 @@ class Nodes:
 
     def dof(self, term: Term) -> int:
         """The dof that a motion of a node is; -1 if it is no single one."""
-        own = self.single(term[0], term[1])
-        return int(own.indices[0]) if own.nnz == 1 else -1
+        columns, _ = self.single(term[0], term[1])
+        return int(columns[0]) if len(columns) == 1 else -1
 
     def is_fixed(self, number: int, motion: int) -> bool:
         """Whether a motion of a node is zero."""
-        return bool(self.fixed[self.single(number, motion).indices].all())
+        return bool(self.fixed[self.single(number, motion)[0]].all())
 
-    def single(self, number: int, motion: int) -> Sparse:
+    def single(self, number: int, motion: int) -> Row:
         """One motion of one node."""
         if (number, motion) not in self._single:
-            self._single[number, motion] = self.functionals([[(number, motion, 1.0)]])
+            self.prepare([(number, motion)])
         return self._single[number, motion]
+
+    def prepare(self, wanted: Iterable[tuple[int, int]]) -> None:
+        """Find motions of nodes at once, which is faster than one after the other."""
+        new = [one for one in dict.fromkeys(wanted) if one not in self._single]
+        found = self.functionals([[(*one, 1.0)] for one in new])
+        self._single.update((one, row_of(found, k)) for k, one in enumerate(new))
+
+
+def row_of(matrix: Sparse, k: int) -> Row:
+    """One row of a matrix."""
+    own = slice(matrix.indptr[k], matrix.indptr[k + 1])
+    return matrix.indices[own], matrix.data[own]
 
 
 # -- Nodes that constraints tie to the place of a cell where they lie.
@@ -212,14 +226,19 @@ def between_nodes(
             sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
         else:
             dependent.setdefault(motion, {}).setdefault(number, row)
-    found = [nodes.layout.nothing(0)]
+    found: list[Row] = []
     tied = CoincidentNodes(nodes, equations)
     for k in range(len(nodes.members)):
         for motion in dependent:
             found += _followers(nodes, k, motion, dependent, equations, own, among, tied)
         for first, directions in sliding.items():
             found += _sliders(nodes, k, first, directions, among)
-    return scipy.sparse.vstack(found).tocsr()
+    if not found:
+        return nodes.layout.nothing(0)
+    rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
+    result = nodes.layout.matrix(rows, *_sum(found), len(found))
+    result.eliminate_zeros()
+    return result
 
 
 def _dofs(
@@ -271,26 +290,35 @@ def _followers(
     own: Sparse,
     among: Among,
     tied: CoincidentNodes,
-) -> Iterator[Sparse]:
+) -> Iterator[Row]:
     """Dofs that are the weighted sum of what their nodes are by their constraints."""
     rows = dependent[motion]
     beam = nodes.members[k].part.mesh.tdim == 1
-    for column, numbers, weights in _dofs(nodes, k, motion, rows, among):
+    every = list(_dofs(nodes, k, motion, rows, among))
+    nodes.prepare((n, motion) for _, numbers, _ in every for n in numbers)
+    for column, numbers, weights in every:
         if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
             continue
         if not _determined(nodes, numbers, motion, rows, equations):
             continue
-        total = nodes.layout.units(np.array([column]))
+        terms = [(np.array([column]), np.ones(1))]
         there = None if beam else tied.displacement(numbers, weights, motion, rows)
         if there is not None:
-            yield (total - there).tocsr()
+            yield _sum([*terms, (there.indices, -there.data)])
             continue
         for node, weight in zip(numbers, weights, strict=True):
-            follows = nodes.single(node, motion)
+            columns, values = nodes.single(node, motion)
+            terms.append((columns, -weight * values))
             if node in rows:  # by its constraint without its own term
-                follows = follows - own[rows[node]] / equations[rows[node]][0][2]
-            total = total - weight * follows
-        yield total.tocsr()
+                columns, values = row_of(own, rows[node])
+                terms.append((columns, weight * values / equations[rows[node]][0][2]))
+        yield _sum(terms)
+
+
+def _sum(terms: Sequence[Row]) -> Row:
+    """Rows as one: their sum, if it is one of a matrix."""
+    columns, values = (np.concatenate(both) for both in zip(*terms, strict=True))
+    return columns, values
 
 
 def _in_one_body(
@@ -329,10 +357,12 @@ def _determined(
 
 def _sliders(
     nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]], among: Among
-) -> Iterator[Sparse]:
+) -> Iterator[Row]:
     """Dofs between nodes that slide across a direction, or are fixed."""
     axes = range(2 if nodes.layout.plane else 3)
-    by_motion = [_dofs(nodes, k, first + c, directions, among) for c in axes]
+    by_motion = [list(_dofs(nodes, k, first + c, directions, among)) for c in axes]
+    near = {n for _, numbers, _ in by_motion[0] for n in numbers}
+    nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
     for found in zip(*by_motion, strict=True):
         columns = [column for column, _, _ in found]
         _, numbers, weights = found[0]
@@ -346,5 +376,4 @@ def _sliders(
                 for n, w in zip(numbers, weights, strict=True)
                 if n in directions
             )
-            row = nodes.layout.units(np.array(columns))
-            yield (scipy.sparse.csr_matrix(np.reshape(mean, (1, 3))[:, axes]) @ row).tocsr()
+            yield np.array(columns), np.asarray(mean)[axes]

@@ -34,6 +34,8 @@ from antiosc.io.unit_system import UnitSystem
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
+#: That of the triangles beside quadrilaterals.
+TRIANGLES = "triangles"
 #: Families whose arguments a deck gives as they are.
 PLAIN: dict[str, Callable[..., Family]] = {
     "Solid": Solid,
@@ -93,11 +95,11 @@ def read_model(
     orthotropic shell becomes a `Laminate`.
 
     Solids, shells and beams with common nodes, and what equations, multi-point constraints, rigid
-    bodies, couplings, ties and springs join, become one assembly of up to three parts: "solids",
-    "faces" and "beams" (`Site(..., part=...)`). Constraints are linear, for small
-    motions. Where they determine all nodes of an edge or a face of an element, all of the edge or
-    face follows by the element's own functions; where they tie these nodes to one element at the
-    same place, it follows that element's displacement.
+    bodies, couplings, ties and springs join, become one assembly of up to four parts: "solids",
+    "faces", "triangles" (the few beside quadrilaterals) and "beams" (`Site(..., part=...)`).
+    Constraints are linear, for small motions. Where they determine all nodes of an edge or a face
+    of an element, all of the edge or face follows by the element's own functions; where they tie
+    these nodes to one element at the same place, it follows that element's displacement.
 
     Raises
     ------
@@ -121,39 +123,37 @@ def read_model(
     added: list[PointMass | Spring] = several(
         "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
     )
-    by_dim = on_root(comm, read)
-    first = next(iter(by_dim.values()))
+    raws = on_root(comm, read)
+    first = next(iter(raws.values()))
     model = _model(first)
     told = list(first.told)
     if model["ignored"]:
         told.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
     for sentence in told:
         warn(comm, sentence)
-    made = {
-        PARTS[dim]: _part(raw, file.name, comm, solver, more, added) for dim, raw in by_dim.items()
-    }
+    made = {name: _part(raw, file.name, comm, solver, more, added) for name, raw in raws.items()}
     if not model["joined"]:
         return next(iter(made.values()))
-    numbers = {PARTS[dim]: raw.numbers for dim, raw in by_dim.items()}
+    numbers = {name: raw.numbers for name, raw in raws.items()}
     return joined(made, numbers, model, more, added, solver)
 
 
 def outline_of_deck(
     path: str | Path, unit: str | float = "m", **options: Any
 ) -> tuple[list[str], list[RawMesh]]:
-    """Names of the groups of a deck, as supports and sites name them, and its cells by dimension.
+    """Names of the groups of a deck, as supports and sites name them, and its cells by kind.
 
     Nothing is assembled. `options` are others of `read_model`; those that reading does not need
     are not looked at.
     """
     needed = ("density", "merge", "parts", "piece", "root", "timeout")
     file = checked_path("path", path)
-    by_dim = _reader(file, unit, *(options.get(name) for name in needed))()
-    names = dict.fromkeys(group for raw in by_dim.values() for group in raw.groups)
-    if _model(next(iter(by_dim.values())))["joined"]:
-        inner = [f"{PARTS[dim]}:{group}" for dim, raw in by_dim.items() for group in raw.groups]
+    raws = _reader(file, unit, *(options.get(name) for name in needed))()
+    names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
+    if _model(next(iter(raws.values())))["joined"]:
+        inner = [f"{name}:{group}" for name, raw in raws.items() for group in raw.groups]
         names |= dict.fromkeys(inner)
-    return list(names), list(by_dim.values())
+    return list(names), list(raws.values())
 
 
 def _reader(
@@ -165,8 +165,8 @@ def _reader(
     piece: Any,
     root: Any,
     timeout: Any,
-) -> Callable[[], dict[int, RawMesh]]:
-    """A function that reads the deck: cells by their dimension; arguments are those of a user."""
+) -> Callable[[], dict[str, RawMesh]]:
+    """A function that reads the deck: cells by their part; arguments are those of a user."""
     units = UnitSystem.of(unit)
     if merge is not None:
         positive("merge", merge, "m")
@@ -187,10 +187,11 @@ def _reader(
             raise InputError(f"root must be a folder; there is none at {shown(str(root))}.")
         root = str(folder)
 
-    def work() -> dict[int, RawMesh]:
+    def work() -> dict[str, RawMesh]:
         options = {"density": density, "parts": parts, "piece": piece, "root": root}
-        found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
-        for dim, raw in found.items():
+        found: dict[str, RawMesh] = {}
+        by_shape = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        for raw in by_shape.values():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
@@ -200,7 +201,8 @@ def _reader(
                     f"merge=1e-6) or read one of them ({_choices(flat)})."
                 )
             pieces = model["joined"] or model["held"]
-            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
+            part = TRIANGLES if PARTS[raw.kind.dim] in found else PARTS[raw.kind.dim]
+            found[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
         return found
 
     return work

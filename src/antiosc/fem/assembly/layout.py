@@ -121,6 +121,7 @@ class Layout:
     ) -> Sparse:
         """Displacements (or rotations: `names` = ROTATIONS) at X (P, tdim) in cells (P,)."""
         space = member.part.form.space
+        rotation = member.at.rotation
         rows, columns, values = [], [], []
         first_row = 3 * np.arange(len(cell))[:, None]
         for axis, name in enumerate(names):
@@ -131,7 +132,7 @@ class Layout:
             weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
             dofs = member.first + compat.cell_dofs(space, path, cell)
             for c in range(3):
-                rotated = member.at.rotation[c, axis]
+                rotated = rotation[c, axis]
                 if rotated:
                     rows.append(np.broadcast_to(first_row + c, dofs.shape).ravel())
                     columns.append(dofs.ravel())
@@ -144,13 +145,14 @@ class Layout:
         self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
         """Displacements (or rotations: `names` = ROTATIONS) of nodes (P,)."""
+        rotation = member.at.rotation
         rows, columns, values = [], [], []
         for axis, name in enumerate(names):
             if name not in member.part.form.components:
                 continue
             dofs = self.dofs(member, nodes, name)
             for c in range(3):
-                rotated = member.at.rotation[c, axis]
+                rotated = rotation[c, axis]
                 if rotated:
                     rows.append(3 * np.arange(len(nodes)) + c)
                     columns.append(dofs)

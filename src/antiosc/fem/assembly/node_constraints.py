@@ -46,6 +46,7 @@ class NodeConstraints(Joint):
         """One row for each constraint, those between its nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         own = nodes.functionals(self.equations)
+        nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
         dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
         rows = [Rows(own, dependent, label)] if own.shape[0] else []
         nodes.fixed = fixed.copy()

@@ -6,7 +6,7 @@ Both are treated in the same way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -54,6 +54,10 @@ class Contact:
     largest: Array
     rise: Array
     label: IntArray
+
+    def of(self, which: IntArray) -> Contact:
+        """Some of the sites."""
+        return Contact(*(getattr(self, one.name)[which] for one in fields(self)))
 
 
 class Faces(Entities):

@@ -21,7 +21,7 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.named_points import middle_of, motion_of
-from antiosc.fem.site.patches import loads
+from antiosc.fem.site.patches import loads, patches
 from antiosc.fem.site.site import (
     LEAST_FREE_SHARE,
     Functional,
@@ -36,6 +36,8 @@ from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
+#: A patch is whole with this share of its load on a part less than 1.
+ROUNDED_SHARE = 1e-9
 #: Parts this share of the size of the assembly farther off than the nearest one are as near.
 AS_NEAR = 1e-9
 
@@ -87,8 +89,18 @@ def before_joining(
         member, aim = _in_part(structure, site, direction)
         struck.setdefault(member.name, (member, {}))[1][k] = aim
     for member, there in struck.values():
-        own = _on_mesh(part_of(member), list(there.values()), member.at.placed)
-        found.update(zip(there, [_placed(structure, member, one) for one in own], strict=True))
+        part = part_of(member)
+        laid = _on_mesh(part, list(there.values()), member.at.placed)
+        beyond = _beyond_seams(structure, member, laid, part_of)
+        whole = laid.share + sum(share for _, share, _ in beyond)
+        tell(part, replace(laid, share=np.minimum(whole, 1.0)))
+        for i, one in enumerate(_of_sites(part, list(there.values()), laid)):
+            own = _placed(structure, member, one)
+            if beyond and whole[i] > laid.share[i]:
+                own.b[:] *= laid.share[i] / whole[i]
+                for other, share, b in beyond:
+                    own.b[other.rows] += share[i] / whole[i] * b[i]
+            found[list(there)[i]] = own
     return [found[k] for k in range(len(sites))]
 
 
@@ -202,8 +214,8 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
 
 def _on_mesh(
     structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
-) -> list[Functional]:
-    """b of sites at points of a mesh.
+) -> Sites:
+    """Sites at points of a mesh.
 
     `placed` moves points (n, 3) of the mesh to where an assembly has them: errors name these.
     """
@@ -220,7 +232,44 @@ def _on_mesh(
     )
     found = located(structure, nearest.x, directions, radii, nearest)
     _check(found, placed)
-    tell(structure, found)
+    return found
+
+
+def _beyond_seams(
+    structure: MeshedParts,
+    member: Member,
+    laid: Sites,
+    part_of: Callable[[Member], MeshedStructure],
+) -> list[tuple[Member, Array, Array]]:
+    """[(another sheet, share of each patch on it (P,), b of its dofs (P, rows))].
+
+    Triangles beside quadrilaterals are a part of their own; a patch may lie on both.
+    """
+    cut = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
+    if laid.contact is None or not member.part.kind.sheet or not len(cut):
+        return []
+    x = member.at.placed(laid.points[cut])
+    found = []
+    taken = [member.part.faces]
+    for other in structure.members():
+        if other is member or not other.part.kind.sheet or other.at != member.at:
+            continue
+        near = cut[other.closest(x).distance < laid.radii[cut]]
+        if not len(near):
+            continue
+        part, own = part_of(other), (laid.points[near], laid.radii[near], laid.contact.of(near))
+        weighted, share = patches(part.faces, *own, taken)
+        taken.append(part.faces)
+        every, b = np.zeros(len(laid)), np.zeros((len(laid), other.size))
+        every[near] = share
+        columns = on_free_dofs(part, loads(part, weighted, laid.directions[near]))
+        b[near] = columns.toarray().T
+        found.append((other, every, b))
+    return found
+
+
+def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -> list[Functional]:
+    """The data of sites one by one."""
     columns = found.loads.toarray().T
     sides = _across(structure, sites, found)
     return [

@@ -59,9 +59,10 @@ class MapSites:
 
     def taken(self, which: IntArray) -> MapSites:
         """Sites by their numbers (n,), without elements."""
-        of_all = ("loads", "weighted")
+        of_all = ("loads", "weighted", "contact")
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
-        sites = replace(self.sites, loads=self.sites.loads[:, which], weighted=None, **rows)
+        rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
+        sites = replace(self.sites, **rows)
         nothing = np.zeros((0, 3), dtype=int)
         kept, names = self.kept[which], self.names[which]
         return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
@@ -104,12 +105,12 @@ def joined(found: Sequence[MapSites]) -> MapSites:
     columns = {
         name: np.concatenate([getattr(one.sites, name) for one in found])
         for name in vars(found[0].sites)
-        if name not in ("loads", "weighted")
+        if name not in ("loads", "weighted", "contact")
     }
     loads = scipy.sparse.hstack([one.sites.loads for one in found]).tocsr()
     before = np.cumsum([0, *(one.count for one in found)])[:-1]
     return MapSites(
-        Sites(loads=loads, weighted=None, **columns),
+        Sites(loads=loads, **columns),
         np.concatenate([np.zeros((0, wanted), dtype=int), *elements]),
         np.concatenate([one.kept + start for one, start in zip(found, before, strict=True)]),
         sum(one.count for one in found),

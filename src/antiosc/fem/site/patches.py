@@ -72,11 +72,13 @@ def segment(count: int) -> tuple[Array, Array]:
     return np.cos(angles)[:, None], weights / weights.sum()
 
 
-def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tuple[Points, Array]:
+def patches(
+    faces: Faces, points: Array, radii: Array, contact: Contact, taken: Sequence[Faces] = ()
+) -> tuple[Points, Array]:
     """The weighted points of patches on this rank, and the share of each patch on its face (P,).
 
     The rules resolve the smaller of the patch and the faces under it. If an edge cuts a patch, its
-    weights are scaled to a unit force.
+    weights are scaled to a unit force. What lies on faces that are `taken` does not count.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS[faces.dim])
@@ -89,7 +91,7 @@ def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tupl
         members = np.flatnonzero((rings == count) & (flat == even))
         rise = FLAT_RISE if even else MOST_RISE
         for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
-            own = _laid(faces, points, radii, contact.normals, part, rule, weights, rise)
+            own = _laid(faces, points, radii, contact.normals, part, rule, weights, rise, taken)
             share[part] = own[1]
             found.append(own[0])
     return Points.joined(found), share
@@ -104,6 +106,7 @@ def _laid(
     rule: Array,
     weights: Array,
     rise: float,
+    taken: Sequence[Faces],
 ) -> tuple[Points, Array]:
     """One rule laid on some of the sites; see `patches`."""
     comm = faces.mesh.comm
@@ -118,11 +121,12 @@ def _laid(
     axes = np.stack([first, np.cross(normal, first)], axis=1)[:, : rule.shape[1]]
     x = points[part, None] + radii[part, None, None] * np.einsum("qk,pkd->pqd", rule, axes)
     count = len(weights)
-    face, xi, distance = faces.along(
-        x.reshape(-1, 3), np.repeat(normal, count, axis=0), rise * float(radii[part].max())
-    )
+    line = x.reshape(-1, 3), np.repeat(normal, count, axis=0), rise * float(radii[part].max())
+    face, xi, distance = faces.along(*line)
     ranks = np.array(comm.allgather(distance))
     on = np.isfinite(ranks).any(axis=0)
+    for others in taken:
+        on &= ~np.isfinite(comm.allgather(others.along(*line)[2])).any(axis=0)
     share = (np.tile(weights, len(part)) * on).reshape(len(part), count).sum(axis=1)
     mine = np.flatnonzero(on & (ranks.argmin(axis=0) == comm.rank))
     at = mine // count

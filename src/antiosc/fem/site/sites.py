@@ -11,6 +11,7 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
+from antiosc.fem.mesh.surface import Contact
 from antiosc.fem.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -50,6 +51,8 @@ class Sites:
     size: Array
     moving: Array
     weighted: Points | None = None
+    #: the surface under the patches; None where sites are points
+    contact: Contact | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -78,6 +81,7 @@ def located(
             "finite, so leave radius=None."
         )
     found = []
+    contact = None
     own_radii = [material.patch_radius for material, _ in structure.parts]
     usual = np.array([np.nan if radius is None else radius for radius in own_radii])
     patch = np.isfinite(usual).all() | given
@@ -107,7 +111,8 @@ def located(
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
     moving = sums(structure, B) / np.where(weight > 0, weight, 1.0)
-    return Sites(points, directions, B, radii, local, share, depth, size, moving, weighted)
+    places = (points, directions, B, radii, local, share, depth, size, moving, weighted)
+    return Sites(*places, contact if patch.all() else None)
 
 
 def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
