@@ -195,7 +195,8 @@ def peak_field(
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
-        As in `probe`; needed for the stress and strain of beams, whose sections have no outline.
+        As in `probe`; default: the outline of the sections of beams, which those that are given by
+        A and I do not have.
 
     Notes
     -----

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from types import ModuleType
-from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.strengths import Strengths
 from antiosc.base.stresses import PAIRS
 from antiosc.fem import compat
 from antiosc.fem.mpi import agree
@@ -27,14 +26,6 @@ from antiosc.fem.structure.meshed import MeshedStructure
 FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet, "truss": truss}
 #: Gives a quantity (P, …, columns) at points.
 Evaluate = Callable[[PointsInCells], Array]
-
-
-def strength_of(material: Any, place: Place) -> float | Strengths | None:
-    """Yield strength of a material, or the strengths of the layer of a laminate; None: unknown."""
-    layers = getattr(material, "layers", None)
-    if layers is None:
-        return getattr(material, "yield_strength", None)
-    return None if place.layer is None else layers[place.layer].strength
 
 
 def evaluator(part: MeshedStructure, quantity: str, place: Place) -> Evaluate:
@@ -87,8 +78,11 @@ def at_nodes(
             error = caught
             break
         where = slot_of[first : first + step].ravel()
-        np.add.at(total, where, np.stack([found[:, i, j] for i, j in PAIRS], axis=1))
-        np.add.at(count, where, 1.0)
+        six = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
+        one, column = np.ones(len(where)), np.arange(len(where))
+        at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
+        total += (at_slots @ six).reshape(total.shape)
+        count += np.bincount(where, minlength=len(slots))
     agree(mesh.comm, error)
     if solid and mesh.comm.size > 1:
         _share(part, slots, total, count)
