@@ -189,6 +189,11 @@ def stress_rows(found: Results) -> Rows:
         if peak.exposure is not None:
             told = peak.margin().sentence
         rows.append((name.replace("_", " "), told))
+        if peak.mesh_error is not None and value:
+            share = peak.mesh_error[np.argmax(peak.values)] / value
+            rows.append(("", f"estimated error by the mesh: {share:.1%} of it"))
+        if peak.doubt:
+            rows.append(("", peak.doubt))
     return rows
 
 
@@ -198,6 +203,9 @@ def stress_numbers(found: Results) -> dict[str, Any]:
     for name, peak in (found.stresses or {}).items():
         value, place, time = peak.largest(1)[0]
         content[name] = {"value": value, "unit": peak.unit, "point": place, "time": time}
+        content[name]["doubt"] = peak.doubt
+        if peak.mesh_error is not None:
+            content[name]["mesh_error"] = peak.mesh_error[np.argmax(peak.values)]
         if peak.exposure is not None:
             worst = peak.margin()
             own = {key: getattr(worst, key) for key in ("criterion", "exposure", "margin")}
