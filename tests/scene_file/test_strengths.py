@@ -61,3 +61,11 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     path.write_text(BRACKET + HIT.replace("2e-3", "3e-4") + '[stress]\nquantity = "stress"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     assert list(numbers(tmp_path / "out")["stress"]) == ["stress"]
+
+
+@pytest.mark.parametrize(("kind", "meant"), [("Ball", "Sphere"), ("wall", "Obstacle")])
+def test_a_class_by_another_word_is_suggested(kind, meant, tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(BRACKET + HIT.replace('"RigidMass"', f'"{kind}"'))
+    with pytest.raises(ao.InputError, match=f"mean '{meant}'"):
+        compiled(read(path))
