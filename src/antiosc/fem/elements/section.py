@@ -48,7 +48,7 @@ class Section(Checked):
     J: float | None = field(default=None, metadata=checked_by(positive, "m⁴"))
     shear: float = field(default=5 / 6, metadata=checked_by(positive))
     outline: Sequence[tuple[float, float]] = field(
-        default=(), kw_only=True, metadata=checked_by(_points)
+        default=(), kw_only=True, repr=False, metadata=checked_by(_points)
     )
 
     @property
