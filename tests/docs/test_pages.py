@@ -28,7 +28,8 @@ LIGHT = {
 }
 MESHED = {"howto/deck", "howto/drop"}
 SLOW = {
-    *("first_impact", "limits", "howto/find", "howto/map", "howto/measured", "howto/units"),
+    *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
+    *("howto/units",),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
     *("tutorials/drop", "tutorials/composite", "tutorials/assembly"),

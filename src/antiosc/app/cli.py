@@ -17,7 +17,7 @@ from antiosc.base.progress import say
 
 #: What each command on a scene file does.
 COMMANDS = {
-    "new": "write a commented scene file to start from",
+    "new": "look at a part and write a scene that runs: antiosc new PART, or new FILE PART",
     "check": "look for mistakes in a scene file, without meshing",
     "run": "simulate the impact of a scene file",
     "sweep": "simulate the impact for each value of the section [sweep]",
@@ -87,14 +87,17 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="antiosc",
         description="Impacts on structures by anti-oscillators, from scene files in TOML.",
-        epilog="To begin: antiosc new scene.toml. docs/scene_files.md describes scene files.",
+        epilog="To begin: antiosc new part.step, or antiosc new. docs/scene_files.md tells more.",
     )
     parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
     commands = parser.add_subparsers(title="commands", metavar="command")
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
         command.set_defaults(run=_on_scene_file, command=name)
-        if name != "schema":
+        if name == "new":
+            about_file = "the scene file (default: scene.toml, or that of PART)"
+            command.add_argument("file", metavar="FILE", nargs="?", help=about_file)
+        elif name != "schema":
             command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
         if name == "new":
             command.add_argument(

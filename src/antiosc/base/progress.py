@@ -2,8 +2,8 @@
 
 Where the amount of work is known, the line tells what remains of it (by tqdm, if installed).
 
-Nothing is written where there is no terminal (files, pipes, notebooks), and on MPI ranks other than
-the first.
+A notebook shows the line below the cell, and in the end how long the work took. Nothing is written
+to files and pipes, and on MPI ranks other than the first.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ CLEAR = "\r\x1b[2K"
 
 #: Seconds between two changes of a count.
 REFRESH = 0.1
+#: Seconds of work from which a notebook keeps the line that tells them.
+TOLD = 1.0
 #: Columns of tqdm's bar, where tqdm is installed.
 BAR = 50
 
@@ -35,6 +37,10 @@ class _Lines(threading.local):
 
     def __init__(self) -> None:
         self.texts: list[str] = []
+        #: the line in a notebook, when it began, and when it was written last
+        self.shown: Any = None
+        self.work = ""
+        self.began = self.written = 0.0
 
 
 _lines = _Lines()
@@ -105,6 +111,9 @@ def _seconds(left: float) -> str:
 def _write(rank: int) -> None:
     """The innermost work on the line; nothing if there is none."""
     stream = sys.stderr
+    if not rank and not world_rank() and _in_notebook():
+        _write_in_notebook()
+        return
     try:
         if rank or world_rank() or stream is None or not stream.isatty():
             return
@@ -116,6 +125,40 @@ def _write(rank: int) -> None:
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return
+
+
+def _in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    current = getattr(ipython, "get_ipython", None)
+    shell = current() if current is not None else None
+    return hasattr(shell, "kernel") and threading.current_thread() is threading.main_thread()
+
+
+def _write_in_notebook() -> None:
+    """The innermost work below the cell; in the end what was done, and how long it took."""
+    now = time.monotonic()
+    if _lines.shown is None:
+        if not _lines.texts:
+            return
+        _lines.began, _lines.work = now, _lines.texts[0]
+    elif _lines.texts and now - _lines.written < REFRESH:
+        return
+    elapsed = now - _lines.began
+    text = (
+        f"antiosc: {_lines.texts[-1]} …"
+        if _lines.texts
+        else f"antiosc: {_lines.work}: {elapsed:.1f} s"
+    )
+    line = {"text/plain": text if _lines.texts or elapsed >= TOLD else ""}
+    if _lines.shown is None:
+        display = importlib.import_module("IPython.display").display
+        _lines.shown = display(line, raw=True, display_id=True)
+    else:
+        _lines.shown.update(line, raw=True)
+    _lines.written = now
+    if not _lines.texts:
+        _lines.shown = None
 
 
 def world_rank() -> int:

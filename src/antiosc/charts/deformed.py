@@ -43,8 +43,7 @@ class Deformed:
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
         """Of displacements (P, 3) [m], drawn larger by what suits the largest one [m]."""
-        shown = largest or 1.0
-        factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / shown:.1g}")
+        shown, factor = largest or 1.0, enlarged(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"
@@ -56,6 +55,11 @@ class Deformed:
         return np.array([point - length * direction / np.linalg.norm(direction), point])
 
 
+def enlarged(points: Array, largest: float) -> float:
+    """The factor by which displacements are drawn larger, of which the largest one is this [m]."""
+    return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
+
+
 def draw_deformed(
     found: Deformed,
     path: str | os.PathLike[str] | None,
@@ -63,10 +67,11 @@ def draw_deformed(
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
     whole_scale: bool = False,
+    mark: int | None = None,
 ) -> Figure | Path:
     """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
     figure = deformed_figure(
-        found, arrow=arrow, view=view, whole_scale=whole_scale, shown=path is None
+        found, arrow=arrow, view=view, whole_scale=whole_scale, mark=mark, shown=path is None
     )
     return finished(figure, path)
 
@@ -77,6 +82,7 @@ def deformed_figure(
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
     whole_scale: bool = False,
+    mark: int | None = None,
     shown: bool = False,
 ) -> Figure:
     """A figure of a deformed surface.
@@ -84,6 +90,7 @@ def deformed_figure(
     arrow : point and direction of the impact.
     view : (elevation, azimuth), degrees.
     whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
+    mark : number of a point that gets a ring and its value.
     """
     figure, axes, scale, _ = space(found.points, shown)
     corners = scale * found.moved[found.faces]
@@ -99,6 +106,10 @@ def deformed_figure(
         tail, tip = scale * found.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
+    if mark is not None:
+        x = scale * found.moved[mark]
+        axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)
+        axes.text(*x, f"  {found.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
     if view is not None:
         axes.view_init(elev=view[0], azim=view[1])
     frame(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)

@@ -79,9 +79,14 @@ def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Pa
 
 
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
-    """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive."""
+    """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive.
+
+    A notebook shows the figure that a cell returns; one that pyplot knows it would show twice.
+    """
     if shown:
-        return _matplotlib("pyplot").figure(figsize=size, layout="constrained")
+        pyplot = _matplotlib("pyplot")
+        if "inline" not in pyplot.get_backend().lower():
+            return pyplot.figure(figsize=size, layout="constrained")
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
 
 

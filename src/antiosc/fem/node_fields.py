@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.place import NodeTensors, Place
 from antiosc.fem.site.on_nodes import check_reach
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.matrices import NodalMatrices
@@ -47,13 +47,23 @@ def recovered(
 
 
 def tensors_at_nodes(
-    structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
-) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
+    structure: Structure,
+    shapes: Array,
+    quantity: str,
+    places: list[Place],
+    part: str | None = None,
+    ply: Place | None = None,
+) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """InputError: matrices have neither materials nor elements."""
     raise InputError(
         f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
         "displacement, velocity or acceleration."
     )
+
+
+def materials_of(structure: Structure, part: str | None) -> list[Any]:
+    """None: matrices have no materials."""
+    return []
 
 
 def at_nodes(

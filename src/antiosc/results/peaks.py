@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,19 +15,26 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
-from antiosc.base.errors import AccuracyWarning
-from antiosc.base.stresses import equivalent, extreme_principal
+from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
-from antiosc.results import peak_search
+from antiosc.results import peak_search, resolution
 from antiosc.results.fields import counted, shapes_of
+from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
+from antiosc.results.margin import CRITERIA, Margin
+from antiosc.results.saved_fields import outer_faces
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from antiosc.charts.deformed import Deformed
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -36,6 +44,7 @@ PEAK_QUANTITIES = {
     "von_mises": ("stress", 0, "Pa"),
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
+    **{name: ("stress", 0, "") for name in CRITERIA},
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -55,6 +64,13 @@ class PeakField(Brief):
     times : (P,) when it occurs, s.
     error : what a value may be too low by, as times that were chosen miss peaks, at most; for
         those that were given it is not known (None).
+    exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
+        strength is known; None for other quantities, and where no material has a strength.
+    mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
+        much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
+        0 in sheets and beams, else None.
+    doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
+        support, too large cells; "" otherwise.
     """
 
     quantity: str
@@ -64,6 +80,25 @@ class PeakField(Brief):
     times: Array
     _cells: list[tuple[str, IntArray]] = field(repr=False)
     error: float | None = None
+    exposure: Array | None = None
+    mesh_error: Array | None = None
+    doubt: str = ""
+    _margin: Margin | None = field(default=None, repr=False)
+
+    def margin(self) -> Margin:
+        """How far the worst point is from yield, or from the failure of a ply.
+
+        Raises
+        ------
+        InputError
+            The quantity is not a stress that has a strength, or no material has one.
+        """
+        if self._margin is None:
+            raise InputError(
+                f"the {self.quantity} has no margin: ask for peak_field(…, 'von_mises') of "
+                "materials with a yield_strength, or for 'tsai_wu' of layers with a strength."
+            )
+        return self._margin
 
     def largest(
         self, count: int = 5, apart: float | None = None
@@ -92,7 +127,44 @@ class PeakField(Brief):
             rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
         if self.error is not None:
             rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
+        if self.mesh_error is not None:
+            k = int(np.argmax(self.values))
+            rows.append(f"estimated error by the mesh, of the largest: {self.mesh_error[k]:.2g}")
+        rows += [self.doubt] if self.doubt else []
+        if self._margin is not None:
+            rows.append(self._margin.sentence)
         return "\n".join(rows)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, *, view: Sequence[float] | None = None
+    ) -> Figure | Path:
+        """The values on the surface of the part, the largest one marked.
+
+        `path` and `view` as for `plotting.plot_deformed`.
+        """
+        from antiosc.charts.deformed import draw_deformed
+
+        seen_from = None if view is None else checks.array("view", view, (2,))
+        found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
+        return draw_deformed(found, path, view=seen_from, mark=int(np.argmax(self.values)))
+
+    @property
+    def label(self) -> str:
+        """The quantity with the unit in which it is drawn: MPa for Pa."""
+        unit = {"Pa": "MPa"}.get(self.unit, self.unit)
+        name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
+        return name + (f" ({unit})" if unit else "")
+
+    def surface(self, label: str, moved: Array) -> Deformed:
+        """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
+        from antiosc.charts.deformed import Deformed, enlarged
+
+        values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
+        size = float(np.linalg.norm(moved, axis=1).max())
+        factor = enlarged(self.points, size)
+        label += f", motion drawn × {factor:g}" if size else ""
+        faces, there = outer_faces(self._cells), self.points + factor * moved
+        return Deformed(self.points, there, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
         """Write the values and their times to a `.vtu` file, which ParaView opens.
@@ -134,7 +206,10 @@ def peak_field(
     history : History or BodyHistory
     quantity : str
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
-        "displacement", "velocity", "acceleration": the length of the vector.
+        "displacement", "velocity", "acceleration": the length of the vector. "yield": the
+        equivalent stress over the yield strength; "tsai_hill", "tsai_wu", "delamination": the
+        exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
+        shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
         Times in s at which it is looked at. Default: so many that the fastest motion of the model
         is resolved, and about each node's largest value still more; the `error` of the result tells
@@ -146,13 +221,15 @@ def peak_field(
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
-        As in `probe`; needed for the stress and strain of beams, whose sections have no outline.
+        As in `probe`; default: the outline of the sections of beams, which those that are given by
+        A and I do not have.
 
     Notes
     -----
-    At the nodes of solids strains and stresses are means of the cells of one material; in sheets
-    and beams the largest of the cells is taken. Near a point load or a re-entrant corner the values
-    grow with every refinement of the mesh.
+    At the nodes of solids, on the surface too, strains and stresses are those of the cells there
+    (not of their Gauss points), as means of the cells of one material; in sheets and beams the
+    largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
+    every refinement of the mesh: `mesh_error` and `doubt` tell it.
 
     Raises
     ------
@@ -172,24 +249,41 @@ def peak_field(
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
-    search: Callable[..., tuple[Array, Array, float | None]]
+    search: Search
     if times is None and not isinstance(history, BodyHistory):
         motion = _motion(history, at, body, derivative)
-        search = partial(peak_search.search, motion)
+        search = functools.partial(peak_search.search, motion)
     else:
-        search = partial(_at_times, amplitudes(history, at, body, derivative), at)
+        search = functools.partial(_at_times, amplitudes(history, at, body, derivative), at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        values, when, error = search(moved, _length)
+        best = Largest(*search(moved, _length))
     else:
-        points, cells, nodes, columns = source(structure).tensors_at_nodes(
-            structure, shapes, recovered, places, part
-        )
-        scalar = equivalent if quantity == "von_mises" else extreme_principal
-        own, then, error = search(columns, scalar)
-        values, when = _at_points(nodes, own, then, len(points))
-    found = structure.comm.bcast((points, cells, values, when, error), root=0)
-    result = _used(quantity, unit, *found)
+        parts: list[Largest] = []
+        for ply in plies(structure, quantity, part):
+            points, cells, found = source(structure).tensors_at_nodes(
+                structure, shapes, recovered, places, part, ply
+            )
+            if quantity in CRITERIA:
+                found = with_strength(quantity, found)
+            if found.origins:
+                parts.append(stresses(quantity, points, found, search))
+        if not parts:
+            raise InputError(
+                f"the criterion {quantity!r} needs materials with {STRENGTH_OF[quantity]}."
+            )
+        best = functools.reduce(Largest.or_larger, parts)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+    result = _used(quantity, unit, points, cells, best)
+    if quantity in ("von_mises", "stress", "yield"):
+        when = np.where(best.values > 0, best.times, at[-1])
+        errors = resolution.mesh_error(structure, shapes, part, history, when, body)
+        result = _resolved(result, structure.comm.bcast(errors, root=0), cells)
+        if result.mesh_error is not None and result.values.any():
+            k = int(np.argmax(result.values))
+            share = float(result.mesh_error[k] / result.values[k])
+            told = resolution.doubt(structure, shapes, part, result.points[k], share)
+            result = replace(result, doubt=told)
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -218,18 +312,31 @@ def _at_times(
 
 
 def _used(
-    quantity: str,
-    unit: str,
-    points: Array,
-    cells: list[tuple[str, IntArray]],
-    values: Array,
-    when: Array,
-    error: float | None,
+    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Largest
 ) -> PeakField:
     """The field without nodes that no cell has: those of other ranks' cells."""
-    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    used = _used_nodes(cells)
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
-    return PeakField(quantity, unit, points[used], values[used], when[used], own, error)
+    exposures = None if best.exposure is None else best.exposure[used]
+    at_used = points[used], best.values[used], best.times[used]
+    found = PeakField(quantity, unit, *at_used, own, best.error, exposures)
+    return replace(found, _margin=best.margin)
+
+
+def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
+    return np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+
+
+def _resolved(
+    found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
+) -> PeakField:
+    """The field with errors [Pa] at all points."""
+    if errors is None:
+        return found
+    own = errors[_used_nodes(cells)]
+    if found.quantity == "yield" and found._margin is not None:
+        own = own / found._margin.strength
+    return replace(found, mesh_error=own)
 
 
 def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
@@ -240,11 +347,3 @@ def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
 
 def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(vectors**2, axis=-1)))
-
-
-def _at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """The largest of the values of each node, and its time."""
-    order = np.argsort(values, kind="stable")  # the largest is written last
-    best, time = np.zeros(count), np.zeros(count)
-    best[nodes[order]], time[nodes[order]] = values[order], when[order]
-    return best, time

@@ -45,8 +45,11 @@ def guarded(options: Namespace) -> int:
 
 
 def _new(options: Namespace) -> int:
-    path, told = template.write(options.file, options.part, options.drop)
-    say(f"wrote {path}; next: edit it, then antiosc check {path}")
+    file, part = options.file, options.part
+    if part is None and file is not None and Path(file).suffix.lower() != ".toml":
+        file, part = f"{Path(file).stem}.toml", file  # the part alone
+    path, told = template.write(file or "scene.toml", part, options.drop)
+    say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
     for sentence in told:
         say(sentence)
     return 0

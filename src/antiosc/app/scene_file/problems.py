@@ -55,9 +55,32 @@ def label(place: Place) -> str:
     return "".join(parts).removeprefix(".") or "the scene"
 
 
+#: Words that a file may have in place of a class.
+SYNONYMS = {
+    **dict.fromkeys(("ball", "bead", "bullet", "projectile"), "Sphere"),
+    **dict.fromkeys(("mass", "hammer", "striker", "block", "rigid"), "RigidMass"),
+    **dict.fromkeys(("wall", "floor", "stop", "ground"), "Obstacle"),
+    **dict.fromkeys(("plate", "sheet", "membrane"), "Shell"),
+    **dict.fromkeys(("composite", "layers", "sandwich", "stack"), "Laminate"),
+    **dict.fromkeys(("volume", "steel", "isotropic", "elastic"), "Solid"),
+    **dict.fromkeys(("orthotropic", "wood", "crystal"), "AnisotropicSolid"),
+    **dict.fromkeys(("rod", "bar", "cable"), "Truss"),
+    **dict.fromkeys(("spring", "penalty", "stiffness"), "Linear"),
+    **dict.fromkeys(("table", "measured", "curve"), "Tabulated"),
+    **dict.fromkeys(("glue", "bond", "bonded", "tied"), "Tie"),
+    **dict.fromkeys(("screw", "rivet"), "Bolt"),
+}
+
+
 def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
-    """The known name that is written most like this one; `least` of its letters are alike."""
+    """The known name that is meant: a synonym, or the one written most like this one.
+
+    `least` of its letters are alike.
+    """
     lowered = {each.lower(): each for each in known}
+    meant = SYNONYMS.get(name.lower(), "").lower()
+    if meant in lowered:
+        return lowered[meant]
     close = difflib.get_close_matches(name.lower(), lowered, 1, least)
     return lowered[close[0]] if close else None
 

@@ -7,57 +7,67 @@ import os
 import secrets
 from pathlib import Path
 
-import antiosc
-from antiosc.app.scene_file.build import Call, in_keys
-from antiosc.app.scene_file.group_names import Outline, outline
+from antiosc.app.scene_file.look import Look, draw, look, look_at_deck
 from antiosc.app.scene_file.pages import rendered
-from antiosc.base import checks
+from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 
-#: Endings of files of CAD, which are meshed here.
-CAD_ENDINGS = {".step", ".stp", ".iges", ".igs", ".brep", ".geo"}
+#: The geometry of a scene for which no part is given.
+PLATE = """\
+// A plate of 300 x 200 mm, held at one end; its size of elements is that of the scene.
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.3, 0.2};
+Physical Surface("plate") = {1};
+Physical Curve("clamp") = {4};
+"""
 
 
-def text(name: str, part: str | None, around: Outline | None = None, drop: bool = False) -> str:
-    """The scene as a text; `part` is the file of the structure, as the scene names it.
+def text(name: str, source: str, found: Look | None, drop: bool = False) -> str:
+    """The scene as a text; `source` is the file of the part as the scene names it.
 
-    `around`: its box; the site lies in the middle of its upper side. `drop`: it falls.
+    `found`: what is known of the part. `drop`: it falls.
     """
-    source = part or "part.step"
     ending = Path(source).suffix.lower()
-    point, plane = [0.0, 0.0, 0.1], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    if around is not None:
-        low, high = around.low.tolist(), around.high.tolist()
-        point = [*(float(f"{c:.4g}") for c in (around.low + around.high)[:2] / 2), high[2]]
-        plane = [low, [1.0, 0.0, 0.0] if low[2] == high[2] else [0.0, 0.0, 1.0]]
     return rendered(
         "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         deck=ending in DECK_ENDINGS,
-        cad=ending in {*CAD_ENDINGS, ".stl"},
         closed=ending == ".stl",
-        point=point,
-        plane=plane,
+        look=found,
+        read=dict.fromkeys(("unit", "size", "gdim", "merge")) | dict(found.read if found else {}),
+        family="Solid" if found is None else found.family,
+        point=[0.0, 0.0, 0.1] if found is None else found.point,
+        direction=[0.0, 0.0, -1.0] if found is None else found.direction,
         drop=drop,
+        json=json.dumps,
     )
 
 
-def _outline(part: str) -> tuple[Outline | None, list[str]]:
-    """The outline of a file, and a sentence that tells it or why it is not known."""
-    name = Path(part).name
-    deck = Path(part).suffix.lower() in DECK_ENDINGS
-    made = {"path": part, "unit": "mm"} if deck else {"source": part}
-    call = Call(antiosc.read_model if deck else antiosc.read_mesh, made)
+def _looked(part: Path) -> tuple[Look | None, list[str]]:
+    """What is found in a file, and sentences that tell it or why it is not known."""
+    deck = part.suffix.lower() in DECK_ENDINGS
     try:
-        found = outline(call)
+        with progress.doing(f"looking at {part.name}"):
+            found = look_at_deck(part) if deck else look(part)
     except (AntioscError, OSError) as error:
-        why = error.strerror if isinstance(error, OSError) else in_keys(error, call).rstrip(".")
-        return None, [f"the box of {name} is not known: {why}."]
-    return found, [f"{name} reaches {found.text()}."]
+        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
+        return None, [f"{part.name} could not be looked at: {why}."]
+    return found, found.sentences(part.name)
+
+
+def _pictured(found: Look, path: Path) -> list[str]:
+    """A sentence on the picture; none where it cannot be drawn."""
+    if path.exists():
+        return []
+    try:
+        draw(found, path)
+    except AntioscError as error:
+        return [f"{path.name} is not drawn: {error}"]
+    return [f"a picture of it: {path}"]
 
 
 def write(
@@ -68,15 +78,21 @@ def write(
     InputError if it exists.
     """
     target = checks.new_file("the scene file", path)
-    around: Outline | None = None
+    _absent(target)
     told: list[str] = []
-    if part is not None:
+    source = target.with_suffix(".geo") if part is None else Path(part)
+    if part is None:
+        _absent(source)
+        files.write_text(source, PLATE, "the geometry")
+        told.append(f"{source} is a plate to begin with; put your own part in its place.")
+    else:
         checks.path("the file of the part", part)
-        around, told = _outline(part)
-        part = os.path.relpath(part, target.parent)
+    part = os.path.relpath(source, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    content = text(target.name, part, around, drop)
+    found, sentences = _looked(source)
+    told += sentences
+    content = text(target.name, part, found, drop)
     beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
         with beside.open("x", encoding="utf-8") as stream:
@@ -86,9 +102,15 @@ def write(
         finally:
             beside.unlink()
     except FileExistsError:
-        raise InputError(
-            f"{str(target)!r} exists already, and is left as it is; choose another name."
-        ) from None
+        _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    return target, told
+    return target, told + ([] if found is None else _pictured(found, target.with_suffix(".png")))
+
+
+def _absent(target: Path) -> None:
+    """InputError for a file that exists."""
+    if target.exists():
+        raise InputError(
+            f"{str(target)!r} exists already, and is left as it is; choose another name."
+        )

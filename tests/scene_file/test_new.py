@@ -1,0 +1,73 @@
+"""`antiosc new`: it looks at a part, and the scene that it writes runs as it stands."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("jinja2")
+
+from antiosc.app.scene_file.look import look
+from paths import DEMOS, MESHES
+from scene_files import antiosc, numbers
+
+pytestmark = pytest.mark.fem
+
+PARTS = [path for kind in ("msh", "geo", "step") for path in sorted(MESHES.glob(f"*.{kind}"))]
+PARTS.append(DEMOS / "scenes/bar.inp")
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("part", PARTS, ids=lambda path: path.name)
+def test_the_scene_of_every_part_has_no_mistakes(part, tmp_path, capsys):
+    scene = tmp_path / "new.toml"
+    assert antiosc("new", scene, part) == 0
+    assert "struck at" in capsys.readouterr().out
+    assert (tmp_path / "new.png").stat().st_size > 5000
+    assert antiosc("check", scene) == 0, capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [None, "bracket.msh", "frame.msh"])
+def test_a_new_scene_runs(part, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert antiosc("new", *([MESHES / part] if part else [])) == 0
+    (scene,) = tmp_path.glob("*.toml")
+    assert scene.name == (f"{part.partition('.')[0]}.toml" if part else "scene.toml")
+    assert antiosc("run", scene, "--out", tmp_path / "out") == 0
+    assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
+
+
+@pytest.mark.parametrize("side", [0.0, 0.1])
+def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(side, tmp_path):
+    """The largest free side, near its middle, from outside."""
+    x = np.array(np.meshgrid(*[np.linspace(0, 1, n) for n in (9, 7, 3)], indexing="ij"))
+    points = (x.reshape(3, -1).T + side) * [400.0, 300.0, 50.0]
+    number = np.arange(9 * 7 * 3).reshape(9, 7, 3)
+    low = number[:-1, :-1, :-1].ravel()
+    a, b, c = 7 * 3, 3, 1
+    cells = np.stack([low + k for k in (0, a, a + b, b, c, a + c, a + b + c, b + c)], axis=1)
+    path = tmp_path / "box.vtu"
+    meshio.write(path, meshio.Mesh(points, [("hexahedron", cells)]))
+    found = look(path)
+    assert found.family == "Solid"
+    assert found.read["unit"] == "mm"
+    np.testing.assert_allclose(found.high - found.low, [0.4, 0.3, 0.05])
+    assert found.plane[1] == [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(found.direction, [0, 0, -1], atol=1e-9)
+    place = (np.array(found.point) - found.low) / [0.4, 0.3, 0.05]
+    assert place[2] == pytest.approx(1.0)
+    assert np.all(np.abs(place[:2] - 0.5) < 0.3)
+    assert 0 < found.radius < 0.1
+
+
+def test_nothing_is_overwritten_and_a_part_that_cannot_be_read_is_told(tmp_path, capsys):
+    scene, part = tmp_path / "a.toml", tmp_path / "a.geo"
+    part.write_text("// mine")
+    assert antiosc("new", scene) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert part.read_text() == "// mine"
+    assert antiosc("new", scene, tmp_path / "none.msh") == 0
+    assert "could not be looked at" in capsys.readouterr().out
