@@ -12,7 +12,7 @@ import numpy as np
 
 FOLDER = Path(__file__).parent
 #: In the order in which they need each other.
-SCRIPTS = ("units", "engine", "data", "view", "chart", "map", "page")
+SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page")
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
 KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
