@@ -65,7 +65,7 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    *("ForceComparison", "Gradient", "Optimum"),
+    *("ForceComparison", "Gradient", "Optimum", "Margin"),
     *("Sample", "Sensitivity", "Quantile"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -236,7 +236,8 @@ def mesh() -> Any:
 
 @functools.cache
 def part() -> Any:
-    return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
+    alloy = ao.Solid(70e9, 0.3, 2700.0, yield_strength=2e8)
+    return ao.Structure(mesh(), alloy, [ao.Support(lambda x: x[0] < 1e-9)])
 
 
 def frf_values() -> Any:
@@ -392,6 +393,7 @@ BY_MAKER: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 
 WOOD = {"E": (12e9, 9e8, 5e8), "nu": (0.4, 0.4, 0.4), "G": (8e8, 7e8, 7e7), "rho": 500.0}
+STRENGTHS = {"X_t": 1.5e9, "X_c": 1.2e9, "Y_t": 4e7, "Y_c": 2e8, "S": 7e7}
 ENDS = {"a": ("part", (0.1, 0.1, 0.02)), "b": "hub"}
 
 OWN: dict[str, dict[str, Any]] = {
@@ -413,6 +415,7 @@ OWN: dict[str, dict[str, Any]] = {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
+    "Strengths": STRENGTHS,
     "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
     "FRF": {
@@ -500,7 +503,8 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
-    "PeakField.write": {"path": "peak.vtu"}, "SavedFields.load": {"path": saved_fields},
+    "PeakField.write": {"path": "peak.vtu"}, "PeakField.plot": {"path": "peak.png"},
+    "SavedFields.load": {"path": saved_fields},
     "SavedFields.plot": {"path": "fields.png", "time": 0.5}, "SavedFields.at": {"time": 0.5},
     "save_fields": {"history": struck_part},
     "StructureModes.write": {"path": "modes.vtu"},
@@ -538,6 +542,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Obstacle": lambda: ao.Obstacle(), "Impactor": lambda: ao.Impactor(model()),
     "Hertz": lambda: ao.Hertz(1e9),
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
+    "Strengths": lambda: ao.Strengths(**STRENGTHS, interlaminar=6e7),
     "Scene": scene, "SceneHistory": scene_history,
     "BodyHistory": lambda: scene_history().bodies["part"],
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],

@@ -16,6 +16,9 @@ from antiosc.base.errors import (
     NotDifferentiableError as NotDifferentiableError,
     OutOfMemoryError as OutOfMemoryError,
 )
+from antiosc.base.strengths import (
+    Strengths as Strengths,
+)
 from antiosc.base.stresses import (
     delamination_load as delamination_load,
     principal as principal,
@@ -167,6 +170,9 @@ from antiosc.models.site_modes import (
 from antiosc.results.fields import (
     save_fields as save_fields,
     write_series as write_series,
+)
+from antiosc.results.margin import (
+    Margin as Margin,
 )
 from antiosc.results.peaks import (
     PeakField as PeakField,

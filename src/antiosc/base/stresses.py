@@ -30,8 +30,7 @@ def von_mises(stress: ArrayLike) -> Array:
     InputError
         For anything but symmetric tensors.
     """
-    s = tensors("stress", stress)
-    return equivalent(np.stack([s[..., i, j] for i, j in PAIRS], axis=-1))
+    return equivalent(components("stress", stress))
 
 
 @checks.within_range
@@ -66,8 +65,6 @@ def tsai_hill(
     X_compression, Y_compression : float, optional
         Strengths in compression, used for negative σ1 and σ2; default: X and Y.
     """
-    s = tensors("stress", stress)
-    one, two, shear = s[..., 0, 0], s[..., 1, 1], s[..., 0, 1]
     tension = [checks.positive(n, v, "Pa") for n, v in (("X", X), ("Y", Y))]
     pressed = [
         own if value is None else checks.positive(name, value, "Pa")
@@ -76,9 +73,14 @@ def tsai_hill(
             ("Y_compression", Y_compression, tension[1]),
         )
     ]
-    x = np.where(one < 0, pressed[0], tension[0])
-    y = np.where(two < 0, pressed[1], tension[1])
-    S = checks.positive("S", S, "Pa")
+    x, y = zip(tension, pressed, strict=True)
+    return hill_index(components("stress", stress), x, y, checks.positive("S", S, "Pa"))
+
+
+def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
+    """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
+    one, two, shear = s[..., 0], s[..., 1], s[..., 5]
+    x, y = np.where(one < 0, X[1], X[0]), np.where(two < 0, Y[1], Y[0])
     return np.asarray((one / x) ** 2 - one * two / x**2 + (two / y) ** 2 + (shear / S) ** 2)
 
 
@@ -118,6 +120,12 @@ def tensors(name: str, value: Any) -> Array:
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
         f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {given.shape}."
     )
+
+
+def components(name: str, value: Any) -> Array:
+    """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors in either form."""
+    s = tensors(name, value)
+    return np.stack([s[..., i, j] for i, j in PAIRS], axis=-1)
 
 
 def equivalent(components: Array) -> Array:

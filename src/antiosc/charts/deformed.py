@@ -63,10 +63,11 @@ def draw_deformed(
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
     whole_scale: bool = False,
+    mark: int | None = None,
 ) -> Figure | Path:
     """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
     figure = deformed_figure(
-        found, arrow=arrow, view=view, whole_scale=whole_scale, shown=path is None
+        found, arrow=arrow, view=view, whole_scale=whole_scale, mark=mark, shown=path is None
     )
     return finished(figure, path)
 
@@ -77,6 +78,7 @@ def deformed_figure(
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
     whole_scale: bool = False,
+    mark: int | None = None,
     shown: bool = False,
 ) -> Figure:
     """A figure of a deformed surface.
@@ -84,6 +86,7 @@ def deformed_figure(
     arrow : point and direction of the impact.
     view : (elevation, azimuth), degrees.
     whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
+    mark : number of a point that gets a ring and its value.
     """
     figure, axes, scale, _ = space(found.points, shown)
     corners = scale * found.moved[found.faces]
@@ -99,6 +102,10 @@ def deformed_figure(
         tail, tip = scale * found.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
+    if mark is not None:
+        x = scale * found.moved[mark]
+        axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)
+        axes.text(*x, f"  {found.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
     if view is not None:
         axes.view_init(elev=view[0], azim=view[1])
     frame(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)

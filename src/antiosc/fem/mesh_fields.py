@@ -19,8 +19,8 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 from antiosc.fem.recovery import at_nodes as nodal
-from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.at_nodes import evaluator, strength_of
+from antiosc.fem.recovery.place import NodeTensors, Origin, Place
 from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
@@ -146,36 +146,71 @@ def at_nodes(
 
 
 def tensors_at_nodes(
-    structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
-) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
-    """Points and cells as `at_nodes`; nodes (S,), six components (S, 6, columns); on rank 0.
+    structure: Structure,
+    shapes: Array,
+    quantity: str,
+    places: list[Place],
+    part: str | None = None,
+    ply: Place | None = None,
+) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
+    """Points and cells as `at_nodes`, and the tensors at them; on rank 0.
 
-    A point may have several tensors: of materials, of cells of a sheet, of the places given.
+    A point may have several tensors: of materials, of cells of a sheet, of the places given. With
+    `ply`, a place with a layer, they are those of the laminates that have this layer.
     """
     parts = with_parts(structure).fields(shapes, part)
     points, cells, _ = at_nodes(structure, shapes[:, :0], part)
-    node, tensors, start = [], [], 0
+    node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
     for member, own in parts:
-        sheet = member.part.kind.sheet
-        if member.part.kind.name == "beam" and places[0].fibre is None:
-            raise InputError(
-                "the section of a beam has no outline: give fibre=(y, z), the distances of the "
-                "point from its centroid."
-            )
-        found = [
-            nodal.at_nodes(member.part, own, quantity, p.within(member.at.rotation))
-            for p in (places if sheet else places[:1])
-        ]
+        found = []
+        for place, numbers in _requests(member.part, places, ply):
+            there = place.within(member.at.rotation)
+            nodes, kind, columns = nodal.at_nodes(member.part, own, quantity, there, numbers)
+            found.append((nodes, kind + len(origins), columns))
+            origins += [
+                Origin(strength_of(material, place) if n in numbers else None, place)
+                for n, (material, _) in enumerate(member.part.parts)
+            ]
         here = len(member.part.mesh.dolfinx.geometry.x)
         pieces = member.part.mesh.comm.gather((here, found), root=0) or []
         for size, several in pieces:
-            for numbers, columns in several:
-                node.append(numbers + start)
+            for nodes, kind, columns in several:
+                node.append(nodes + start)
+                origin.append(kind)
                 tensors.append(columns)
             start += size
     if not node:
-        return points, cells, np.zeros(0, dtype=int), np.zeros((0, 6, shapes.shape[1]))
-    return points, cells, np.concatenate(node), np.concatenate(tensors)
+        none = np.zeros(0, dtype=int)
+        return points, cells, NodeTensors(none, np.zeros((0, 6, shapes.shape[1])), none, origins)
+    joined = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
+    return points, cells, NodeTensors(*joined, origins)
+
+
+def most_layers(structure: Structure, part: str | None) -> int:
+    """Largest number of layers of the laminates of a structure; 0: it has none."""
+    parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
+    return max(layers for member, _ in parts for layers in _layers(member.part))
+
+
+def _layers(part: MeshedStructure) -> list[int]:
+    """Number of layers of each material; 0 for others than laminates."""
+    return [len(getattr(material, "layers", ())) for material, _ in part.parts]
+
+
+def _requests(
+    part: MeshedStructure, places: list[Place], ply: Place | None
+) -> list[tuple[Place, list[int]]]:
+    """Places at which tensors are taken, each with the numbers of the materials there."""
+    every = list(range(len(part.parts)))
+    if ply is not None:
+        own = [n for n, count in enumerate(_layers(part)) if count > (ply.layer or 0)]
+        return [(ply, own)] if own else []
+    if part.kind.name == "beam" and places[0].fibre is None:
+        raise InputError(
+            "the section of a beam has no outline: give fibre=(y, z), the distances of the "
+            "point from its centroid."
+        )
+    return [(place, every) for place in (places if part.kind.sheet else places[:1])]
 
 
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:

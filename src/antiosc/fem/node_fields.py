@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.place import NodeTensors, Place
 from antiosc.fem.site.on_nodes import check_reach
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.matrices import NodalMatrices
@@ -47,13 +47,23 @@ def recovered(
 
 
 def tensors_at_nodes(
-    structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
-) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
+    structure: Structure,
+    shapes: Array,
+    quantity: str,
+    places: list[Place],
+    part: str | None = None,
+    ply: Place | None = None,
+) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """InputError: matrices have neither materials nor elements."""
     raise InputError(
         f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
         "displacement, velocity or acceleration."
     )
+
+
+def most_layers(structure: Structure, part: str | None) -> int:
+    """0: matrices have no materials."""
+    return 0
 
 
 def at_nodes(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
-from antiosc.base.errors import AccuracyWarning
-from antiosc.base.stresses import equivalent, extreme_principal
+from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective, warn
@@ -24,9 +24,15 @@ from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search
 from antiosc.results.fields import counted, shapes_of
+from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
+from antiosc.results.margin import CRITERIA, Margin
+from antiosc.results.saved_fields import outer_faces
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -36,6 +42,7 @@ PEAK_QUANTITIES = {
     "von_mises": ("stress", 0, "Pa"),
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
+    **{name: ("stress", 0, "") for name in CRITERIA},
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -55,6 +62,8 @@ class PeakField(Brief):
     times : (P,) when it occurs, s.
     error : what a value may be too low by, as times that were chosen miss peaks, at most; for
         those that were given it is not known (None).
+    exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
+        strength is known; None for other quantities, and where no material has a strength.
     """
 
     quantity: str
@@ -64,6 +73,23 @@ class PeakField(Brief):
     times: Array
     _cells: list[tuple[str, IntArray]] = field(repr=False)
     error: float | None = None
+    exposure: Array | None = None
+    _margin: Margin | None = field(default=None, repr=False)
+
+    def margin(self) -> Margin:
+        """How far the worst point is from yield, or from the failure of a ply.
+
+        Raises
+        ------
+        InputError
+            The quantity is not a stress that has a strength, or no material has one.
+        """
+        if self._margin is None:
+            raise InputError(
+                f"the {self.quantity} has no margin: ask for peak_field(…, 'von_mises') of "
+                "materials with a yield_strength, or for 'tsai_wu' of layers with a strength."
+            )
+        return self._margin
 
     def largest(
         self, count: int = 5, apart: float | None = None
@@ -92,7 +118,27 @@ class PeakField(Brief):
             rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
         if self.error is not None:
             rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
+        if self._margin is not None:
+            rows.append(self._margin.sentence)
         return "\n".join(rows)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, *, view: Sequence[float] | None = None
+    ) -> Figure | Path:
+        """The values on the surface of the part, the largest one marked.
+
+        `path` and `view` as for `plotting.plot_deformed`.
+        """
+        from antiosc.charts.deformed import Deformed, draw_deformed
+
+        seen_from = None if view is None else checks.array("view", view, (2,))
+        scale, unit = (1e-6, "MPa") if self.unit == "Pa" else (1.0, self.unit)
+        name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
+        label = f"largest {name}" + (f" ({unit})" if unit else "")
+        values, at = scale * self.values, int(np.argmax(self.values))
+        faces = outer_faces(self._cells)
+        found = Deformed(self.points, self.points, faces, values, label, float(values[at]))
+        return draw_deformed(found, path, view=seen_from, mark=at)
 
     def write(self, path: str | Path) -> Path:
         """Write the values and their times to a `.vtu` file, which ParaView opens.
@@ -134,7 +180,10 @@ def peak_field(
     history : History or BodyHistory
     quantity : str
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
-        "displacement", "velocity", "acceleration": the length of the vector.
+        "displacement", "velocity", "acceleration": the length of the vector. "yield": the
+        equivalent stress over the yield strength; "tsai_hill", "tsai_wu", "delamination": the
+        exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
+        shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
         Times in s at which it is looked at. Default: so many that the fastest motion of the model
         is resolved, and about each node's largest value still more; the `error` of the result tells
@@ -172,24 +221,32 @@ def peak_field(
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
-    search: Callable[..., tuple[Array, Array, float | None]]
+    search: Search
     if times is None and not isinstance(history, BodyHistory):
         motion = _motion(history, at, body, derivative)
-        search = partial(peak_search.search, motion)
+        search = functools.partial(peak_search.search, motion)
     else:
-        search = partial(_at_times, amplitudes(history, at, body, derivative), at)
+        search = functools.partial(_at_times, amplitudes(history, at, body, derivative), at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        values, when, error = search(moved, _length)
+        best = Largest(*search(moved, _length))
     else:
-        points, cells, nodes, columns = source(structure).tensors_at_nodes(
-            structure, shapes, recovered, places, part
-        )
-        scalar = equivalent if quantity == "von_mises" else extreme_principal
-        own, then, error = search(columns, scalar)
-        values, when = _at_points(nodes, own, then, len(points))
-    found = structure.comm.bcast((points, cells, values, when, error), root=0)
-    result = _used(quantity, unit, *found)
+        parts: list[Largest] = []
+        for ply in plies(structure, quantity, part):
+            points, cells, found = source(structure).tensors_at_nodes(
+                structure, shapes, recovered, places, part, ply
+            )
+            if quantity in CRITERIA:
+                found = with_strength(quantity, found)
+            if found.origins:
+                parts.append(stresses(quantity, points, found, search))
+        if not parts:
+            raise InputError(
+                f"the criterion {quantity!r} needs materials with {STRENGTH_OF[quantity]}."
+            )
+        best = functools.reduce(Largest.or_larger, parts)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+    result = _used(quantity, unit, points, cells, best)
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -218,18 +275,14 @@ def _at_times(
 
 
 def _used(
-    quantity: str,
-    unit: str,
-    points: Array,
-    cells: list[tuple[str, IntArray]],
-    values: Array,
-    when: Array,
-    error: float | None,
+    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Largest
 ) -> PeakField:
     """The field without nodes that no cell has: those of other ranks' cells."""
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
-    return PeakField(quantity, unit, points[used], values[used], when[used], own, error)
+    exposures = None if best.exposure is None else best.exposure[used]
+    at_used = points[used], best.values[used], best.times[used]
+    return PeakField(quantity, unit, *at_used, own, best.error, exposures, best.margin)
 
 
 def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
@@ -240,11 +293,3 @@ def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
 
 def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(vectors**2, axis=-1)))
-
-
-def _at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """The largest of the values of each node, and its time."""
-    order = np.argsort(values, kind="stable")  # the largest is written last
-    best, time = np.zeros(count), np.zeros(count)
-    best[nodes[order]], time[nodes[order]] = values[order], when[order]
-    return best, time

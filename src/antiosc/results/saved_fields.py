@@ -92,15 +92,7 @@ class SavedFields(Brief):
     @cached_property
     def faces(self) -> IntArray:
         """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
-        found = [_outer(kind, cells) for kind, cells in self.cells]
-        most = max(f.shape[1] for f in found)
-        drawn = [f for f in found if f.shape[1] >= min(most, 3)]
-        if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
-            drawn = [
-                np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f
-                for f in drawn
-            ]
-        return np.vstack(drawn)
+        return outer_faces(self.cells)
 
     @cached_property
     def largest(self) -> float:
@@ -188,6 +180,18 @@ def _cells(given: Any) -> list[tuple[str, IntArray]]:
             f"{checks.shown(given)}."
         )
     return blocks
+
+
+def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
+    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+    found = [_outer(kind, cells) for kind, cells in blocks]
+    most = max(f.shape[1] for f in found)
+    drawn = [f for f in found if f.shape[1] >= min(most, 3)]
+    if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
+        drawn = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in drawn
+        ]
+    return np.vstack(drawn)
 
 
 def _outer(kind: str, cells: IntArray) -> IntArray:

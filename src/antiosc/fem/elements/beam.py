@@ -58,6 +58,8 @@ class Beam(Isotropic):
     shear : bool
         False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
         stiffeners of a shell.
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
 
     Components in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
     Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is the

@@ -23,9 +23,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.checks import number, poisson, positive, shown, within_range
+from antiosc.base.checks import instance, number, poisson, positive, shown, within_range
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.strengths import Strengths
 
 #: Share of a stiffness below which terms that should cancel are rounding error.
 STIFFNESS_ROUNDING = 1e-12
@@ -52,6 +53,8 @@ class Layer(Checked):
         m.
     angle : float
         From the laminate's axis to direction 1 in degrees, counted about the normal.
+    strength : Strengths, optional
+        For the failure criteria of `peak_field`.
 
     Raises
     ------
@@ -69,6 +72,9 @@ class Layer(Checked):
     rho: float = field(metadata=checked_by(positive, "kg/m³"))
     thickness: float = field(metadata=checked_by(positive, "m"))
     angle: float = field(default=0.0, metadata=checked_by(number, "degrees"))
+    strength: Strengths | None = field(
+        default=None, metadata=checked_by(instance, Strengths, "a Strengths")
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -138,6 +138,8 @@ class Shell(Isotropic, Sheet):
         middle surface. Areas, and the mass with them, are those of the mesh.
     top : sequence of 3 floats or function, optional
         As of `Laminate`; for an offset alone.
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
 
     Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
     cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with

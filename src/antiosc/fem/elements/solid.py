@@ -53,6 +53,8 @@ class Solid(Isotropic):
         Required on 2-D meshes, and only there.
     thickness : float
         Thickness of a 2-D part, m.
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
     """
 
     kind: ClassVar[Kind] = Kind("solid", outside=True, point_load=False)

@@ -36,6 +36,8 @@ class Truss(Isotropic):
         Young's modulus (Pa), Poisson's ratio, density (kg/m³).
     area : float
         Of the cross-section, m².
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
 
     Components: x, y, z, or x, y in a plane. The elements are linear whatever the `order` of
     `Structure`, with half of the mass of a bar at each end. A node that only collinear bars hold is

@@ -125,11 +125,17 @@ Parts = Sequence[tuple[Any, IntArray]]
 
 @dataclass(frozen=True)
 class Isotropic(Checked):
-    """The constants of a material without directions, as `Family` asks for them."""
+    """The constants of a material without directions, as `Family` asks for them.
+
+    `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety.
+    """
 
     E: float = field(metadata=checked_by(positive, "Pa"))
     nu: float = field(metadata=checked_by(lambda _, nu: poisson(nu)))
     rho: float = field(metadata=checked_by(positive, "kg/m³"))
+    yield_strength: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(positive, "Pa")
+    )
 
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
+from antiosc.base.strengths import Strengths
 
 SURFACES = ("top", "bottom", "middle")
 
@@ -42,6 +43,25 @@ class Place:
         if isinstance(self.surface, str):
             return self
         return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
+
+
+class Origin(NamedTuple):
+    """The strength of the material of some tensors, and their place in a sheet."""
+
+    strength: float | Strengths | None
+    place: Place
+
+
+class NodeTensors(NamedTuple):
+    """Tensors at nodes, on rank 0; a node may have several.
+
+    nodes (S,), components (S, 6, columns), number of each in `origins`.
+    """
+
+    nodes: IntArray
+    columns: Array
+    origin: IntArray
+    origins: list[Origin]
 
 
 def place(surface: Any, layer: Any, fibre: Any, axes: Any, stiffener: Any = None) -> Place:

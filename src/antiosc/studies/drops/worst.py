@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,15 +10,11 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.charts.figures import finished
-from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.simulation.scene_history import BodyHistory
 from antiosc.studies.drops.contact_scene import BODY
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from antiosc.studies.drops.fall import Fall
 
 #: Looks at a period of the mode that is the fastest of those which matter, at most so many.
@@ -37,31 +31,10 @@ class WorstField(PeakField):
     """
 
     impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
-    _faces: tuple[Array, IntArray] = field(
-        default=(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)), repr=False
-    )
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The values on the surface of the part; `path` as of `plot_history`."""
-        from scipy.spatial import cKDTree
-
-        points, faces = self._faces
-        if not len(faces):
-            raise InputError("the part has no surface to draw: use write(path).")
-        figure, axes, scale, unit = space(points, shown=path is None)
-        own = self.values[cKDTree(self.points).query(points)[1]]
-        shown = own[faces].mean(axis=1)
-        label = f"{self.quantity.replace('_', ' ')} ({self.unit})"
-        draw_faces(figure, axes, scale * points[faces], shown, label, colour_scale(shown))
-        frame(axes, scale * points)
-        axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
-        return finished(figure, path)
 
 
 def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> WorstField:
     """The largest value of a quantity at every node; see `Fall.worst`."""
-    from antiosc.studies.drops.skin import skin_of
-
     structure = fall.body.structure
     if structure is None:
         raise InputError("a rigid part has no stress: drop a Structure.")
@@ -82,11 +55,8 @@ def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> Wor
     with without_warnings():
         found = peak_field(structure, whole, quantity, **options)
     begins = [fall.episodes[own[0]].start.time for own in fall.groups]
-    skin = skin_of(structure)
-    return WorstField(
-        quantity, found.unit, found.points, found.values, found.times, found._cells, None,
-        np.searchsorted(begins, found.times, side="right") - 1, (skin.points, skin.triangles),
-    )  # fmt: skip
+    impact = np.searchsorted(begins, found.times, side="right") - 1
+    return WorstField(**vars(replace(found, error=None)), impact=impact)
 
 
 def _times(fall: Fall, duration: float) -> Array:

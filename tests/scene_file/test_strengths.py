@@ -1,0 +1,41 @@
+"""Strengths of materials in scene files."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.scene import compiled
+
+pytestmark = pytest.mark.fem
+
+PLATE = """
+[geometry]
+source = "plate.msh"
+[[supports]]
+where = "left"
+"""
+SOLID = 'kind = "Solid"\nE = 70e9\nnu = 0.3\nrho = 2700.0\n'
+LAYER = "E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3"
+STRENGTH = "X_t=1.5e9, X_c=1.2e9, Y_t=4e7, Y_c=2e8, S=7e7"
+
+
+def material(folder, text: str):
+    path = folder / "scene.toml"
+    path.write_text(f"{PLATE}[material]\n{text}")
+    (folder / "plate.msh").touch()
+    return compiled(read(path)).structure.arguments["material"].made
+
+
+def test_materials_of_scene_files_have_strengths(tmp_path):
+    assert material(tmp_path, SOLID + "yield_strength = 240e6").yield_strength == 240e6
+    text = f'kind = "Laminate"\nlayers = [{{{LAYER}, strength = {{{STRENGTH}}}}}]'
+    assert material(tmp_path, text).layers[0].strength == ao.Strengths(1.5e9, 1.2e9, 4e7, 2e8, 7e7)
+
+
+def test_a_strength_that_is_none_is_refused(tmp_path):
+    with pytest.raises(ao.InputError, match=r"scene.toml:11: .*yield_strength"):
+        material(tmp_path, SOLID + "yield_strength = -1.0")
