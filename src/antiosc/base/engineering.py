@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import floor, isfinite, log10
 
-#: Units that take a prefix; others are written as they are.
-PREFIXED = ("N", "m", "s", "J", "Pa", "Hz", "g", "N s", "N m", "N/m")
+#: Units that take a prefix, beside those that begin with newtons.
+PREFIXED = ("m", "s", "J", "Pa", "Hz", "g")
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
 
@@ -22,7 +22,8 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     if value == 0:
         return f"0 {unit}".rstrip()
     rounded = float(f"{value:.{digits - 1}e}")
-    power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if unit in PREFIXED else 0
+    prefixed = unit in PREFIXED or unit.startswith("N")
+    power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     shown = f"{rounded / 10**power:#.{digits}g}".rstrip(".")
     return f"{shown} {PREFIXES[power]}{unit}".rstrip()
@@ -30,7 +31,7 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
 
 def percent(share: float) -> str:
     """A share in per cent with two significant digits: "0.34 %"."""
-    return f"{100 * share:.2g} %" if isfinite(share) else "unknown"
+    return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
 
 
 def with_bar(value: float, unit: str, share: float | None) -> str:

@@ -109,7 +109,7 @@ def _bars(hit: History, budget: Mapping[str, Any], local: float) -> dict[str, An
 
     On the page the bar of such a cause grows as the difference that its body makes there.
     """
-    causes = [c for c in getattr(budget, "causes", ()) if c != "time"]
+    causes = getattr(budget, "causes", ())
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
     if not np.isfinite([v for own in shares.values() for v in own.values()]).all():
         return {"shares": {}, "variants": {}}

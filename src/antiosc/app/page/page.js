@@ -21,8 +21,10 @@ class Page {
   constructor(data, engine) {
     Object.assign(this, { data, engine, blow: data.blow, site: data.sites ? data.sites.first : -1 });
     find("live").hidden = false;
+    document.body.classList.add("live");
     const view = View.on(find("view"));
     document.body.classList.toggle("flat", !view || !(data.part || data.sites));
+    if (view && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
     if (data.sites) this.sites = new Sites(data.sites, data.blow, view || { axes: () => [], put() {}, draw() {} });
     if (view && this.sites) view.picked = (x, y) => this.choose(this.sites.near(x, y));
@@ -135,16 +137,14 @@ class Page {
   bars(hit, duration) {
     const { shares, variants } = this.blow.bars || { shares: {}, variants: {} };
     const names = Object.keys(shares), total = {};
-    if (!names.length) return { peak_force: hit.peak_error, impulse: hit.force_error, contact_time: hit.force_error };
     const now = {};
     for (const [cause, body] of Object.entries(variants)) {
       const other = this.engine.strike(pose(body, this.blow, this.set), duration, this.blow.tol);
       now[cause] = differences(hit, other, names);
     }
-    if (Object.keys(variants).length) this.hit = this.engine.strike(hit.posed, duration, this.blow.tol);
     this.known = this.known || now; // the first impact is the computed one
     for (const name of names) {
-      total[name] = hit.force_error;
+      total[name] = 0;
       for (const [cause, share] of Object.entries(shares[name])) {
         const before = this.known[cause] && this.known[cause][name];
         total[name] += before ? share * now[cause][name] / before : share;
@@ -192,10 +192,11 @@ class Page {
 
   // The picture of the present impact.
   rest() {
-    if (this.sites) {
-      this.sites.strike(this.engine, this.set, this.blow.duration, this.blow.coarse);
-      this.engine.strike(this.hit.posed, this.hit.duration, this.blow.tol);
-    } else if (this.part) this.part.follow(this.engine, this.hit, this.until);
+    if (this.sites) this.sites.strike(this.engine, this.set, this.blow.duration, this.blow.coarse);
+    if (this.part) {
+      this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
+      this.part.follow(this.engine, this.hit, this.until);
+    }
     this.picture();
   }
 

@@ -9,8 +9,6 @@ class Part {
     Object.assign(this, { data, blow, view, place, count: data.points.length / 3 });
     this.rest = Float32Array.from(data.points, (x, i) => data.middle[i % 3] + x * data.half / 32767);
     this.fields = { motion: data.motion && [data.motion], stress: data.stress };
-    const largest = data.motion && data.motion.largest;
-    this.factor = largest ? Number((ENLARGED * 2 * data.half / largest).toPrecision(1)) : 0;
     view.centre = data.middle;
     view.reach = data.half * 1.25;
     if (place && place.radius) view.reach = Math.max(view.reach, 1.2 * place.radius);
@@ -18,6 +16,7 @@ class Part {
 
   // What a run looked like at even times; the largest values of a kind in it.
   follow(engine, hit, until) {
+    const data = this.data;
     this.times = [...Array(FRAMES + 1).keys()].map((k) => k * until / FRAMES);
     const body = this.blow.body.omega.length;
     this.states = this.times.map((t) => {
@@ -27,6 +26,8 @@ class Part {
       return { x: [...q.slice(0, body), force], way };
     });
     this.largest = {};
+    // the magnification is that of the first impact, so that others are seen as larger or smaller
+    if (data.motion) this.factor ??= Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
   }
 
   most(kind) {

@@ -14,7 +14,7 @@ vec3 viridis(float t) { // a polynomial of degree 6 through the colours of virid
 }
 void main() {
   vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
-  float lit = .5 + .5 * abs(dot(normal, light));
+  float lit = .62 + .38 * abs(dot(normal, light));
   // below 0 a plain colour: -1 the part, -2 held, -3 the striker, -4 arrow and marks
   vec3 own = shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
     : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82)
@@ -46,6 +46,18 @@ class View {
     gl.enable(gl.DEPTH_TEST);
     this.by_hand();
     new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  // Look at a place that is struck along d from its outside.
+  face(d) {
+    let best = -Infinity;
+    for (const lift of [0.42, -0.42]) {
+      for (const turn of [-0.9, 0.9, -0.9 + Math.PI, 0.9 + Math.PI]) {
+        const tried = Object.assign(Object.create(View.prototype), { turn, lift });
+        const seen = -dot(tried.axes()[2], unit(Array.from(d))) + (lift > 0 ? 0.4 : 0) + (turn === -0.9 ? 0.3 : 0);
+        if (seen > best) [best, this.turn, this.lift] = [seen, turn, lift];
+      }
+    }
   }
 
   // A mesh by name: points (3 n), values (n), and faces where they change.
@@ -184,5 +196,6 @@ function ball(point, d, radius) {
 
 // An arrow of a length whose tip stands before a point.
 function arrow(point, d, length) {
-  return turned(point, d, [[-length, 0], [-length, 0.02], [-0.32, 0.02], [-0.32, 0.065], [0, 0]].map(([x, r]) => [x <= -length ? x : x * length, r * length]));
+  const rings = [[-1, 0], [-1, 0.025], [-0.32, 0.025], [-0.32, 0.08], [0, 0]];
+  return turned(point, d, rings.map((ring) => ring.map((x) => x * length)));
 }
