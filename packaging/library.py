@@ -3,8 +3,8 @@
 The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
 $ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for
 all of them into the folder `binaries`, from where exported FMUs take their libraries. With
-`--page` clang with lld, or zig, compiles the engine of live reports for WebAssembly; that file is in
-the repository, so that no user needs a compiler for it.
+`--page` clang with lld, or zig, compiles the engine of live reports for WebAssembly; the repository
+keeps that file, so that no user needs a compiler for it.
 """
 
 from __future__ import annotations

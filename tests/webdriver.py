@@ -35,7 +35,10 @@ class Browser:
                 self._at = f"http://127.0.0.1:{found[1]}/session"
                 break
         asked = {"binary": CHROMIUM, "args": [*OPTIONS, *options]}
-        wanted = {"goog:chromeOptions": asked, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
+        wanted = {
+            "goog:chromeOptions": asked,
+            "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"},
+        }
         made = self._call("POST", "", capabilities={"alwaysMatch": wanted})
         self._at += "/" + made["sessionId"]
 
@@ -65,8 +68,15 @@ class Browser:
 
     def requested(self) -> list[str]:
         """Addresses that the page has asked for so far."""
-        events = [json.loads(e["message"])["message"] for e in self._call("POST", "/se/log", type="performance")]
-        return [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+        events = [
+            json.loads(e["message"])["message"]
+            for e in self._call("POST", "/se/log", type="performance")
+        ]
+        return [
+            e["params"]["request"]["url"]
+            for e in events
+            if e["method"] == "Network.requestWillBeSent"
+        ]
 
     def picture(self, path: Path) -> None:
         """Write what is seen as PNG."""

@@ -21,7 +21,7 @@ DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
-    *("howto/gradient", "api/gradients"),
+    *("howto/gradient", "howto/report", "api/gradients"),
     "howto/measured",
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured"),
@@ -29,7 +29,7 @@ LIGHT = {
 MESHED = {"howto/deck", "howto/drop"}
 SLOW = {
     *("first_impact", "limits", "howto/map", "howto/measured", "howto/units"),
-    *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
+    *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
 }
 

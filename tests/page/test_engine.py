@@ -16,7 +16,7 @@ from antiosc.base import march
 from antiosc.base.engineering import engineering
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
-MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01, 4e-3], omega=[2e3, 7e3, 1.9e4, 4e4])
+MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
 FREE = ao.AntiOscillators(m0=2e-3, k0=0.0, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
 STRIKER, LAW = ao.RigidMass(0.2, 1.5), ao.Hertz(1e9)
 NAMES = ("peak_force", "impulse", "contact_time", "restitution")
@@ -24,7 +24,8 @@ PROGRAM = """
 const fs = require("fs"), given = unpacked(fs.readFileSync(0, "utf8"));
 Engine.load(fs.readFileSync(given.engine)).then((engine) => {
   const found = given.sets.map((set) => {
-    const hit = engine.strike(pose(given.blow.body, given.blow, set), given.blow.duration, given.tol);
+    const posed = pose(given.blow.body, given.blow, set);
+    const hit = engine.strike(posed, given.blow.duration, given.tol);
     return { ...hit, posed: 0, time: 0, force: 0,
       q: Array.from(engine.state(hit, given.at).q), at: engine.state(hit, given.at).force };
   });
@@ -112,9 +113,11 @@ def test_other_scenes_are_not_repeated():
 
 
 CASES = [
-    (82.7e-6, "s", "82.7 µs"), (2204, "N", "2.20 kN"), (999.6, "N", "1.00 kN"), (0.0042, "kg", "4.20 g"),
+    (82.7e-6, "s", "82.7 µs"), (2204, "N", "2.20 kN"), (999.6, "N", "1.00 kN"),
+    (0.0042, "kg", "4.20 g"),
     (12.5, "kg", "12.5 kg"), (2, "m/s", "2.00 m/s"), (0, "N", "0 N"), (float("nan"), "N", "–"),
-    (1.55e10, "N/m^1.5", "15.5 GN/m^1.5"), (1.234e5, "1/s", "1.23e+05 1/s"), (-3.2e-9, "m", "-3.20 nm"), (0.61, "", "0.610"),
+    (1.55e10, "N/m^1.5", "15.5 GN/m^1.5"), (1.234e5, "1/s", "1.23e+05 1/s"),
+    (-3.2e-9, "m", "-3.20 nm"), (0.61, "", "0.610"),
 ]  # fmt: skip
 
 

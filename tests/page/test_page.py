@@ -1,4 +1,4 @@
-"""The live report in a browser: numbers of `simulate`, nothing fetched, nothing of names executed."""
+"""The live report in a browser: the numbers of `simulate`; nothing is fetched, no name runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ for (const [name, place] of Object.entries(arguments[0])) {
 """
 #: The share of the picture of the part that is not white.
 DRAWN = """
-const gl = document.getElementById("view").getContext("webgl2"), [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+const gl = document.getElementById("view").getContext("webgl2");
+const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
 const read = new Uint8Array(4 * w * h);
 gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, read);
 let dark = 0;
@@ -102,7 +103,7 @@ def plate(tmp_path_factory):
     geo = tmp_path_factory.mktemp("plate") / "plate.geo"
     geo.write_text(
         'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.2, 0.15};\n'
-        f'Physical Surface("plate") = {{1}}; Physical Curve("rim") = {{1, 2, 3, 4}};\n'
+        'Physical Surface("plate") = {1}; Physical Curve("rim") = {1, 2, 3, 4};\n'
     )
     mesh = ao.read_mesh(geo, size=0.02, gdim=3)
     material = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=4e-3)
@@ -147,7 +148,9 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
 def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, width):
     part, _ = plate
     points = [(x, y, 0.0) for x in (0.03, 0.07, 0.11, 0.15) for y in (0.04, 0.08, 0.12)]
-    found = ao.impact_map(part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0)
+    found = ao.impact_map(
+        part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0
+    )
     page = ao.write_report(tmp_path / "map.html", found)
     assert page.stat().st_size < 1e6
     assert opened(browser, page, width)["width"] <= width

@@ -50,9 +50,7 @@ def of_history(hit: Any, bars: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
-def given(
-    law: ContactLaw, striker: dict[str, Any], impactor: Any, speed: float
-) -> dict[str, Any]:
+def given(law: ContactLaw, striker: dict[str, Any], impactor: Any, speed: float) -> dict[str, Any]:
     """What does not depend on the site: the law, the striker, and where the sliders stand.
 
     None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.

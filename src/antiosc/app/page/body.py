@@ -94,7 +94,9 @@ def _bars(points: Array, lines: IntArray, moved: Array) -> tuple[Array, IntArray
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     third = np.cross(along, aside) / np.linalg.norm(along, axis=1, keepdims=True)
     width = BEAM * float(np.ptp(points, axis=0).max())
-    corners = width * np.stack([aside + third, third - aside, -aside - third, aside - third], axis=1)
+    corners = width * np.stack(
+        [aside + third, third - aside, -aside - third, aside - third], axis=1
+    )
     ends = [points[lines[:, k]][:, None] + corners for k in (0, 1)]
     own = np.arange(8 * len(lines)).reshape(len(lines), 2, 4)
     faces = []

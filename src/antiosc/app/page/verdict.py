@@ -121,7 +121,7 @@ def _absorbed(hit: Any) -> str:
         return ""
     striker = list(hit.bodies.values())[1]
     before, after = (float(striker.kinetic[k] + striker.strain[k]) for k in (0, -1))
-    if not 0 < before or after > before:
+    if before <= 0 or after > before:
         return ""
     return (
         f"Of the striker's {engineering(before, 'J')}, {percent(1 - after / before)} stay in the"

@@ -1,4 +1,4 @@
-"""`--report` and `write_report`: one page in HTML, complete in itself, that strikes anew by itself."""
+"""`--report` and `write_report`: one page in HTML, complete in itself, which strikes anew."""
 
 from __future__ import annotations
 
@@ -186,7 +186,10 @@ def _results(history: Any) -> list[Block]:
         return [columns, history.message]
     e = history.restitution
     rows = [
-        *((name.replace("_", " "), f"{getattr(history, name):.6g} {unit}") for name, unit in QUANTITIES.items()),
+        *(
+            (name.replace("_", " "), f"{getattr(history, name):.6g} {unit}")
+            for name, unit in QUANTITIES.items()
+        ),
         ("contacts", f"{len(history.contacts)}"),
         ("coefficient of restitution", "not defined" if e is None else f"{e:.4f}"),
     ]
