@@ -151,7 +151,7 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     found = ao.impact_map(
         part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0
     )
-    page = ao.write_report(tmp_path / "map.html", found)
+    page = ao.write_report(tmp_path / "map.html", found, part)
     assert page.stat().st_size < 1e6
     assert opened(browser, page, width)["width"] <= width
     assert browser.run(DRAWN) > 0.05

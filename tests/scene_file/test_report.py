@@ -101,7 +101,9 @@ def test_the_page_is_one_file_that_fetches_nothing_and_runs_its_own_program(made
     digest = hashlib.sha256(assets.script().encode()).digest()
     own = f"'sha256-{base64.b64encode(digest).decode()}'"
     wanted = f"script-src {own} 'wasm-unsafe-eval'\""
-    assert policy.startswith("default-src 'none'; img-src data:; style-src 'unsafe-inline'; " + wanted)
+    assert policy.startswith(
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; " + wanted
+    )
     assert f"<script>{assets.script()}</script>" in source
     assert not re.search(r"url\(|@import", source)
 

@@ -14,11 +14,11 @@ from antiosc.studies.map_results import ImpactMap
 STEEL = 7850.0
 
 
-def of_map(found: ImpactMap) -> dict[str, Any] | None:
-    """The data of a map; None for one that the page cannot strike anew."""
+def of_map(found: ImpactMap, structure: Any) -> dict[str, Any] | None:
+    """The data of a map, on every rank; None for one that the page cannot strike anew."""
     from antiosc.app.page import sites
 
-    struck = sites.of_map(found)
+    struck = sites.of_map(found, structure)
     if struck is None:
         return None
     return {"engine": assets.engine(), "blow": struck[0], "sites": struck[1]}

@@ -3,10 +3,14 @@
 class Sites {
   constructor(data, blow, view) {
     Object.assign(this, { data, blow, view, count: data.start.length - 1, values: {} });
-    const size = Math.max(...[0, 1, 2].map((i) => spread(data.points, i)));
-    view.centre = [0, 1, 2].map((i) => middle(data.points, i));
-    view.reach = 0.65 * size;
-    this.size = size;
+    const { skin } = data;
+    this.size = skin ? 2 * skin.half : Math.max(...[0, 1, 2].map((i) => spread(data.points, i))) || 1;
+    view.centre = skin ? skin.middle : [0, 1, 2].map((i) => middle(data.points, i));
+    view.reach = 0.65 * this.size;
+    if (skin) {
+      const at = Float32Array.from(skin.points, (x, i) => skin.middle[i % 3] + x * skin.half / 32767);
+      view.put("skin", at, new Float32Array(at.length / 3).fill(PLAIN), skin.faces);
+    }
   }
 
   body(i) {
@@ -37,9 +41,9 @@ class Sites {
     const shade = Float32Array.from(values, (v) => (Number.isFinite(v) ? (v - low) / (high - low || 1) : PLAIN));
     if (data.faces.length) view.put("part", Float32Array.from(data.points), shade, data.faces);
     const dots = { points: [], faces: [], values: [] };
-    data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.008 * this.size), this.along(i), 0.008 * this.size), shade[i]));
+    data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
     const d = this.along(chosen);
-    add(dots, ball(this.at(chosen), d, 0.012 * this.size), MARK);
+    add(dots, ball(before(this.at(chosen), d, 0.012 * this.size), d, 0.012 * this.size), MARK);
     add(dots, arrow(before(this.at(chosen), d, 0.024 * this.size), d, 0.18 * this.size), MARK);
     view.put("dots", Float32Array.from(dots.points), Float32Array.from(dots.values), Uint32Array.from(dots.faces));
     view.draw();

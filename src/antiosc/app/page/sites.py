@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from antiosc.app.page import blow
+from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
 from antiosc.contact.compiled import is_compiled
 from antiosc.models.body import checked_body
 from antiosc.studies.map_results import ImpactMap
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
 
 #: Most sites with models on a page.
 MOST = 5000
@@ -23,8 +27,13 @@ SHOWN = {
 }
 
 
-def of_map(found: ImpactMap) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Blow and sites for the page; None for a map that it cannot strike anew."""
+def of_map(
+    found: ImpactMap, structure: Structure | None = None
+) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Blow and sites for the page, on every rank; None for a map that it cannot strike anew.
+
+    `structure` gives the surface behind sites that are points by themselves.
+    """
     impactor, law, duration = found.impactor, found.contact, found.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
@@ -61,4 +70,19 @@ def of_map(found: ImpactMap) -> tuple[dict[str, Any], dict[str, Any]] | None:
         "units": {name: SHOWN[name][1] for name in quantities},
         "quantities": quantities | every,
     }
+    if structure is not None and found.elements.shape[1] != 3:
+        sites["skin"] = _skin(structure)
     return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
+
+
+def _skin(structure: Structure) -> dict[str, Any] | None:
+    """The surface of a part, the same on all ranks; None where there is none."""
+    from antiosc.app.page import body
+
+    try:
+        points, faces, _ = body.surface(structure, np.zeros((structure.rows, 0)))
+    except InputError:
+        return None
+    points, faces = structure.comm.bcast((points, faces), root=0)
+    used, faces = np.unique(faces, return_inverse=True)
+    return body.geometry(points[used], faces.reshape(-1, 3))

@@ -56,9 +56,9 @@ def of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        low, high = np.nanmin(found.peak_force), np.nanmax(found.peak_force)
+        low, high = (float(end(found.peak_force)) for end in (np.nanmin, np.nanmax))
         numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
-        times = (engineering(t(found.contact_time), "s") for t in (np.nanmin, np.nanmax))
+        times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
         numbers.append(("contact time", " to ".join(times)))
         where = _place(found.points[int(np.nanargmax(found.peak_force))])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")

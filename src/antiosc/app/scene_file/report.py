@@ -64,7 +64,7 @@ def write_report(
     result : History or ImpactMap
     structure : Structure, optional
         The structure from which the model was extracted; of `strike` its own. With it the page
-        shows the part in 3-D, its motion and its stress.
+        shows the part in 3-D, its motion and its stress; of a map the part behind its points.
     title : str
         Default: the name of the file.
 
@@ -77,7 +77,7 @@ def write_report(
     checks.instance("result", result, (History, ImpactMap), "a History or an ImpactMap")
     found = Results(None, title=checks.text("title", title) if title else target.stem)
     if isinstance(result, ImpactMap):
-        found.map = result
+        found.map, found.structure = result, structure
     else:
         found.history = result
         found.structure = result.structure if structure is None else structure
@@ -140,7 +140,7 @@ def page(
 def _live(found: Results) -> tuple[dict[str, Any] | None, verdict.Headline | None]:
     """What the page strikes anew, and its first screen; None for scenes, sweeps and falls."""
     if found.map is not None:
-        return of_page.of_map(found.map), verdict.of_map(found.map)
+        return of_page.of_map(found.map, found.structure), verdict.of_map(found.map)
     hit = found.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None

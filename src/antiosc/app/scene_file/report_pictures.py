@@ -127,7 +127,7 @@ def _of_history(found: Results, one_view: bool) -> Iterator[Picture]:
         yield from _of_structure(found, one_view)
 
 
-def _of_structure(found: Results, one_view: bool) -> Iterator[Picture]:
+def _of_structure(found: Results, one_view: bool = False) -> Iterator[Picture]:
     """The deformed structure, from several sides where the site is known."""
     point, direction = _struck(found)
     for name, view in ({"": None} if one_view or point is None else VIEWS).items():
