@@ -13,6 +13,7 @@ import pytest
 
 from antiosc.app import info
 from antiosc.app.page import assets
+from antiosc.base.engineering import engineering
 from browser import BROWSER, browse
 from scene_files import BEAM, FRAME, PROBE, SWEEP, antiosc, numbers, written
 
@@ -82,7 +83,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert page.text["h3"] == [*pictures, "Anti-oscillators", "Dynamic stiffness"]
     cells = page.text["td"]
     result = numbers(folder)
-    assert f"{result['result']['peak_force']:.6g} N" in cells
+    assert engineering(result["result"]["peak_force"], "N", 6) in cells
     assert f"{result['model']['omega'][0] / (2 * np.pi):.5g}" in cells
     assert len(page.images) == len(page.text["h3"]) - 1  # matrices have no surface to draw
     captions = page.text["figcaption"]

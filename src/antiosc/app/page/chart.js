@@ -27,7 +27,7 @@ class Chart {
     pen.scale(ratio, ratio);
     pen.font = "12px system-ui, sans-serif";
     const most = 1.08 * Math.max(highest(c.now) * (1 + (c.bar || 0)), highest(c.computed)) || 1;
-    const [left, right, top, bottom] = [58, width - 12, 10, height - 36];
+    const [left, right, top, bottom] = [58, width - 24, 10, height - 36];
     this.sides = [left, right];
     const x = (t) => left + (right - left) * t / c.until, y = (f) => bottom - (bottom - top) * f / most;
     pen.strokeStyle = "#ddd";

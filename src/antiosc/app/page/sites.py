@@ -70,7 +70,7 @@ def of_map(
         "units": {name: SHOWN[name][1] for name in quantities},
         "quantities": quantities | every,
     }
-    if structure is not None and found.elements.shape[1] != 3:
+    if structure is not None and not sites["faces"].size:
         sites["skin"] = _skin(structure)
     return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 

@@ -19,6 +19,7 @@ from antiosc.app.scene_file.pages import rendered
 from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
+from antiosc.base.engineering import engineering
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.history import History, SceneHistory
@@ -187,7 +188,7 @@ def _results(history: Any) -> list[Block]:
     e = history.restitution
     rows = [
         *(
-            (name.replace("_", " "), f"{getattr(history, name):.6g} {unit}")
+            (name.replace("_", " "), engineering(getattr(history, name), unit, 6))
             for name, unit in QUANTITIES.items()
         ),
         ("contacts", f"{len(history.contacts)}"),
