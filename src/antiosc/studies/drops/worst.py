@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.simulation.scene_history import BodyHistory
 from antiosc.studies.drops.contact_scene import BODY
-
-if TYPE_CHECKING:
-    from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.course import Course
 
 #: Looks at a period of the mode that is the fastest of those which matter, at most so many.
 LOOKS, MOST = 8, 200
@@ -33,7 +31,7 @@ class WorstField(PeakField):
     impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
-def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> WorstField:
+def worst(fall: Course, quantity: str, impacts: Any = None, **options: Any) -> WorstField:
     """The largest value of a quantity at every node; see `Fall.worst`."""
     structure = fall.body.structure
     if structure is None:
@@ -59,7 +57,7 @@ def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> Wor
     return WorstField(**vars(replace(found, error=None)), impact=impact)
 
 
-def _times(fall: Fall, duration: float) -> Array:
+def _times(fall: Course, duration: float) -> Array:
     """Times of an episode that are looked at."""
     highest = float(fall.body.omega.max(initial=0.0)) / (2 * np.pi)
     return np.linspace(0.0, duration, int(min(max(LOOKS * highest * duration, 20), MOST)))
