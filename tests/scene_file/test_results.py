@@ -73,7 +73,7 @@ def history(**more) -> SimpleNamespace:
 
 
 VALUES = {"tip": np.arange(15.0).reshape(5, 3) - 20, "speed": np.array([3.0, -4.0]),
-          "forces": np.arange(20.0).reshape(5, 4), "count": np.arange(5.0)}  # fmt: skip
+          "forces": np.arange(30.0).reshape(5, 6), "count": np.arange(5.0)}  # fmt: skip
 
 
 def test_files_are_those_that_are_asked_for(tmp_path):
@@ -101,7 +101,9 @@ def test_files_are_those_that_are_asked_for(tmp_path):
     assert content["title"] == "a title"
     assert content["warnings"] == []
     assert content["result"] == {"step": None, "contacts": [[0.0, 1e-4]]}
-    assert content["probes"] == {"tip": 20.0, "speed": 4.0, "forces": 19.0, "count": 4.0}
+    peaks = {name: peak["value"] for name, peak in content["probes"].items()}
+    magnitude = pytest.approx((20**2 + 19**2 + 18**2) ** 0.5)
+    assert peaks == {"tip": magnitude, "speed": -4.0, "forces": 29.0, "count": 4.0}
     assert content["model"]["k0"] == 2e6
     assert content["model"]["P"] is None
     assert content["map"]["surface"] == ["u", "v", "u", "v"]

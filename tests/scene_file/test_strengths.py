@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 pytest.importorskip("dolfinx")
@@ -9,6 +11,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.app.scene_file.read import read
 from antiosc.app.scene_file.scene import compiled
+from scene_files import BRACKET, HIT, antiosc, numbers
 
 pytestmark = pytest.mark.fem
 
@@ -39,3 +42,22 @@ def test_materials_of_scene_files_have_strengths(tmp_path):
 def test_a_strength_that_is_none_is_refused(tmp_path):
     with pytest.raises(ao.InputError, match=r"scene.toml:11: .*yield_strength"):
         material(tmp_path, SOLID + "yield_strength = -1.0")
+
+
+@pytest.mark.slow
+def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, capsys):
+    path = tmp_path / "scene.toml"
+    probe = '[probes.top]\npoint = [0.0, 0.030, 0.086]\nquantity = "acceleration"\n'
+    strong = BRACKET.replace("rho = 2700", "rho = 2700\nyield_strength = 240e6")
+    path.write_text(strong + HIT.replace("2e-3", "3e-4") + probe)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    assert re.search(r"probe top +acceleration magnitude: largest \S+ m/s² \(\S+ g\)", told)
+    assert "margin of safety" in told
+    found = numbers(tmp_path / "out")
+    margin = found["stress"]["von_mises"]["margin"]
+    assert margin["exposure"] == pytest.approx(found["stress"]["von_mises"]["value"] / 240e6)
+    assert margin["reached"] == (margin["exposure"] >= 1) == (margin["margin"] <= 0)
+    path.write_text(BRACKET + HIT.replace("2e-3", "3e-4") + '[stress]\nquantity = "stress"\n')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    assert list(numbers(tmp_path / "out")["stress"]) == ["stress"]

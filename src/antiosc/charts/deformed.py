@@ -43,8 +43,7 @@ class Deformed:
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
         """Of displacements (P, 3) [m], drawn larger by what suits the largest one [m]."""
-        shown = largest or 1.0
-        factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / shown:.1g}")
+        shown, factor = largest or 1.0, enlarged(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"
@@ -54,6 +53,11 @@ class Deformed:
         """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
         length = 0.25 * np.ptp(self.points, axis=0).max()
         return np.array([point - length * direction / np.linalg.norm(direction), point])
+
+
+def enlarged(points: Array, largest: float) -> float:
+    """The factor by which displacements are drawn larger, of which the largest one is this [m]."""
+    return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
 
 
 def draw_deformed(

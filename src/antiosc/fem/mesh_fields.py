@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 from antiosc.fem.recovery import at_nodes as nodal
-from antiosc.fem.recovery.at_nodes import evaluator, strength_of
-from antiosc.fem.recovery.place import NodeTensors, Origin, Place
+from antiosc.fem.recovery.at_nodes import evaluator
+from antiosc.fem.recovery.place import NodeTensors, Origin, Place, layers_of, strength_of
 from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
@@ -186,15 +187,10 @@ def tensors_at_nodes(
     return points, cells, NodeTensors(*joined, origins)
 
 
-def most_layers(structure: Structure, part: str | None) -> int:
-    """Largest number of layers of the laminates of a structure; 0: it has none."""
+def materials_of(structure: Structure, part: str | None) -> list[Any]:
+    """The materials of all parts of a structure, or of one."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
-    return max(layers for member, _ in parts for layers in _layers(member.part))
-
-
-def _layers(part: MeshedStructure) -> list[int]:
-    """Number of layers of each material; 0 for others than laminates."""
-    return [len(getattr(material, "layers", ())) for material, _ in part.parts]
+    return [material for member, _ in parts for material, _ in member.part.parts]
 
 
 def _requests(
@@ -203,13 +199,17 @@ def _requests(
     """Places at which tensors are taken, each with the numbers of the materials there."""
     every = list(range(len(part.parts)))
     if ply is not None:
-        own = [n for n, count in enumerate(_layers(part)) if count > (ply.layer or 0)]
+        stacks = [len(layers_of(material)) for material, _ in part.parts]
+        own = [n for n in every if stacks[n] > (ply.layer or 0)]
         return [(ply, own)] if own else []
     if part.kind.name == "beam" and places[0].fibre is None:
-        raise InputError(
-            "the section of a beam has no outline: give fibre=(y, z), the distances of the "
-            "point from its centroid."
-        )
+        outlines = [len(beam.section.outline) for beam, _ in part.parts]
+        if not min(outlines):
+            raise InputError(
+                "a section given by A and I has no outline: give fibre=(y, z), the distances of "
+                "the point from its centroid, or Section(…, outline=[(y, z), …])."
+            )
+        return [(replace(places[0], fibre=k), every) for k in range(max(outlines))]
     return [(place, every) for place in (places if part.kind.sheet else places[:1])]
 
 

@@ -108,6 +108,7 @@ def plot_deformed(
     point: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,
     view: Sequence[float] | None = None,
+    field: str | None = None,
 ) -> Figure | Path:
     """The deformed part at one time; displacements are magnified and coloured by their magnitude.
 
@@ -124,6 +125,8 @@ def plot_deformed(
         An arrow that ends at `point` (m) shows the impact.
     view : (elevation, azimuth), optional
         From where it is seen, degrees: 90 is from above, azimuth 0 from +x and 90 from +y.
+    field : str, optional
+        What colours it in place of the displacement: a quantity of `peak_field`, as "von_mises".
 
     Raises
     ------
@@ -132,18 +135,30 @@ def plot_deformed(
     """
     seen_from = None if view is None else checks.array("view", view, (2,))
     arrow = _arrow(point, direction)
-    found = deformed(structure, history, time, body)
-    return draw_deformed(found, path, arrow=arrow, view=seen_from)
+    found = deformed(structure, history, time, body, field)
+    mark = None if field is None else int(np.argmax(found.values))
+    return draw_deformed(found, path, arrow=arrow, view=seen_from, mark=mark)
 
 
-def deformed(structure: Structure, history: History, time: float | None, body: str) -> Deformed:
+def deformed(
+    structure: Structure,
+    history: History,
+    time: float | None,
+    body: str,
+    field: str | None = None,
+) -> Deformed:
     """The surface of a part at one time; arguments as of `plot_deformed`."""
-    from antiosc.results.fields import skin
+    from antiosc.results.fields import nodal_motion, skin
+    from antiosc.results.peaks import peak_field
 
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
+    if field is not None:
+        peak = peak_field(structure, history, field, [time], body=body)
+        moved = nodal_motion(structure, history, time, body=body)
+        return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", moved)
     points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
     largest = float(np.linalg.norm(moved, axis=1).max())
     return Deformed.of(points, faces, moved, largest)

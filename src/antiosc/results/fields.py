@@ -164,6 +164,20 @@ def skin(
     return outer
 
 
+@collective(history=counted)
+@one_thread()
+def nodal_motion(
+    structure: Structure, history: History, time: float, *, body: str = "structure"
+) -> Array:
+    """Displacements (P, 3) [m] at one time of the points that `peak_field` has."""
+    own = shapes_of(structure, history, body)
+    _, cells, shapes = source(structure).at_nodes(structure, own)
+    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    found: Array = structure.comm.bcast(moved, root=0)
+    return found
+
+
 def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")

@@ -12,7 +12,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.strengths import Strengths, exposure
 from antiosc.base.stresses import equivalent, extreme_principal
 from antiosc.fem.fields import source
-from antiosc.fem.recovery.place import NodeTensors, Place
+from antiosc.fem.recovery.place import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.margin import Margin, margin_of
 
@@ -62,11 +62,21 @@ def plies(structure: Structure, quantity: str, part: str | None) -> list[Place |
     """Surfaces of layers at which a criterion of plies is looked at; [None] of other quantities."""
     if quantity not in PLY_SURFACES:
         return [None]
+    materials = source(structure).materials_of(structure, part)
     return [
         Place(surface, layer, local=True)
-        for layer in range(source(structure).most_layers(structure, part))
+        for layer in range(max(map(len, map(layers_of, materials)), default=0))
         for surface in PLY_SURFACES[quantity]
     ]
+
+
+def criteria_of(structure: Structure) -> list[str]:
+    """The quantities of `peak_field` for which materials of the structure have strengths."""
+    materials = source(structure).materials_of(structure, None)
+    own = [getattr(material, "yield_strength", None) for material in materials]
+    own += [layer.strength for material in materials for layer in layers_of(material)]
+    asked = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
+    return [name for name, c in asked.items() if any(_knows(strength, c) for strength in own)]
 
 
 def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from antiosc.fem.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
-from antiosc.results import peak_search
+from antiosc.results import peak_search, resolution
 from antiosc.results.fields import counted, shapes_of
 from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
 from antiosc.results.margin import CRITERIA, Margin
@@ -33,6 +33,8 @@ from antiosc.simulation.scene_history import BodyHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from antiosc.charts.deformed import Deformed
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -64,6 +66,11 @@ class PeakField(Brief):
         those that were given it is not known (None).
     exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
+    mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
+        much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
+        0 in sheets and beams, else None.
+    doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
+        support, too large cells; "" otherwise.
     """
 
     quantity: str
@@ -74,6 +81,8 @@ class PeakField(Brief):
     _cells: list[tuple[str, IntArray]] = field(repr=False)
     error: float | None = None
     exposure: Array | None = None
+    mesh_error: Array | None = None
+    doubt: str = ""
     _margin: Margin | None = field(default=None, repr=False)
 
     def margin(self) -> Margin:
@@ -118,6 +127,10 @@ class PeakField(Brief):
             rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
         if self.error is not None:
             rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
+        if self.mesh_error is not None:
+            k = int(np.argmax(self.values))
+            rows.append(f"estimated error by the mesh, of the largest: {self.mesh_error[k]:.2g}")
+        rows += [self.doubt] if self.doubt else []
         if self._margin is not None:
             rows.append(self._margin.sentence)
         return "\n".join(rows)
@@ -129,16 +142,29 @@ class PeakField(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.charts.deformed import Deformed, draw_deformed
+        from antiosc.charts.deformed import draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
-        scale, unit = (1e-6, "MPa") if self.unit == "Pa" else (1.0, self.unit)
+        found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
+        return draw_deformed(found, path, view=seen_from, mark=int(np.argmax(self.values)))
+
+    @property
+    def label(self) -> str:
+        """The quantity with the unit in which it is drawn: MPa for Pa."""
+        unit = {"Pa": "MPa"}.get(self.unit, self.unit)
         name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
-        label = f"largest {name}" + (f" ({unit})" if unit else "")
-        values, at = scale * self.values, int(np.argmax(self.values))
-        faces = outer_faces(self._cells)
-        found = Deformed(self.points, self.points, faces, values, label, float(values[at]))
-        return draw_deformed(found, path, view=seen_from, mark=at)
+        return name + (f" ({unit})" if unit else "")
+
+    def surface(self, label: str, moved: Array) -> Deformed:
+        """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
+        from antiosc.charts.deformed import Deformed, enlarged
+
+        values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
+        size = float(np.linalg.norm(moved, axis=1).max())
+        factor = enlarged(self.points, size)
+        label += f", motion drawn × {factor:g}" if size else ""
+        faces, there = outer_faces(self._cells), self.points + factor * moved
+        return Deformed(self.points, there, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
         """Write the values and their times to a `.vtu` file, which ParaView opens.
@@ -195,13 +221,15 @@ def peak_field(
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
-        As in `probe`; needed for the stress and strain of beams, whose sections have no outline.
+        As in `probe`; default: the outline of the sections of beams, which those that are given by
+        A and I do not have.
 
     Notes
     -----
-    At the nodes of solids strains and stresses are means of the cells of one material; in sheets
-    and beams the largest of the cells is taken. Near a point load or a re-entrant corner the values
-    grow with every refinement of the mesh.
+    At the nodes of solids, on the surface too, strains and stresses are those of the cells there
+    (not of their Gauss points), as means of the cells of one material; in sheets and beams the
+    largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
+    every refinement of the mesh: `mesh_error` and `doubt` tell it.
 
     Raises
     ------
@@ -247,6 +275,15 @@ def peak_field(
         best = functools.reduce(Largest.or_larger, parts)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     result = _used(quantity, unit, points, cells, best)
+    if quantity in ("von_mises", "stress", "yield"):
+        when = np.where(best.values > 0, best.times, at[-1])
+        errors = resolution.mesh_error(structure, shapes, part, history, when, body)
+        result = _resolved(result, structure.comm.bcast(errors, root=0), cells)
+        if result.mesh_error is not None and result.values.any():
+            k = int(np.argmax(result.values))
+            share = float(result.mesh_error[k] / result.values[k])
+            told = resolution.doubt(structure, shapes, part, result.points[k], share)
+            result = replace(result, doubt=told)
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -278,11 +315,28 @@ def _used(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Largest
 ) -> PeakField:
     """The field without nodes that no cell has: those of other ranks' cells."""
-    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    used = _used_nodes(cells)
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
     at_used = points[used], best.values[used], best.times[used]
-    return PeakField(quantity, unit, *at_used, own, best.error, exposures, best.margin)
+    found = PeakField(quantity, unit, *at_used, own, best.error, exposures)
+    return replace(found, _margin=best.margin)
+
+
+def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
+    return np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+
+
+def _resolved(
+    found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
+) -> PeakField:
+    """The field with errors [Pa] at all points."""
+    if errors is None:
+        return found
+    own = errors[_used_nodes(cells)]
+    if found.quantity == "yield" and found._margin is not None:
+        own = own / found._margin.strength
+    return replace(found, mesh_error=own)
 
 
 def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:

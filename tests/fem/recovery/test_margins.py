@@ -10,21 +10,12 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 import sheets
+from antiosc.plotting.parts import deformed
+from static_loads import held
 
 pytestmark = pytest.mark.fem
 
 YIELD = 250e6
-
-
-def held(part: ao.Structure, site: ao.Site, force: float) -> tuple[ao.Structure, ao.History]:
-    """A static load at a site: the part in equilibrium with it from the start."""
-    scene = ao.Scene(
-        {"part": ao.extract(part, site, 3), "far": ao.Obstacle()},
-        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
-        loads=[ao.Load("part", [0.0, 1.0], [force, force])],
-        preload=True,
-    )
-    return part, scene.run(1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -122,3 +113,30 @@ def test_the_worst_of_two_materials_is_the_one_nearest_to_its_strength():
     worst = peak.margin()
     assert worst.strength == 100e6
     np.testing.assert_allclose(peak.exposure[peak.points[:, 0] < 0.15], 1e6 / 100e6, rtol=0.05)
+
+
+@pytest.mark.parametrize("round_", [False, True])
+def test_stress_in_the_outline_of_a_beam_is_that_of_oblique_bending(round_):
+    """σ = M_y z/I_y + M_z y/I_z at a corner, √(M_y² + M_z²) r/I on a circle, at the clamp."""
+    h, b = 0.02, 0.01
+    section = ao.Section.circle(h) if round_ else ao.Section.rectangle(b, h)
+    mesh = parts.line(0.5, 20, (1.0, 0.0, 0.0))
+    beam = ao.Beam(210e9, 0.3, 7850.0, section, orientation=(0, 1, 0))
+    d = np.array([0.0, 0.6, 0.8])
+    part, hit = held(ao.Structure(mesh, beam, [ao.Support("left")]), ao.Site((0.5, 0, 0), d), 20.0)
+    My, Mz = 20.0 * 0.5 * d[2], 20.0 * 0.5 * d[1]
+    corner = My * b / 2 / section.side + Mz * h / 2 / section.I
+    expected = 10.0 * h / 2 / section.I if round_ else corner
+    values = ao.peak_field(part, hit, body="part").values
+    assert values.max() == pytest.approx(expected, rel=6e-3 if round_ else 1e-6)
+
+
+def test_pictures_show_the_stress_and_mark_its_worst_point(strip, tmp_path):
+    part, hit = strip
+    peak = ao.peak_field(part, hit, body="part")
+    found = deformed(part, hit, 0.0, "part", "von_mises")
+    assert found.values.max() == pytest.approx(1e-6 * peak.values.max(), rel=1e-6)
+    assert "MPa" in found.label
+    assert np.ptp(found.moved - found.points, axis=0)[1] > 0.05 * 0.2
+    path = peak.plot(tmp_path / "peak.png", view=(90, -90))
+    assert path.stat().st_size > 5000

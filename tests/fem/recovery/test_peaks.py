@@ -164,7 +164,7 @@ def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
     )
     sides = [ao.peak_field(part, hit, "stress", surface=s).values for s in ("top", "bottom")]
     np.testing.assert_allclose(ao.peak_field(part, hit, "stress").values, np.maximum(*sides))
-    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
+    beam = ao.Beam(**parts.STEEL, section=ao.Section(A=2e-4, I=7e-9))
     bar = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
     hit = ao.simulate(ao.extract(bar, ao.Site((0.8, 0.0), (0, 1)), 6), BALL, LAW, 1e-3)
     with pytest.raises(ao.InputError, match="give fibre"):

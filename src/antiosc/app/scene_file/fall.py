@@ -12,6 +12,7 @@ from antiosc.app.scene_file.sections import SOURCES
 _IMPACT = (
     *("impactor", "contact", "simulate", "strike", "bodies", "contacts", "loads", "base"),
     *("motion", "scene", "run", "sites", "extract", "probes", "sweep", "map"),
+    "stress",
 )
 #: Sections that ask a fall for something.
 _ASKED = ("accelerometers", "worst")

@@ -65,10 +65,10 @@ def history_columns(history: Any) -> dict[str, Any]:
 def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
     """Tables of probes with equal times: [(times, {name with component and unit: values})]."""
     groups: list[tuple[Any, dict[str, Any]]] = []
-    for name, values in found.probes.items():
+    for name in found.probes:
         asked = found.compiled.probes[name].arguments
         at = np.asarray(asked.get("times", found.history.time), dtype=float).reshape(-1)
-        own = _components(name, np.asarray(values), result_tables.probe_unit(found, name))
+        own = _components(found, name)
         equal = next((columns for known, columns in groups if np.array_equal(known, at)), None)
         if equal is None:
             groups.append((at, own))
@@ -77,21 +77,11 @@ def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
     return groups
 
 
-def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
+def _components(found: Results, name: str) -> dict[str, Any]:
     """A scalar, the components of a vector, or the six of a symmetric tensor, as columns."""
-    shown = f" ({unit})" if unit else ""
-    if values.ndim == 1:
-        return {name + shown: values}
-    if values.ndim == 3:
-        upper = np.triu_indices(values.shape[1])
-        axes, values = (
-            [f"{'xyz'[i]}{'xyz'[j]}" for i, j in zip(*upper, strict=True)],
-            values[:, *upper],
-        )
-    else:
-        count = values.shape[1]
-        axes = list("xyz"[:count]) if count <= 3 else [str(k + 1) for k in range(count)]
-    return {f"{name} {axis}{shown}": values[:, k] for k, axis in enumerate(axes)}
+    units = result_tables.probe_components(found, name)
+    heads = [f"{name} {c}".rstrip() + (f" ({unit})" if unit else "") for c, unit in units.items()]
+    return dict(zip(heads, result_tables.probe_columns(found, name).T, strict=True))
 
 
 # -- numbers
@@ -163,11 +153,14 @@ def write(found: Results, target: Path) -> list[Path]:
             paths.append(target / "model.npz")
         if found.map is not None and wanted.fields:
             paths.append(found.map.write(target / "map.vtu"))
+        if wanted.fields:
+            fields = (found.stresses or {}).items()
+            paths += [peak.write(target / f"{name}.vtu") for name, peak in fields]
         if found.worst is not None and wanted.fields:
             paths.append(found.worst.write(target / "worst.vtu"))
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
-            shown |= {"fall": found.fall, "worst": found.worst}
+            shown |= {"fall": found.fall, "worst": found.worst, **(found.stresses or {})}
             for name, one in shown.items():
                 if hasattr(one, "plot") and not isinstance(one, SceneHistory):
                     paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
@@ -206,7 +199,8 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["model"] = model_numbers(found.model)
     if found.history is not None:
         content["result"] = numbers(found.history)
-        content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
+        content["probes"] = {n: result_tables.probe_peak(found, n) for n in found.probes or {}}
+        content["stress"] = result_tables.stress_numbers(found)
     if found.fall is not None:
         content["fall"] = result_tables.fall_columns(found.fall)
         content["fall"] |= {"status": getattr(found.fall, "status", "")}

@@ -169,17 +169,19 @@ def _energies(hit: Any, ax: Any) -> None:
 
 
 def _probes(found: Results, ax: Any) -> None:
-    curves = (_probe(found, name, np.asarray(v)) for name, v in found.probes.items())
+    curves = (_probe(found, name) for name in found.probes)
     _curves(ax, curves, "share of the largest value")
 
 
-def _probe(found: Results, name: str, values: Any) -> tuple[str, Any, Any]:
+def _probe(found: Results, name: str) -> tuple[str, Any, Any]:
     """The component with the largest value, divided by it."""
-    flat = values.reshape(len(values), -1)
+    flat = result_tables.probe_columns(found, name)
     largest = np.abs(flat).max(axis=0)
     times = found.compiled.probes[name].arguments.get("times", found.history.time)
-    told = f"{name}, at most {largest.max():.3g} {result_tables.probe_unit(found, name)}"
-    return told, times, flat[:, int(np.argmax(largest))] / (float(largest.max()) or 1.0)
+    k = int(np.argmax(largest))
+    component, unit = list(result_tables.probe_components(found, name).items())[k]
+    told = f"{name} {component}".rstrip() + f", at most {largest[k]:.3g} {unit}"
+    return told, times, flat[:, k] / (float(largest[k]) or 1.0)
 
 
 def _spectrum(model: Any, ax: Any) -> None:

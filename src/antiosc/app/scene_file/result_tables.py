@@ -9,18 +9,30 @@ import numpy as np
 
 from antiosc.app.scene_file.run import Results
 from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.simulation.history import SceneHistory
+from antiosc.simulation.named_impactors import GRAVITY
 
 #: Names and values.
 Rows = list[tuple[str, str]]
 #: Rows of a table of a sweep that are printed; the files hold all.
 ROWS = 30
-#: Units of what a probe tells; of several in one, all of them.
+#: Units of what a probe tells.
 PROBE_UNITS = {
     **{"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "rotation": "rad"},
-    **{"stress": "Pa", "von_mises": "Pa", "section_forces": "SI"},
+    **{"stress": "Pa", "von_mises": "Pa"},
+}
+#: Vectors, whose magnitude is told; section forces with their units, by their number.
+VECTORS = ("displacement", "velocity", "acceleration", "rotation")
+SECTION_FORCES = {
+    1: {"N": "N"},
+    3: {"N": "N", "V": "N", "M": "N m"},
+    6: {"N": "N", "Vy": "N", "Vz": "N", "T": "N m", "My": "N m", "Mz": "N m"},
+    8: dict.fromkeys(("N1", "N2", "N12"), "N/m")
+    | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
+    | dict.fromkeys(("Q1", "Q2"), "N/m"),
 }
 #: Quantities of an ensemble of falls with their units, and quantiles that are told.
 FALL_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s", "lost": "J"}
@@ -41,7 +53,7 @@ def text(found: Results) -> str:
         pieces.append(lines(model_rows(found.model)))
     if found.history is not None:
         pieces += [found.history.summary(), str(error_budget(found.history) or "")]
-        pieces.append(lines(probe_rows(found)))
+        pieces.append(lines([*probe_rows(found), *stress_rows(found)]))
     if found.fall is not None:
         pieces += [fall_text(found.fall), lines(fall_rows(found))]
     if found.batch is not None:
@@ -113,18 +125,93 @@ def error_budget(history: Any) -> Any:
     return budget if isinstance(budget, Mapping) else {}
 
 
-def probe_unit(found: Results, name: str) -> str:
-    """The unit of a probe; empty for a number without one."""
+def probe_components(found: Results, name: str) -> dict[str, str]:
+    """The components of a probe with their units, one for each column; "" of a scalar."""
     quantity = found.compiled.probes[name].arguments.get("quantity", "displacement")
-    return PROBE_UNITS.get(quantity, "")
+    values, unit = np.asarray(found.probes[name]), PROBE_UNITS.get(quantity, "")
+    if values.ndim == 1:
+        return {"": unit}
+    if values.ndim == 3:
+        upper = zip(*np.triu_indices(values.shape[1]), strict=True)
+        return {f"{'xyz'[i]}{'xyz'[j]}": unit for i, j in upper}
+    count = values.shape[1]
+    if quantity == "section_forces":
+        return SECTION_FORCES[count]
+    return dict.fromkeys("z" if (quantity, count) == ("rotation", 1) else "xyz"[:count], unit)
+
+
+def probe_columns(found: Results, name: str) -> Array:
+    """Components (n, c) of a probe over time; six of a symmetric tensor."""
+    values = np.asarray(found.probes[name])
+    if values.ndim == 3:
+        return np.asarray(values[:, *np.triu_indices(values.shape[1])])
+    return values.reshape(len(values), -1)
+
+
+def probe_peak(found: Results, name: str) -> dict[str, Any]:
+    """The largest value of a probe: of a vector its magnitude; else of one component.
+
+    Keys: quantity, component ("magnitude", "" of a scalar), value, unit, time, of an acceleration
+    also g.
+    """
+    asked = found.compiled.probes[name].arguments
+    quantity = asked.get("quantity", "displacement")
+    values, units = probe_columns(found, name), probe_components(found, name)
+    if quantity in VECTORS and len(units) > 1:
+        values = np.linalg.norm(values, axis=1)[:, None]
+        units = {"magnitude": next(iter(units.values()))}
+    at, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    times = np.asarray(asked.get("times", found.history.time), dtype=float)
+    component, unit = list(units.items())[k]
+    peak = {"quantity": quantity, "component": component, "value": float(values[at, k])}
+    peak |= {"unit": unit, "time": float(times.reshape(-1)[at])}
+    return peak | ({"g": peak["value"] / GRAVITY} if quantity == "acceleration" else {})
 
 
 def probe_rows(found: Results) -> Rows:
-    """The largest value of each probe."""
-    return [
-        (f"probe {name}", f"at most {np.abs(v).max():.5g} {probe_unit(found, name)}".rstrip())
-        for name, v in (found.probes or {}).items()
-    ]
+    """The largest value of each probe with its component and time."""
+    rows = []
+    for name in found.probes or {}:
+        p = probe_peak(found, name)
+        what = f"{p['quantity'].replace('_', ' ')} {p['component']}".rstrip()
+        value = f"{p['value']:.5g} {p['unit']}".rstrip()
+        g = f" ({p['g']:.4g} g)" if "g" in p else ""
+        rows.append((f"probe {name}", f"{what}: largest {value}{g} at {p['time']:.4g} s"))
+    return rows
+
+
+def stress_rows(found: Results) -> Rows:
+    """The verdicts on the largest stresses, or the values where no strength is known."""
+    rows = []
+    for name, peak in (found.stresses or {}).items():
+        value, place, time = peak.largest(1)[0]
+        told = f"largest {value:.5g} {peak.unit} at {checks.in_words(place)}, {time:.4g} s"
+        if peak.exposure is not None:
+            told = peak.margin().sentence
+        rows.append((name.replace("_", " "), told))
+        if peak.mesh_error is not None and value:
+            share = peak.mesh_error[np.argmax(peak.values)] / value
+            rows.append(("", f"estimated error by the mesh: {share:.1%} of it"))
+        if peak.doubt:
+            rows.append(("", peak.doubt))
+    return rows
+
+
+def stress_numbers(found: Results) -> dict[str, Any]:
+    """Quantity -> its largest value with place and time, and the margin; as JSON values."""
+    content: dict[str, Any] = {}
+    for name, peak in (found.stresses or {}).items():
+        value, place, time = peak.largest(1)[0]
+        content[name] = {"value": value, "unit": peak.unit, "point": place, "time": time}
+        content[name]["doubt"] = peak.doubt
+        if peak.mesh_error is not None:
+            content[name]["mesh_error"] = peak.mesh_error[np.argmax(peak.values)]
+        if peak.exposure is not None:
+            worst = peak.margin()
+            own = {key: getattr(worst, key) for key in ("criterion", "exposure", "margin")}
+            own |= {"reached": worst.reached, "layer": worst.layer, "sentence": worst.sentence}
+            content[name]["margin"] = own | {"point": worst.point, "time": worst.time}
+    return content
 
 
 def sweep_columns(found: Results) -> dict[str, Any]:

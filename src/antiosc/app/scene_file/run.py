@@ -28,6 +28,7 @@ DOING = {
     "simulate_many": "simulating the sweep",
     "impact_map": "mapping the surface",
     "probe": "motion of the probes",
+    **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
     "drop": "computing the fall",
     "Fall.peak": "peaks of the accelerometers",
     "Fall.worst": "largest stresses",
@@ -35,7 +36,7 @@ DOING = {
 #: Command -> the objects that it makes.
 COMMANDS = {
     "run": (
-        *("structure", "model", "impactor", "contact", "history", "probes"),
+        *("structure", "model", "impactor", "contact", "history", "probes", "stresses"),
         *("fall", "peaks", "worst"),
     ),
     "sweep": ("structure", "model", "impactor", "batch"),
@@ -63,6 +64,7 @@ class Results:
     contact: Any = None
     history: Any = None
     probes: Any = None
+    stresses: Any = None
     batch: Any = None
     map: Any = None
     fall: Any = None

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from antiosc.app.scene_file import fall, impact, struck, studies
+from antiosc.app.scene_file import fall, impact, largest, struck, studies
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.read import Document
 from antiosc.app.scene_file.sections import MODELS, SECTIONS
@@ -26,6 +26,7 @@ class Compiled:
     impactor, contact : of one impact; `scene` of several contacts.
     history : of the simulation.
     probes : name -> call, of the structure and the history.
+    stresses : a call that makes {quantity: its largest values over the run}.
     batch, map : of [sweep] and [map].
     fall : of [drop]; `peaks` name -> call, and `worst`, of the fall.
     output : the files that are written.
@@ -40,6 +41,7 @@ class Compiled:
     scene: Call | None = None
     history: Call | None = None
     probes: Mapping[str, Call] = field(default_factory=dict)
+    stresses: Call | None = None
     batch: Call | None = None
     map: Call | None = None
     fall: Call | None = None
@@ -87,14 +89,15 @@ def compiled(document: Document) -> Compiled:
         source in ("", *MODELS) or not {"simulate", "run", "strike"} & set(build.data)
     ):
         build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
+    stresses = largest.stresses(build, source, of_probes, history)
     batch = studies.sweep(build, model, impactor, contact)
     surface = studies.surface(build, source, structure, impactor, contact)
     fallen = fall.fall(build, source, structure)
     output = build.table("output")
     build.problems.raise_if_any()
     return Compiled(
-        document, structure, model, **made, **fallen, probes=probes, batch=batch, map=surface,
-        output=output, warnings=build.told,
+        document, structure, model, **made, **fallen, probes=probes, stresses=stresses, batch=batch,
+        map=surface, output=output, warnings=build.told,
     )  # fmt: skip
 
 

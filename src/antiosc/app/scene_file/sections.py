@@ -160,6 +160,12 @@ SECTIONS: dict[str, Section] = {
     "worst": Section(
         "table", "Fall.worst", "the largest stress of a fall at every node", given="self"
     ),
+    "stress": Section(
+        "table",
+        "peak_field",
+        "the largest stress of the impact at every node",
+        given="structure history",
+    ),
     "probes": Section("named", "probe", "points whose motion is written", given="structure"),
     "output": Section("table", "output", "the files that are written"),
 }

@@ -51,7 +51,7 @@ def section_forces(at: PointsInCells, place: Place) -> Array:
 def strain(at: PointsInCells, place: Place) -> Array:
     """Tensors (P, 3, 3, columns) of a fibre: along it, and its contraction across."""
     strains, frame = section_strains(at)
-    y, z = place.fibre or (0.0, 0.0)
+    y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
     along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
     nu = at.each(lambda beam: [beam.nu])
     local = np.zeros((len(at.cells), 3, 3, along.shape[1]))
@@ -72,6 +72,14 @@ def rotation(at: PointsInCells, place: Place) -> Array:
     """Rotation of the section (P, 3, columns), rad; (P, 1, columns) of plane beams."""
     names = ("rx", "ry", "rz") if at.part.mesh.gdim == 3 else ("rz",)
     return at.values(at.dofs(names))
+
+
+def _fibre(beam: Beam, place: Place) -> list[float]:
+    """(y, z) of the fibre in the section of a beam, m."""
+    if isinstance(place.fibre, int):
+        outline = beam.section.outline
+        return list(outline[place.fibre % len(outline)])
+    return list(place.fibre or (0.0, 0.0))
 
 
 def _strains(at: PointsInCells, frame: Frame) -> Array:

@@ -25,8 +25,8 @@ class Place:
     surface : "top", "bottom" or "middle" of a sheet or of its `layer`, or a direction (3,): the
         outer surface on this side.
     layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
-    fibre : (y, z) distances from the centroid of a beam's section along its axes, m; None: not
-        given.
+    fibre : (y, z) distances from the centroid of a beam's section along its axes, m, or the number
+        of a point of its outline; None: not given.
     local : whether tensors are in the local axes, not in those of the mesh.
     stiffener : group of beams on the edges of a sheet, of which the quantity is asked; None: of the
         cells.
@@ -34,7 +34,7 @@ class Place:
 
     surface: str | tuple[float, ...] = "top"
     layer: int | None = None
-    fibre: tuple[float, float] | None = (0.0, 0.0)
+    fibre: tuple[float, float] | int | None = (0.0, 0.0)
     local: bool = False
     stiffener: str | None = None
 
@@ -62,6 +62,21 @@ class NodeTensors(NamedTuple):
     columns: Array
     origin: IntArray
     origins: list[Origin]
+
+
+def layers_of(material: Any) -> Sequence[Any]:
+    """The layers of a laminate; none of other materials."""
+    layers: Sequence[Any] = getattr(material, "layers", ())
+    return layers
+
+
+def strength_of(material: Any, place: Place) -> float | Strengths | None:
+    """Yield strength of a material, or the strengths of the layer of a laminate; None: unknown."""
+    layers = layers_of(material)
+    if not layers:
+        return getattr(material, "yield_strength", None)
+    strength: Strengths | None = None if place.layer is None else layers[place.layer].strength
+    return strength
 
 
 def place(surface: Any, layer: Any, fibre: Any, axes: Any, stiffener: Any = None) -> Place:

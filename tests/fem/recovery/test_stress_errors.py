@@ -1,0 +1,96 @@
+"""Stresses at surfaces and their estimated errors: a hole (Kirsch), corners, edges of supports."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+import sheets
+from antiosc.base.stresses import extreme_principal
+from antiosc.fem.recovery import at_nodes, corners
+from antiosc.fem.recovery.place import Place
+from static_loads import held
+
+pytestmark = pytest.mark.fem
+
+STEEL = ao.Solid(210e9, 0.3, 7850.0, plane="stress")
+
+
+def kirsch(x: np.ndarray, a: float, stress: float) -> np.ndarray:
+    """Displacements (n, 2) around a hole under `stress` along x, plane stress (G. Kirsch, 1898)."""
+    r, t = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+    G, k, s = 210e9 / 2.6, (3 - 0.3) / 1.3, a / r
+    u = (k + 1) * np.cos(t) / s + 2 * s * ((1 + k) * np.cos(t) + np.cos(3 * t))
+    v = (k - 3) * np.sin(t) / s + 2 * s * ((1 - k) * np.sin(t) + np.sin(3 * t))
+    u, v = u - 2 * s**3 * np.cos(3 * t), v - 2 * s**3 * np.sin(3 * t)
+    return stress * a / (8 * G) * np.stack([u, v], axis=1)
+
+
+def test_the_stress_at_a_hole_is_three_times_that_far_away_within_its_estimated_error():
+    """The exact displacements at the nodes of quadratic cells: what is left is recovery."""
+    found = []
+    for n in (8, 16):
+        ring = sheets.sheet(
+            n, lambda s, t: ((1 + s) * np.cos(t * np.pi / 2), (1 + s) * np.sin(t * np.pi / 2)),
+            order=2,
+        )  # fmt: skip
+        mesh = ao.read_mesh(ring.dolfinx, gdim=2) if ring.gdim == 3 else ring
+        part = ao.Structure(mesh, STEEL)
+        space = part.form.space
+        shapes = kirsch(space.tabulate_dof_coordinates()[:, :2], 1.0, 1.0).reshape(-1, 1)
+        nodes, _, six = at_nodes.at_nodes(part, shapes, "stress", Place(), [0])
+        x = part.mesh.dolfinx.geometry.x
+        top = np.argmin(np.linalg.norm(x - (0, 1, 0), axis=1))
+        value = float(extreme_principal(six[nodes == top, :, 0])[0])
+        error = at_nodes.jumps(part, shapes, np.ones((len(x), 1)))[top]
+        assert abs(value - 3.0) < 3 * error < 1.0
+        found.append((value, error))
+    (coarse, more), (fine, less) = found
+    assert abs(fine - 3) < 0.4 * abs(coarse - 3) < 0.1
+    assert less < 0.5 * more
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_interior_angles_of_a_box(cell):
+    box = ao.Structure(parts.box((2, 2, 2), (1, 1, 1), cell), ao.Solid(1e9, 0.3, 1e3))
+    corner = corners.interior_angle(box, np.array([1.0, 1.0, 1.0]))
+    assert corner == pytest.approx(90 if cell == "hexahedron" else 180)  # a diagonal of a face
+    assert corners.interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
+    assert corners.interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
+
+
+def ell(n: int) -> ao.Structure:
+    """An L of squares, held at the end of one leg; its corner is at (1, 1)."""
+    mesh = parts.plate((2 * n, 2 * n), (2.0, 2.0))
+    import dolfinx
+
+    kept = dolfinx.mesh.locate_entities(
+        mesh.dolfinx, 2, lambda x: (x[0] < 1 + 1e-9) | (x[1] < 1 + 1e-9)
+    )
+    cut = ao.read_mesh(dolfinx.mesh.create_submesh(mesh.dolfinx, 2, kept)[0])
+    return ao.Structure(cut, STEEL, [ao.Support(lambda x: x[1] > 2 - 1e-9)])
+
+
+def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
+    largest = []
+    for n in (3, 6):
+        part, hit = held(ell(n), ao.Site((2.0, 0.5), (0, -1), radius=0.4), 1e3)
+        peak = ao.peak_field(part, hit, body="part")
+        assert corners.interior_angle(part, np.array([1.0, 1.0, 0.0])) == pytest.approx(270)
+        assert "corner of 270" in peak.doubt
+        largest.append(peak.values.max())
+    assert largest[1] > 1.2 * largest[0]
+
+
+def test_the_edge_of_a_support_is_told():
+    solid = ao.Solid(210e9, 0.3, 7850.0, plane="stress", thickness=0.01)
+    part = ao.Structure(parts.plate((20, 4), (0.2, 0.02)), solid, [ao.Support("left")])
+    part, hit = held(part, ao.Site((0.2, 0.01), (0, -1), radius=6e-3), 100.0)
+    peak = ao.peak_field(part, hit, body="part")
+    assert "support" in peak.doubt
+    assert peak.doubt in peak.summary()
+    assert peak.mesh_error.shape == peak.values.shape
