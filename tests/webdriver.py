@@ -90,4 +90,4 @@ class Browser:
             self._call("DELETE", "")
         finally:
             self._driver.terminate()
-            self._driver.wait(30)
+            self._driver.communicate(timeout=30)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
@@ -189,6 +188,6 @@ def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> dict[s
     i, k = np.unravel_index(int(values.argmax()), values.shape)
     return {
         "value": float(values[i, k]),
-        "place": checks.in_words(points[i].tolist()),
+        "place": points[i].tolist(),
         "time": float(times[k]),
     }

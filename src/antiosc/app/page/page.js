@@ -139,7 +139,7 @@ class Page {
     const names = Object.keys(shares), total = {};
     const now = {};
     for (const [cause, body] of Object.entries(variants)) {
-      const other = this.engine.strike(pose(body, this.blow, this.set), duration, this.blow.tol);
+      const other = this.engine.strike(pose(body, this.blow, this.set), duration, 0.1 * this.blow.coarse);
       now[cause] = differences(hit, other, names);
     }
     this.known = this.known || now; // the first impact is the computed one

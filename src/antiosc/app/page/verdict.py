@@ -8,13 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from antiosc.base.engineering import engineering, percent, with_bar
-from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.studies.map_results import ImpactMap
 
-#: Criteria of strength that a verdict asks for.
-CRITERIA = ("von_mises", "tsai_wu", "delamination")
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
     "mesh": "use smaller elements around the site",
@@ -38,8 +35,17 @@ class Headline(NamedTuple):
     sentences: list[str]
 
 
-def of_history(hit: Any, structure: Any, budget: Mapping[str, Any]) -> Headline:
-    """The headline of an impact of two bodies."""
+def of_history(
+    hit: Any,
+    structure: Any,
+    budget: Mapping[str, Any],
+    fields: Mapping[str, Any],
+    worst: Mapping[str, Any] | None,
+) -> Headline:
+    """The headline of an impact of two bodies.
+
+    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
+    """
     known = {name: bar.total for name, bar in budget.items()}
     numbers = [
         (name.replace("_", " "), with_bar(getattr(hit, name), unit, known.get(name)))
@@ -47,7 +53,7 @@ def of_history(hit: Any, structure: Any, budget: Mapping[str, Any]) -> Headline:
     ]
     e = hit.restitution
     numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
-    sentences = [*_margins(structure, hit), _absorbed(hit), _accuracy(budget)]
+    sentences = [*_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
     return Headline(_struck(hit, structure), numbers, [s for s in sentences if s])
 
 
@@ -90,28 +96,21 @@ def _place(point: Any) -> str:
     return f"({', '.join(f'{1e3 * x:.4g}' for x in point)}) mm"
 
 
-def _margins(structure: Any, hit: Any) -> list[str]:
-    """The largest stress, or whether a strength is reached, and where."""
-    if structure is None:
-        return []
-    import antiosc
-
+def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> list[str]:
+    """Whether strengths are reached, and where; else the largest stress of the picture."""
     told = []
-    for criterion in CRITERIA:
-        try:
-            found = antiosc.peak_field(structure, hit, criterion)
-        except AntioscError:  # no strength, no shapes, no elements
-            continue
-        try:
-            sentence = found.margin().sentence
+    for peak in fields.values():
+        if peak.exposure is not None:
+            sentence = peak.margin().sentence
             told.append(f"{sentence[0].upper()}{sentence[1:]}.")
-        except AntioscError:
-            value, where, when = found.largest(1)[0]
-            told.append(
-                f"The largest von Mises stress is {engineering(value, 'Pa')} at"
-                f" {_place(where)}, {engineering(when, 's')}; the"
-                " material has no yield_strength to compare it with."
-            )
+        if peak.doubt:
+            told.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+    if not fields and worst is not None:
+        value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
+        told.append(
+            f"The largest von Mises stress is about {value} at {_place(worst['place'])}, {time};"
+            " the material has no yield_strength to compare it with."
+        )
     return told
 
 

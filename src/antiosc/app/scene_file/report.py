@@ -15,6 +15,7 @@ import numpy as np
 from antiosc.app import info
 from antiosc.app.page import assets, live as of_page, verdict
 from antiosc.app.scene_file import result_tables as tables
+from antiosc.app.scene_file.largest import by_strengths
 from antiosc.app.scene_file.pages import rendered
 from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
@@ -84,6 +85,9 @@ def write_report(
         found.structure = result.structure if structure is None else structure
         found.model = None if isinstance(result, SceneHistory) else result.model
         found.impactor = None if isinstance(result, SceneHistory) else result.impactor
+        if found.structure is not None:
+            with contextlib.suppress(AntioscError):  # without shapes, or elements
+                found.stresses = by_strengths(found.structure, result)
     return write(found, target)[0]
 
 
@@ -146,15 +150,19 @@ def _live(found: Results) -> tuple[dict[str, Any] | None, verdict.Headline | Non
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
     budget = tables.error_budget(hit)
-    headline = verdict.of_history(hit, found.structure, budget)
-    return of_page.of_history(hit, found.structure, budget), headline
+    live = of_page.of_history(hit, found.structure, budget)
+    worst = ((live or {}).get("part") or {}).get("worst")
+    stresses = found.stresses or {}
+    return live, verdict.of_history(hit, found.structure, budget, stresses, worst)
 
 
 def _sections(found: Results) -> list[tuple[str, list[Block]]]:
     """Headings of results, each with what stands below it."""
     hit, sections = found.history, []
     if hit is not None:
-        sections.append(("Results", [*_results(hit), tables.probe_rows(found)]))
+        sections.append(
+            ("Results", [*_results(hit), tables.probe_rows(found), tables.stress_rows(found)])
+        )
     if found.fall is not None:
         blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
         sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))

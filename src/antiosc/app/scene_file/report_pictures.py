@@ -125,6 +125,9 @@ def _of_history(found: Results, one_view: bool) -> Iterator[Picture]:
         )
     if found.structure is not None:
         yield from _of_structure(found, one_view)
+    for name, peak in (found.stresses or {}).items():
+        about = f"The largest value at each node over the run: {name.replace('_', ' ')}."
+        yield _drawn("Largest stress", about, peak.plot, ".png")
 
 
 def _of_structure(found: Results, one_view: bool = False) -> Iterator[Picture]:
