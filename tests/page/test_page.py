@@ -74,7 +74,8 @@ def same(cells, hit):
         assert cells[name] == pytest.approx(getattr(hit, name), rel=1e-6), name
 
 
-@pytest.mark.parametrize("width", [1300, pytest.param(390, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
 def test_sliders_move_what_simulate_computes(browser, tmp_path, width):
     hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, tol=1e-6)
     page = ao.write_report(tmp_path / "report.html", hit, title=HOSTILE)
@@ -189,3 +190,5 @@ def test_only_results_are_reported(tmp_path):
         ao.write_report(tmp_path / "report.txt", hit)
     with pytest.raises(ao.InputError):
         ao.write_report(tmp_path / "report.html", MODEL)
+    with pytest.raises(ao.InputError):
+        ao.write_report(tmp_path / "report.html", hit, 3.0)

@@ -52,7 +52,7 @@ def write_report(
     result: History | ImpactMap,
     structure: Structure | None = None,
     *,
-    title: str = "",
+    title: str | None = None,
 ) -> Path:
     """Write a report: one HTML file that opens anywhere, without network or server.
 
@@ -77,7 +77,11 @@ def write_report(
     """
     target = checked(os.fspath(checks.path("path", path)))
     checks.instance("result", result, (History, ImpactMap), "a History or an ImpactMap")
-    found = Results(None, title=checks.text("title", title) if title else target.stem)
+    if structure is not None:
+        from antiosc.fem.structure.structure import Structure
+
+        checks.instance("structure", structure, Structure, "a Structure")
+    found = Results(None, title=target.stem if title is None else checks.text("title", title))
     if isinstance(result, ImpactMap):
         found.map, found.structure = result, structure
     else:
