@@ -110,6 +110,7 @@ def build_for_page() -> Path:
     flags += [f"-Wl,{each}" for each in (*linked, "-z,stack-size=65536")]
     made = ENGINE.with_suffix(".part")
     subprocess.run([*command, *flags, "-o", made, str(SOURCE / "page" / "engine.c")], check=True)
+    made.chmod(0o644)  # the linker makes it a program
     made.replace(ENGINE)
     return ENGINE
 
