@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test lint fmt docs bench dist clean
+.PHONY: help setup demo check test lint fmt docs page bench dist clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -50,6 +50,9 @@ test: $(READY) ## all tests, those on several MPI ranks included
 
 check: $(READY) ## the quick tests on one rank (under 2 minutes); CORE=HASWELL: rounded as there
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow and not mpi"
+
+page: ## the engine of live reports for WebAssembly, which the repository keeps (clang and lld, or ziglang)
+	/usr/bin/python3 packaging/library.py --page
 
 dist: $(READY) ## wheel and source archive in out/dist, checked by twine
 	.ci/dist out/dist $(PYTHON)

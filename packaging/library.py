@@ -2,7 +2,9 @@
 
 The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
 $ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for
-all of them into the folder `binaries`, from where exported FMUs take their libraries.
+all of them into the folder `binaries`, from where exported FMUs take their libraries. With
+`--page` clang with lld, or zig, compiles the engine of live reports for WebAssembly; the repository
+keeps that file, so that no user needs a compiler for it.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ FLAGS = ["-std=c99", "-O3", "-fvisibility=hidden", "-shared"]
 SYSTEMS = {"linux": "linux", "macos": "darwin", "windows": "windows"}
 BINARIES = PACKAGE / "binaries"
 SUFFIXES = {"win": ".dll", "macos": ".dylib"}
+ENGINE = PACKAGE / "app" / "page" / "engine.wasm"
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
 
@@ -92,6 +95,26 @@ def build_for_fmus() -> list[Path]:
     return found
 
 
+def build_for_page() -> Path:
+    """Compile the engine of live reports; returns where it stands."""
+    if shutil.which("clang") and shutil.which("wasm-ld"):
+        command = ["clang", "--target=wasm32"]
+    elif importlib.util.find_spec("ziglang"):
+        command = [*_zig(), "-target", "wasm32-freestanding"]
+    else:
+        raise SystemExit("antiosc: no compiler for WebAssembly; install clang and lld, or ziglang.")
+    flags = ["-std=c99", "-Os", "-ffreestanding", "-nostdlib", "-mbulk-memory", "-DAOM_API="]
+    flags += ["-nostdlibinc", "-isystem", str(SOURCE / "page" / "include"), *WARNINGS[:2]]
+    flags += [f'-DAOM_SOURCE_HASH="{source_hash()}"']
+    linked = ["--no-entry", "--gc-sections", "--allow-undefined", "--strip-all"]
+    flags += [f"-Wl,{each}" for each in (*linked, "-z,stack-size=65536")]
+    made = ENGINE.with_suffix(".part")
+    subprocess.run([*command, *flags, "-o", made, str(SOURCE / "page" / "engine.c")], check=True)
+    made.chmod(0o644)  # the linker makes it a program
+    made.replace(ENGINE)
+    return ENGINE
+
+
 def _compiled(command: list[str], out: Path) -> Path:
     made = out.with_suffix(".part")
     command = [*command, *FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
@@ -108,5 +131,7 @@ def _compiled(command: list[str], out: Path) -> Path:
 if __name__ == "__main__":
     if sys.argv[1:] == ["--fmu"]:
         print(*build_for_fmus(), sep="\n")
+    elif sys.argv[1:] == ["--page"]:
+        print(build_for_page())
     else:
         print(build())

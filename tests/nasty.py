@@ -510,6 +510,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
     "read_model": {"path": str(DECKS / "c3d10.inp")},
     "export": {"path": "out.fmu", "source": model},
+    "write_report": {"path": "report.html", "result": history, "structure": None},
     "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
     "ReducedMatrices.save": {"path": "reduced.op4"}, "ModalBody": {"r": 1e-9},

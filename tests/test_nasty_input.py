@@ -28,7 +28,15 @@ POOL = TYPES + EXTREMES
 ANY, OF_TYPES, OF_EXTREMES = range(len(POOL)), range(len(TYPES)), range(len(TYPES), len(POOL))
 #: Those that assemble, extract, march or draw: some milliseconds a call and more.
 DEAR = {"Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"}
-DEAR |= {"assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"}
+DEAR |= {
+    "assemble",
+    "choose_n",
+    "truncation_error",
+    "probe",
+    "strain_gauge",
+    "write_series",
+    "write_report",
+}
 DEAR |= {"from_frf", "save_fields", "read_mesh", "read_model", "peak_field", "reactions", "strike"}
 DEAR |= {"export"}
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("plotting.")}

@@ -4,6 +4,9 @@
 from antiosc.app.exports.export import (
     export as export,
 )
+from antiosc.app.scene_file.report import (
+    write_report as write_report,
+)
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,

@@ -21,7 +21,7 @@ DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
-    *("howto/gradient", "api/gradients"),
+    *("howto/gradient", "howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),
@@ -30,7 +30,7 @@ MESHED = {"howto/deck", "howto/drop"}
 SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
     *("howto/units",),
-    *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
+    *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
     *("tutorials/drop", "tutorials/composite", "tutorials/assembly"),
 }

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import html
 import html.parser
 import re
 
@@ -9,6 +12,8 @@ import numpy as np
 import pytest
 
 from antiosc.app import info
+from antiosc.app.page import assets
+from antiosc.base.engineering import engineering
 from browser import BROWSER, browse
 from scene_files import BEAM, PROBE, SWEEP, antiosc, numbers, written
 
@@ -22,7 +27,7 @@ HOSTILE = (
 class Page(html.parser.HTMLParser):
     """The elements of a page, its text by element, and whatever it would fetch."""
 
-    VOID = ("meta", "img", "br")
+    VOID = ("meta", "img", "br", "input")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -72,13 +77,13 @@ def made(tmp_path_factory):
 def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     folder, _, page = made
     assert "".join(page.text["pre"]) == BEAM + PROBE
-    headings = ["Results", "Errors", "Model", "Pictures", "Scene"]
+    headings = ["Results", "Errors", "Pictures", "Model", "Origin", "Scene"]
     assert page.text["h2"] == headings
     pictures = ["Contact force", "Displacements", "Energies", "Probes", "Deformed structure"]
     assert page.text["h3"] == [*pictures, "Anti-oscillators", "Dynamic stiffness"]
     cells = page.text["td"]
     result = numbers(folder)
-    assert f"{result['result']['peak_force']:.6g} N" in cells
+    assert engineering(result["result"]["peak_force"], "N", 6) in cells
     assert f"{result['model']['omega'][0] / (2 * np.pi):.5g}" in cells
     assert len(page.images) == len(page.text["h3"]) - 1  # matrices have no surface to draw
     captions = page.text["figcaption"]
@@ -88,11 +93,19 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert all(any(unit in caption for caption in captions) for unit in units[:4])
 
 
-def test_the_page_is_one_file_that_fetches_and_runs_nothing(made):
+def test_the_page_is_one_file_that_fetches_nothing_and_runs_its_own_program(made):
     _, source, page = made
     assert page.fetched == page.handlers == []
-    assert {"script", "link", "iframe", "object", "embed", "base", "form"}.isdisjoint(page.tags)
-    assert "default-src 'none'" in source
+    assert page.tags.count("script") == 2  # its data, and its program
+    assert {"link", "iframe", "object", "embed", "base", "form"}.isdisjoint(page.tags)
+    policy = html.unescape(source.split('http-equiv="Content-Security-Policy" content="')[1])
+    digest = hashlib.sha256(assets.script().encode()).digest()
+    own = f"'sha256-{base64.b64encode(digest).decode()}'"
+    wanted = f"script-src {own} 'wasm-unsafe-eval'\""
+    assert policy.startswith(
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; " + wanted
+    )
+    assert f"<script>{assets.script()}</script>" in source
     assert not re.search(r"url\(|@import", source)
 
 
@@ -102,7 +115,7 @@ def test_hostile_names_are_text(tmp_path):
     text += f'[probes."{HOSTILE}"]\npoint = [0.2, 0, 0]\n'
     _, page = report(tmp_path, text)
     assert page.fetched == page.handlers == []
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 2
     assert page.text["h1"][0].startswith("</pre><script>")
     assert "".join(page.text["pre"]) == text
     assert len(page.images) == 6
@@ -140,7 +153,7 @@ def test_a_browser_shows_the_page(tmp_path):
     # the page as it is: its title has not been taken, and nothing of it was removed
     seen = browse("--disable-gpu", profile, "--dump-dom", f"file://{tmp_path}/report.html")
     assert "<title>taken" not in seen
-    assert seen.count("<figure>") == 6
+    assert seen.count("<figure ") == 6
     # a copy that may run one script, which measures what is shown
     probe = """<script>addEventListener("load", () => { document.title = "measured " +
         [...document.images].map(i => i.naturalWidth > 300 && i.getBoundingClientRect().width > 300)

@@ -11,6 +11,7 @@ pytest.importorskip("matplotlib")
 
 from antiosc.app.scene_file import report_pictures as drawn
 from antiosc.base.errors import InputError
+from antiosc.models.model_info import ModelInfo
 
 
 def test_names_in_pictures_are_no_formulas():
@@ -19,28 +20,27 @@ def test_names_in_pictures_are_no_formulas():
     assert drawn._plain("x" * 61) == "x" * 57 + "…"
 
 
+SITE = {"point": (1.0, 2.0, 3.0), "direction": (0.0, 0.0, 1.0)}
+#: What a model knows of its site -> the arrow
 STRUCK = {
-    "one": ({"a": {"point": [1, 2, 3], "direction": [0, 0, 1]}}, ([1, 2, 3], [0, 0, 1])),
-    "two": ({"a": {"point": [1, 2, 3], "direction": [0, 0, 1]}, "b": {}}, (None, None)),
-    "none": ({}, (None, None)),
-    "plane": ({"a": {"point": [1, 2], "direction": [0, 1]}}, (None, None)),
-    "group": ({"a": {"point": "tip", "direction": [0, 0, 1]}}, (None, None)),
-    "node": ({"a": {"node": 3, "dof": "z"}}, (None, None)),
-    "no direction": ({"a": {"point": [1, 2, 3]}}, (None, None)),
+    "one": (ModelInfo(**SITE), tuple(SITE.values())),
+    "two": (ModelInfo(points={"a": (1.0, 2.0, 3.0), "b": (0.0, 0.0, 1.0)}), (None, None)),
+    "plane": (ModelInfo(point=(1.0, 2.0), direction=(0.0, 1.0)), (None, None)),
+    "unknown": (ModelInfo(), (None, None)),
 }
 
 
-def results(sites=(), **variables):
-    document = SimpleNamespace(data={"sites": sites} if sites else {})
-    found = {"history": None, "model": None, "batch": None, "map": None, "structure": None,
+def results(info=None, **variables):
+    model = None if info is None else SimpleNamespace(info=info)
+    found = {"history": None, "model": model, "batch": None, "map": None, "structure": None,
              "probes": None, **variables}  # fmt: skip
-    return SimpleNamespace(compiled=SimpleNamespace(document=document), **found)
+    return SimpleNamespace(**found)
 
 
 @pytest.mark.parametrize("case", STRUCK)
 def test_the_arrow_of_the_impact(case):
-    sites, expected = STRUCK[case]
-    assert drawn._struck(results(sites)) == expected
+    info, expected = STRUCK[case]
+    assert drawn._struck(results(info)) == expected
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -53,7 +53,7 @@ def test_a_structure_from_several_sides(monkeypatch, known):
         return drawn.Picture(heading, caption, "data")
 
     monkeypatch.setattr(drawn, "_drawn", draw)
-    found = results(STRUCK["one"][0] if known else {}, structure="structure", history="history")
+    found = results(STRUCK["one"][0] if known else None, structure="structure", history="history")
     headings = [one.heading for one in drawn._of_structure(found)]
     assert len(set(headings)) == len(headings) == (3 if known else 1)
     point, direction = STRUCK["one"][1] if known else (None, None)

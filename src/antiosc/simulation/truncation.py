@@ -85,7 +85,7 @@ def truncation_error(
         next_omega = checks.positive("next_omega", next_omega, "rad/s")
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
-    soft = _hung(model, next_omega)
+    soft = softest(model, next_omega)
     changed = differences(_checked(run(model, tol)), _checked(run(soft, tol)))
     errors = {name: TRUNCATION_SAFETY * max(off - tol, 0.0) for name, off in changed.items()}
     return TruncationError(model.n, **floored(errors))
@@ -126,7 +126,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
     return Choice(high, error(high), 0)
 
 
-def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
+def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
     """The model with its residual mass on a spring with the first truncated frequency."""
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)

@@ -15,7 +15,9 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
 from antiosc.base.checks import path as checked_path, whole
 from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.model_info import ModelInfo
 from antiosc.plotting import plot_map
@@ -44,6 +46,7 @@ class ImpactMap(Brief):
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
     info : free modes, seconds, …; JSON values.
+    impactor, contact, duration : of the impacts, or None.
     """
 
     points: Array
@@ -63,6 +66,9 @@ class ImpactMap(Brief):
     impulse: Array | None = None
     peak_deflection: Array | None = None
     info: dict[str, Any] = field(default_factory=dict)
+    impactor: LinearBody | None = None
+    contact: ContactLaw | None = None
+    duration: float | None = None
 
     def __len__(self) -> int:
         return len(self.points)

@@ -247,6 +247,9 @@ def _struck(
     return replace(
         result,
         info={**result.info, "seconds": seconds},
+        impactor=impactor,
+        contact=contact,
+        duration=duration,
         peak_force=gathered("peak_force"),
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),

@@ -19,6 +19,8 @@ from antiosc.base.errors import AntioscError
 from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.charts.histories import plot_force, plot_motion
 from antiosc.charts.models import plot_model
+from antiosc.models.body import places_of
+from antiosc.models.model_info import info_of
 from antiosc.plotting.parts import plot_deformed, plot_map
 
 #: Inches of a chart.
@@ -47,10 +49,13 @@ class Picture(NamedTuple):
     data: str
 
 
-def pictures(found: Results) -> Iterator[Picture]:
-    """All pictures of a result. Every rank must ask for all: fields are shared among them."""
+def pictures(found: Results, one_view: bool = False) -> Iterator[Picture]:
+    """All pictures of a result. Every rank must ask for all: fields are shared among them.
+
+    `one_view`: the part in space from one side, for the page turns it.
+    """
     if found.history is not None:
-        yield from _of_history(found)
+        yield from _of_history(found, one_view)
     if found.model is not None:
         yield _chart(
             "Anti-oscillators",
@@ -93,7 +98,7 @@ def pictures(found: Results) -> Iterator[Picture]:
             )
 
 
-def _of_history(found: Results) -> Iterator[Picture]:
+def _of_history(found: Results, one_view: bool) -> Iterator[Picture]:
     hit = found.history
     contacts = result_tables.contacts_of(hit)
     yield _chart(
@@ -119,13 +124,16 @@ def _of_history(found: Results) -> Iterator[Picture]:
             partial(_probes, found),
         )
     if found.structure is not None:
-        yield from _of_structure(found)
+        yield from _of_structure(found, one_view)
+    for name, peak in (found.stresses or {}).items():
+        about = f"The largest value at each node over the run: {name.replace('_', ' ')}."
+        yield _drawn("Largest stress", about, peak.plot, ".png")
 
 
-def _of_structure(found: Results) -> Iterator[Picture]:
+def _of_structure(found: Results, one_view: bool = False) -> Iterator[Picture]:
     """The deformed structure, from several sides where the site is known."""
     point, direction = _struck(found)
-    for name, view in (VIEWS if point is not None else {"": None}).items():
+    for name, view in ({"": None} if one_view or point is None else VIEWS).items():
         options = {"point": point, "direction": direction, "view": view}
         draw = partial(plot_deformed, found.structure, found.history, **options)
         picture = _drawn(f"Deformed structure{name}", DEFORMED, draw, ".png")
@@ -136,11 +144,9 @@ def _of_structure(found: Results) -> Iterator[Picture]:
 
 def _struck(found: Results) -> tuple[Any, Any]:
     """Point and direction of the one site, for the arrow of the impact; None where not known."""
-    sites = list(found.compiled.document.data.get("sites", {}).values())
-    one = sites[0] if len(sites) == 1 else {}
-    point, direction = one.get("point"), one.get("direction")
-    known = isinstance(point, list) and isinstance(direction, list) and len(point) == 3
-    return (point, direction) if known else (None, None)
+    points, facts = list(places_of(found.model).values()), info_of(found.model)
+    known = len(points) == 1 and len(points[0]) == 3 and facts.direction is not None
+    return (points[0], facts.direction) if known else (None, None)
 
 
 # -- charts

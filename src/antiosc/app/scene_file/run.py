@@ -51,11 +51,13 @@ class Results:
 
     Attributes
     ----------
-    compiled : the scene.
+    compiled : the scene; None of results that were computed by a program.
+    title : of a report.
     warnings : sentences that were told on the way.
     """
 
-    compiled: Compiled
+    compiled: Any
+    title: str = ""
     structure: Any = None
     model: Any = None
     impactor: Any = None
@@ -104,7 +106,8 @@ class Evaluation:
 def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
     """Make objects of a scene; SceneFileError with the line where one of them fails."""
     evaluate = Evaluation(compiled.document)
-    found = Results(compiled, warnings=list(compiled.warnings))
+    title = compiled.title or compiled.document.path.stem
+    found = Results(compiled, title, warnings=list(compiled.warnings))
     with telling(found.warnings):
         for name in wanted:
             setattr(found, name, evaluate(getattr(compiled, name)))

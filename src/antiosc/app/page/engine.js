@@ -1,0 +1,78 @@
+// The march in WebAssembly: an impact of two bodies, posed as antiosc.simulation.two_bodies does.
+
+const HERTZ = 2, HERTZ_END = 0.7; // csrc/antiosc_march.h; antiosc.contact.Hertz.END
+const NUMBERS = ["answer", "peak_force", "impulse", "contact_time", "restitution", "contacts",
+  "touching", "first", "last", "force_error", "peak_error", "lasting", "n_nodes", "time", "force",
+  "depth"]; // `found` of csrc/page/engine.c
+const MOST_STEPS = 200000;
+
+class Engine {
+  static async load(bytes) {
+    const { instance } = await WebAssembly.instantiate(bytes, { env: Math });
+    return new Engine(instance.exports);
+  }
+
+  constructor(wasm) { this.wasm = wasm; }
+
+  // views are made anew at each use: the memory may have grown
+  view(at, count) { return new Float64Array(this.wasm.memory.buffer, at, count); }
+
+  given(values) {
+    const at = this.wasm.page_take(8 * values.length);
+    this.view(at, values.length).set(values);
+    return at;
+  }
+
+  // The numbers of an impact, and its nodes: time, force.
+  strike(posed, duration, tol) {
+    const wasm = this.wasm, n = posed.omega.length;
+    wasm.page_clear();
+    const arrays = ["omega", "decay", "beta", "load", "v"].map((name) => this.given(posed[name]));
+    const at = wasm.page_strike(n, ...arrays, posed.residual, posed.gap, posed.kind,
+      posed.params.length, this.given(posed.params), posed.mobility, duration, tol, MOST_STEPS);
+    const read = this.view(at, NUMBERS.length), hit = { posed, duration, modes: n };
+    NUMBERS.forEach((name, i) => { hit[name] = read[i]; });
+    hit.time = this.view(hit.time, hit.n_nodes).slice();
+    hit.force = this.view(hit.force, hit.n_nodes).slice();
+    this.out = wasm.page_take(8 * (2 * n + 1));
+    return hit;
+  }
+
+  // Of the last impact at a time: modal displacements, and the force.
+  state(hit, t) {
+    this.wasm.page_state(t, this.out);
+    const read = this.view(this.out, 2 * hit.modes + 1);
+    return { q: read.slice(0, hit.modes), force: read[2 * hit.modes] };
+  }
+}
+
+// A system for the engine: the free modes of the struck body beside those of the striker.
+// body: omega, decay, b, load, v, r, mobility; blow: striker (as a body), law, gap, mass, speed;
+// set: mass, speed, stiffness, gap, damping.
+function pose(body, blow, set) {
+  const striker = blow.striker, faster = blow.speed ? set.speed / blow.speed : 1;
+  const heavier = blow.mass ? Math.sqrt(set.mass / blow.mass) : 1;
+  const both = (name, change) => Float64Array.from([...body[name], ...striker[name].map(change)]);
+  const same = (x) => x, omega = both("omega", same);
+  const decay = both("decay", same);
+  for (let j = 0; j < body.omega.length; j++) {
+    decay[j] = blow.ratio === null ? decay[j] + set.damping * omega[j] : set.damping * omega[j];
+  }
+  return {
+    omega, decay, gap: set.gap,
+    beta: both("b", (x) => x / heavier).map((x) => -x),
+    load: both("load", (x) => x * heavier),
+    v: both("v", (x) => x * heavier).map((x) => x * faster),
+    residual: body.r + striker.r,
+    mobility: body.mobility + striker.mobility / heavier ** 2,
+    kind: blow.law.kind, params: parameters(blow.law, body.local, set.stiffness),
+  };
+}
+
+// The parameters of a law with another stiffness; of Hertz's without the compliance of a patch.
+function parameters(law, c, k) {
+  if (k === null) return law.params;
+  if (law.kind !== HERTZ) return [k, ...law.params.slice(1)];
+  const a = k ** (-2 / 3), end = c > 0 ? HERTZ_END * 2 * a / (3 * c) : Infinity;
+  return [k, c, a, end, c > 0 ? 2 / 3 * a / end - c : 0];
+}

@@ -1,0 +1,79 @@
+// The sites of a map, each with its own model: struck all at once for the colours, one for a click.
+
+class Sites {
+  constructor(data, blow, view) {
+    Object.assign(this, { data, blow, view, count: data.start.length - 1, values: {} });
+    const { skin } = data;
+    this.size = skin ? 2 * skin.half : Math.max(...[0, 1, 2].map((i) => spread(data.points, i))) || 1;
+    view.centre = skin ? skin.middle : [0, 1, 2].map((i) => middle(data.points, i));
+    view.reach = 0.65 * this.size;
+    if (skin) {
+      const at = Float32Array.from(skin.points, (x, i) => skin.middle[i % 3] + x * skin.half / 32767);
+      view.put("skin", at, new Float32Array(at.length / 3).fill(PLAIN), skin.faces);
+    }
+  }
+
+  body(i) {
+    const { data } = this, part = (name) => Array.from(data[name].subarray(data.start[i], data.start[i + 1]));
+    const omega = part("omega"), none = omega.map(() => 0);
+    return { omega, b: part("b"), decay: none, v: none, load: none, r: data.r[i], mobility: data.mobility[i], local: data.local[i] };
+  }
+
+  // Strike every site.
+  strike(engine, set, duration, tol) {
+    const force = new Float64Array(this.count), time = new Float64Array(this.count);
+    for (let i = 0; i < this.count; i++) {
+      const hit = engine.strike(pose(this.body(i), this.blow, set), duration, tol);
+      [force[i], time[i]] = [hit.peak_force, hit.contact_time];
+    }
+    this.values = { peak_force: force, contact_time: time };
+  }
+
+  quantity(kind) { return this.values[kind] || this.data.quantities[kind]; }
+
+  range(kind) {
+    const known = Array.from(this.quantity(kind)).filter(Number.isFinite);
+    return [Math.min(...known), Math.max(...known)];
+  }
+
+  show(kind, chosen) {
+    const { data, view } = this, [low, high] = this.range(kind), values = this.quantity(kind);
+    const shade = Float32Array.from(values, (v) => (Number.isFinite(v) ? (v - low) / (high - low || 1) : PLAIN));
+    if (data.faces.length) view.put("part", Float32Array.from(data.points), shade, data.faces);
+    const dots = { points: [], faces: [], values: [] };
+    data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
+    const d = this.along(chosen);
+    add(dots, ball(before(this.at(chosen), d, 0.012 * this.size), d, 0.012 * this.size), MARK);
+    add(dots, arrow(before(this.at(chosen), d, 0.024 * this.size), d, 0.18 * this.size), MARK);
+    view.put("dots", Float32Array.from(dots.points), Float32Array.from(dots.values), Uint32Array.from(dots.faces));
+    view.draw();
+  }
+
+  at(i) { return Array.from(this.data.points.subarray(3 * i, 3 * i + 3)); }
+
+  along(i) { return Array.from(this.data.directions.subarray(3 * i, 3 * i + 3)); }
+
+  // The site that is seen at a place of the picture, those that face the viewer first; or -1.
+  near(x, y) {
+    const out = this.view.axes()[2];
+    let best = -1, least = 30;
+    for (let i = 0; i < this.count; i++) {
+      const [a, b, depth] = this.view.seen(this.at(i)), hidden = dot(this.along(i), out) > 0.05 ? 15 : 0;
+      const far = Math.hypot(a - x, b - y) + hidden - 20 * depth;
+      if (far < least && Math.hypot(a - x, b - y) < 30) [best, least] = [i, far];
+    }
+    return best;
+  }
+}
+
+const before = (point, d, way) => point.map((x, i) => x - way * d[i]);
+const every = (points, i) => Array.from(points).filter((_, k) => k % 3 === i);
+const spread = (points, i) => Math.max(...every(points, i)) - Math.min(...every(points, i));
+const middle = (points, i) => (Math.max(...every(points, i)) + Math.min(...every(points, i))) / 2;
+
+function add(to, mesh, value) {
+  const first = to.points.length / 3;
+  to.points.push(...mesh.points);
+  to.faces.push(...mesh.faces.map((f) => f + first));
+  to.values.push(...Array(mesh.points.length / 3).fill(value));
+}

@@ -1,0 +1,249 @@
+// The page: sliders, numbers, the chart and the picture of one impact, and what moves them.
+
+const QUANTITIES = [["peak_force", "peak force", "N"], ["contact_time", "contact time", "s"],
+  ["impulse", "impulse", "N s"], ["restitution", "restitution", ""], ["contacts", "contacts", ""]];
+const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed", "m/s"],
+  ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
+const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
+const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
+
+const find = (id) => document.getElementById(id);
+
+function made(kind, parent, text = "", attributes = {}) {
+  const element = document.createElement(kind);
+  element.textContent = text;
+  Object.assign(element, attributes);
+  parent.append(element);
+  return element;
+}
+
+class Page {
+  constructor(data, engine) {
+    Object.assign(this, { data, engine, blow: data.blow, site: data.sites ? data.sites.first : -1 });
+    find("live").hidden = false;
+    document.body.classList.add("live");
+    const view = View.on(find("view"));
+    document.body.classList.toggle("flat", !view || !(data.part || data.sites));
+    if (view && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
+    if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
+    if (data.sites) this.sites = new Sites(data.sites, data.blow, view || { axes: () => [], put() {}, draw() {} });
+    if (view && this.sites) view.picked = (x, y) => this.choose(this.sites.near(x, y));
+    this.chart = new Chart(find("chart"));
+    this.kind = this.sites ? "peak_force" : "";
+    this.frame = 0;
+    this.start = Object.fromEntries(SLIDERS.map(([name]) => [name, this.blow[name] ?? null]));
+    this.start.damping = this.blow.ratio ?? 0;
+    this.set = { ...this.start };
+    this.make_sliders();
+    this.make_numbers();
+    this.make_views();
+    find("back").onclick = () => this.back();
+    this.change();
+    this.rest();
+    document.documentElement.dataset.ready = performance.now().toFixed(0);
+  }
+
+  body() { return this.sites ? this.sites.body(this.site) : this.blow.body; }
+
+  // -- what is shown
+
+  make_sliders() {
+    this.inputs = {};
+    for (const [name, label, unit] of SLIDERS) {
+      if (this.start[name] === null) continue;
+      const row = made("label", find("sliders"), label), input = made("input", row, "", { type: "range", min: 0, max: STEPS, step: "any", name });
+      input.oninput = () => { this.set[name] = this.value(name, Number(input.value)); this.change(); };
+      this.inputs[name] = { input, output: made("output", row), unit: name === "stiffness" ? this.blow.law.unit : unit };
+    }
+  }
+
+  // Sliders of mass, speed and stiffness are logarithmic; that of the gap goes over the way of the run.
+  value(name, place) {
+    const share = place / STEPS, start = this.start[name];
+    if (name === "gap") return share * Math.max(4 * start, 0.3 * (this.start.speed || 0) * this.blow.duration);
+    if (name === "damping") return share * MOST_DAMPING;
+    return start * RANGE ** (2 * share - 1);
+  }
+
+  place(name, value) {
+    if (name === "gap" || name === "damping") return value / (this.value(name, STEPS) || 1) * STEPS;
+    return (Math.log10(value / this.start[name]) / Math.log10(RANGE) + 1) / 2 * STEPS;
+  }
+
+  make_numbers() {
+    this.cells = {};
+    for (const [name, label] of QUANTITIES) {
+      const row = made("tr", find("numbers"));
+      made("th", row, label);
+      this.cells[name] = [made("td", row), made("td", row, "", { className: "computed" })];
+    }
+  }
+
+  make_views() {
+    const kinds = this.sites ? Object.entries(this.data.sites.names)
+      : [["", "set-up"], ...(this.part && this.data.part.motion ? [["motion", "displacement"]] : []),
+        ...(this.part && this.data.part.stress ? [["stress", "von Mises stress"]] : [])];
+    for (const [kind, label] of kinds) made("option", find("kind"), label, { value: kind });
+    find("kind").onchange = () => { this.kind = find("kind").value; this.picture(); };
+    find("play").hidden = find("frame").hidden = !this.part || !this.data.part.motion;
+    find("play").onclick = () => this.play(!this.playing);
+    find("frame").oninput = () => { this.play(false); this.frame = Number(find("frame").value); this.picture(); };
+    find("site").hidden = find("site").parentElement.hidden = !this.sites;
+    if (!this.sites) return;
+    Object.assign(find("site"), { min: 1, max: this.sites.count, value: this.site + 1 });
+    find("site").oninput = () => this.choose(Number(find("site").value) - 1);
+  }
+
+  // -- what changes
+
+  back() {
+    this.set = { ...this.start };
+    this.change();
+  }
+
+  choose(i) {
+    if (!(i >= 0 && i < this.sites.count)) return;
+    this.site = i;
+    find("site").value = i + 1;
+    this.change();
+    this.picture();
+  }
+
+  at_start() { return SLIDERS.every(([name]) => this.set[name] === this.start[name]); }
+
+  // Strike: numbers and chart follow at once, the picture when the sliders rest.
+  change() {
+    const began = performance.now(), { engine, blow } = this;
+    let duration = blow.duration;
+    const strike = () => engine.strike(pose(this.body(), blow, this.set), duration, blow.tol);
+    let hit = strike();
+    while (hit.touching && !this.at_start() && duration < LONGER * blow.duration) {
+      duration *= 2;
+      hit = strike();
+    }
+    const bars = this.bars(hit, duration);
+    this.hit = hit;
+    this.until = Math.min(duration, Math.max(1.25 * hit.last, 0.02 * duration)) || duration;
+    this.write(hit, bars);
+    this.bar = bars.peak_force ?? 0;
+    this.draw_chart();
+    document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
+    clearTimeout(this.later);
+    this.later = setTimeout(() => this.rest(), REST);
+  }
+
+  // Relative errors of the present impact, as far as they are known. The bar of a cause with a body
+  // of its own (mesh, truncation) grows as the difference that this body makes.
+  bars(hit, duration) {
+    const { shares, variants } = this.blow.bars || { shares: {}, variants: {} };
+    const names = Object.keys(shares), total = {};
+    const now = {};
+    for (const [cause, body] of Object.entries(variants)) {
+      const other = this.engine.strike(pose(body, this.blow, this.set), duration, 0.1 * this.blow.coarse);
+      now[cause] = differences(hit, other, names);
+    }
+    this.known = this.known || now; // the first impact is the computed one
+    for (const name of names) {
+      total[name] = 0;
+      for (const [cause, share] of Object.entries(shares[name])) {
+        const before = this.known[cause] && this.known[cause][name];
+        total[name] += before ? share * now[cause][name] / before : share;
+      }
+    }
+    return total;
+  }
+
+  write(hit, bars) {
+    for (const [name, { input, output, unit }] of Object.entries(this.inputs)) {
+      input.value = this.place(name, this.set[name]);
+      output.value = name === "damping" ? percent(this.set[name]) : engineering(this.set[name], unit);
+      output.dataset.value = this.set[name];
+    }
+    const computed = this.sites ? this.computed_here() : this.blow.computed;
+    for (const [name, , unit] of QUANTITIES) {
+      const [now, before] = this.cells[name], value = hit[name];
+      const plain = name === "contacts" ? String(value) : engineering(value, unit);
+      now.textContent = name in bars && Number.isFinite(bars[name]) ? `${plain} ± ${percent(bars[name])}` : plain;
+      now.dataset.value = value;
+      before.textContent = computed[name] === undefined || computed[name] === null ? "" : engineering(computed[name], unit);
+    }
+    const notes = [];
+    if (hit.answer) notes.push("The run stopped before its end: the numbers are not reliable.");
+    if (hit.contacts === 0) notes.push("The bodies do not touch.");
+    if (hit.touching) notes.push("The bodies still touch at the end of the run.");
+    if (hit.posed.kind === HERTZ && hit.peak_force > hit.posed.params[3] ** 3) {
+      notes.push("The force exceeds the range of Hertz's law at this patch: extract with a larger radius.");
+    }
+    if (this.blow.law.limit && hit.peak_force > this.blow.law.limit) notes.push("The force exceeds the range of the contact law.");
+    find("notes").textContent = notes.join(" ");
+    find("back").disabled = this.at_start();
+    find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
+  }
+
+  computed_here() {
+    const own = this.data.sites.quantities;
+    return Object.fromEntries(QUANTITIES.map(([name]) => [name, own[name] ? own[name][this.site] : null]));
+  }
+
+  draw_chart() {
+    const playing = this.part && this.kind ? this.frame / FRAMES * this.until : null;
+    this.chart.show({ until: this.until, now: this.hit, computed: this.blow.computed, bar: this.bar, at: playing });
+  }
+
+  // The picture of the present impact.
+  rest() {
+    if (this.sites) this.sites.strike(this.engine, this.set, this.blow.duration, this.blow.coarse);
+    if (this.part) {
+      this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
+      this.part.follow(this.engine, this.hit, this.until);
+    }
+    this.picture();
+  }
+
+  picture() {
+    find("legend").hidden = !this.kind;
+    find("held").hidden = Boolean(this.kind) || Boolean(this.sites);
+    if (this.sites) this.sites.show(this.kind, this.site);
+    else if (this.part) this.part.show(this.kind, this.frame);
+    find("frame").value = this.frame;
+    if (this.kind) this.legend();
+    this.draw_chart();
+  }
+
+  legend() {
+    const [label, unit] = this.sites ? [this.data.sites.names[this.kind], this.data.sites.units[this.kind]] : NAMES[this.kind];
+    const [low, high] = this.sites ? this.sites.range(this.kind) : [0, this.part.most(this.kind)];
+    find("low").textContent = engineering(low, unit);
+    find("high").textContent = engineering(high, unit);
+    const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.until, "s")}` : "";
+    find("what").textContent = label + drawn;
+  }
+
+  play(on) {
+    this.playing = on;
+    find("play").textContent = on ? "Pause" : "Play";
+    if (!on) return;
+    if (!this.kind) find("kind").value = this.kind = "motion";
+    const step = () => {
+      if (!this.playing) return;
+      this.frame = (this.frame + 1) % (FRAMES + 1);
+      this.picture();
+      setTimeout(() => requestAnimationFrame(step), 50);
+    };
+    step();
+  }
+}
+
+// Relative differences of two impacts, each at least half the largest: antiosc.simulation.quantities.
+function differences(one, other, names) {
+  const off = Object.fromEntries(names.map((name) => {
+    const a = one[name], b = other[name];
+    return [name, a === b ? 0 : Math.abs(a - b) / Math.max(Math.abs(a), Math.abs(b))];
+  }));
+  const worst = Math.max(...Object.values(off));
+  for (const name of names) off[name] = Math.max(off[name], 0.5 * worst);
+  return off;
+}
+
+const content = unpacked(find("data").textContent);
+Engine.load(content.engine).then((engine) => { globalThis.page = new Page(content, engine); });

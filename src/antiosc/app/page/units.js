@@ -1,0 +1,21 @@
+// Numbers as engineers write them: antiosc.base.engineering does the same.
+
+const PREFIXED = ["m", "s", "J", "Pa", "Hz", "g"]; // and what begins with newtons
+const PREFIXES = ["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"];
+
+function engineering(value, unit = "", digits = 3) {
+  if (!Number.isFinite(value)) return "–";
+  if (unit === "kg" && value && Math.abs(value) < 1) return engineering(1e3 * value, "g", digits);
+  if (value === 0) return `0 ${unit}`.trim();
+  const rounded = Number(value.toPrecision(digits));
+  let power = PREFIXED.includes(unit) || unit[0] === "N" ? Math.floor(Math.log10(Math.abs(rounded)) / 3 + 1e-12) : 0;
+  power = Math.min(Math.max(power, -5), 4);
+  const scaled = rounded / 10 ** (3 * power), size = Math.abs(scaled);
+  const plain = size >= 1e-4 && size < 10 ** digits;
+  const shown = plain ? scaled.toPrecision(digits) : scaled.toExponential(digits - 1).replace(/e([+-])(.)$/, "e$10$2");
+  return `${shown} ${PREFIXES[power + 5]}${unit}`.trim();
+}
+
+function percent(share) {
+  return Number.isFinite(share) ? `${Number((100 * share).toPrecision(2))} %` : "unknown";
+}

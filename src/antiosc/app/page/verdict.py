@@ -1,0 +1,143 @@
+"""The first screen of a report: what struck what, how hard, and whether it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from antiosc.base.engineering import engineering, percent, with_bar
+from antiosc.models.body import places_of
+from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.studies.map_results import ImpactMap
+
+#: The cause of the largest share of a bar -> what reduces it.
+REMEDIES = {
+    "mesh": "use smaller elements around the site",
+    "truncation": "extract more anti-oscillators (n)",
+    "time": "use a smaller tol",
+    "patch": "choose another radius of the patch",
+    "geometry": "use smaller or curved elements along the curved surface",
+    "noise": "measure with less noise, or average more blows",
+    "band": "measure up to a higher frequency",
+    "model": "use solid elements in place of beams or shells",
+}
+#: What is told of a striker, with its unit.
+STRIKERS = {"mass": "kg", "velocity": "m/s"}
+
+
+class Headline(NamedTuple):
+    """What struck what, its numbers (name, value with bar), and sentences of the verdict."""
+
+    about: str
+    numbers: list[tuple[str, str]]
+    sentences: list[str]
+
+
+def of_history(
+    hit: Any,
+    structure: Any,
+    budget: Mapping[str, Any],
+    fields: Mapping[str, Any],
+    worst: Mapping[str, Any] | None,
+) -> Headline:
+    """The headline of an impact of two bodies.
+
+    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
+    """
+    known = {name: bar.total for name, bar in budget.items()}
+    numbers = [
+        (name.replace("_", " "), with_bar(getattr(hit, name), unit, known.get(name)))
+        for name, unit in QUANTITIES.items()
+    ]
+    e = hit.restitution
+    numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
+    sentences = [*_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
+    return Headline(_struck(hit, structure), numbers, [s for s in sentences if s])
+
+
+def of_map(found: ImpactMap) -> Headline:
+    """The headline of a map."""
+    numbers = [("sites", f"{len(found)}")]
+    sentences = []
+    if found.peak_force is not None and found.contact_time is not None:
+        low, high = (float(end(found.peak_force)) for end in (np.nanmin, np.nanmax))
+        numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
+        times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
+        numbers.append(("contact time", " to ".join(times)))
+        where = _place(found.points[int(np.nanargmax(found.peak_force))])
+        sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
+    worst = float(found.error.max())
+    sentences.append(
+        f"The free modes leave an error of Z of at most {percent(worst)} up to"
+        f" {engineering(found.band / (2 * np.pi), 'Hz')}; the mesh's error is not estimated."
+    )
+    about = f"{_body(found.impactor)} strikes {found.info.get('structure', 'a part')}"
+    return Headline(about if found.impactor else "Models over a surface", numbers, sentences)
+
+
+def _struck(hit: Any, structure: Any) -> str:
+    part = "a model" if structure is None else structure.describe()
+    places = list(places_of(hit.model).values())
+    where = f" at {_place(places[0])}" if len(places) == 1 else ""
+    return f"{_body(hit.impactor)} strikes {part}{where}."
+
+
+def _body(body: Any) -> str:
+    """A striker in words: "Sphere (32.9 g, 2.00 m/s)"."""
+    values = ((getattr(body, name, None), unit) for name, unit in STRIKERS.items())
+    facts = [engineering(v, unit) for v, unit in values if isinstance(v, float) and v]
+    return type(body).__name__ + (f" ({', '.join(facts)})" if facts else "")
+
+
+def _place(point: Any) -> str:
+    """A place: "(20, 40, 75) mm"."""
+    return f"({', '.join(f'{1e3 * x:.4g}' for x in point)}) mm"
+
+
+def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> list[str]:
+    """Whether strengths are reached, and where; else the largest stress of the picture."""
+    told = []
+    for peak in fields.values():
+        if peak.exposure is not None:
+            sentence = peak.margin().sentence
+            told.append(f"{sentence[0].upper()}{sentence[1:]}.")
+        if peak.doubt:
+            told.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+    if not fields and worst is not None:
+        value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
+        told.append(
+            f"The largest von Mises stress is about {value} at {_place(worst['place'])}, {time};"
+            " the material has no yield_strength to compare it with."
+        )
+    return told
+
+
+def _absorbed(hit: Any) -> str:
+    """Which share of the striker's energy stays."""
+    if len(hit.bodies) != 2 or not hit.contacts:
+        return ""
+    striker = list(hit.bodies.values())[1]
+    before, after = (float(striker.kinetic[k] + striker.strain[k]) for k in (0, -1))
+    if before <= 0 or after > before:
+        return ""
+    return (
+        f"Of the striker's {engineering(before, 'J')}, {percent(1 - after / before)} stay in the"
+        " part and the contact."
+    )
+
+
+def _accuracy(budget: Mapping[str, Any]) -> str:
+    """What limits the accuracy, and what to do."""
+    if not budget:
+        return (
+            "The mesh's error is not estimated, and there is no error bar:"
+            ' extract(…, error="estimate") gives one.'
+        )
+    bar = budget["peak_force"]
+    cause = max(budget.causes, key=lambda name: getattr(bar, name))  # type: ignore[attr-defined]
+    return (
+        f"The largest part of the bar of the peak force comes from the {cause},"
+        f" {percent(getattr(bar, cause))}: to narrow it, {REMEDIES[cause]}."
+    )

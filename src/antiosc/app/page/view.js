@@ -1,0 +1,201 @@
+// The part in 3-D by WebGL 2: meshes of points that move and have values, turned by hand.
+
+const VERTEX = `#version 300 es
+uniform mat4 camera; in vec3 at; in float value; out vec3 seen; out float shade;
+void main() { vec4 p = camera * vec4(at, 1.0); seen = at; shade = value; gl_Position = p; }`;
+const FRAGMENT = `#version 300 es
+precision highp float; uniform vec3 light; in vec3 seen; in float shade; out vec4 colour;
+vec3 viridis(float t) { // a polynomial of degree 6 through the colours of viridis
+  const vec3 c0 = vec3(.2777, .0054, .3341), c1 = vec3(.1051, 1.4046, 1.3846),
+    c2 = vec3(-.3309, .2148, .0951), c3 = vec3(-4.6342, -5.7991, -19.3324),
+    c4 = vec3(6.2283, 14.1799, 56.6906), c5 = vec3(4.7764, -13.7451, -65.3530),
+    c6 = vec3(-5.4355, 4.6459, 26.3124);
+  return c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * (c5 + t * c6)))));
+}
+void main() {
+  vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
+  float lit = .62 + .38 * abs(dot(normal, light));
+  // below 0 a plain colour: -1 the part, -2 held, -3 the striker, -4 arrow and marks
+  vec3 own = shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
+    : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82)
+    : viridis(clamp(shade, 0., 1.));
+  colour = vec4(own * lit, 1.0);
+}`;
+
+class View {
+  // null where the browser has no WebGL 2
+  static on(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    return gl && new View(canvas, gl);
+  }
+
+  constructor(canvas, gl) {
+    Object.assign(this, { canvas, gl, meshes: new Map(), turn: -0.9, lift: 0.42, zoom: 1 });
+    this.centre = [0, 0, 0];
+    this.reach = 1;
+    this.picked = () => {};
+    const program = this.program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    gl.useProgram(program);
+    gl.enable(gl.DEPTH_TEST);
+    this.by_hand();
+    new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  // Look at a place that is struck along d from its outside.
+  face(d) {
+    let best = -Infinity;
+    for (const lift of [0.42, -0.42]) {
+      for (const turn of [-0.9, 0.9, -0.9 + Math.PI, 0.9 + Math.PI]) {
+        const tried = Object.assign(Object.create(View.prototype), { turn, lift });
+        const seen = -dot(tried.axes()[2], unit(Array.from(d))) + (lift > 0 ? 0.4 : 0) + (turn === -0.9 ? 0.3 : 0);
+        if (seen > best) [best, this.turn, this.lift] = [seen, turn, lift];
+      }
+    }
+  }
+
+  // A mesh by name: points (3 n), values (n), and faces where they change.
+  put(name, points, values, faces) {
+    const gl = this.gl;
+    let mesh = this.meshes.get(name);
+    if (!mesh) {
+      mesh = { array: gl.createVertexArray(), at: gl.createBuffer(), value: gl.createBuffer(), of: gl.createBuffer() };
+      this.meshes.set(name, mesh);
+    }
+    gl.bindVertexArray(mesh.array);
+    [["at", points, 3], ["value", values, 1]].forEach(([attribute, content, size]) => {
+      const place = gl.getAttribLocation(this.program, attribute);
+      gl.bindBuffer(gl.ARRAY_BUFFER, mesh[attribute]);
+      gl.bufferData(gl.ARRAY_BUFFER, content, gl.DYNAMIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, size, gl.FLOAT, false, 0, 0);
+    });
+    if (!faces) return;
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.of);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
+    mesh.count = faces.length;
+  }
+
+  // Right, up and out of the picture.
+  axes() {
+    const [s, c, sl, cl] = [Math.sin(this.turn), Math.cos(this.turn), Math.sin(this.lift), Math.cos(this.lift)];
+    return [[-s, c, 0], [-sl * c, -sl * s, cl], [cl * c, cl * s, sl]];
+  }
+
+  camera() {
+    const { width, height } = this.canvas, axes = this.axes();
+    const size = this.zoom / (1.25 * this.reach), wide = width / height;
+    const scale = wide > 1 ? [size / wide, size, -0.2 * size / this.zoom] : [size, size * wide, -0.2 * size / this.zoom];
+    const m = new Float32Array(16);
+    axes.forEach((axis, i) => {
+      for (let k = 0; k < 3; k++) m[4 * k + i] = scale[i] * axis[k];
+      m[12 + i] = -scale[i] * dot(axis, this.centre);
+    });
+    m[15] = 1;
+    return m;
+  }
+
+  draw() {
+    const { gl, canvas } = this, ratio = window.devicePixelRatio || 1;
+    const wanted = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
+    if (canvas.width !== wanted[0] || canvas.height !== wanted[1]) [canvas.width, canvas.height] = wanted;
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(1, 1, 1, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "camera"), false, this.camera());
+    const [right, up, out] = this.axes(), light = right.map((x, i) => 0.3 * x + 0.45 * up[i] + 0.84 * out[i]);
+    gl.uniform3fv(gl.getUniformLocation(this.program, "light"), light);
+    for (const mesh of this.meshes.values()) {
+      gl.bindVertexArray(mesh.array);
+      gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+    }
+  }
+
+  // Where points are seen: in pixels of the page, and how far towards the viewer.
+  seen(point) {
+    const m = this.camera(), box = this.canvas, p = [0, 1, 2].map((i) => m[i] * point[0] + m[4 + i] * point[1] + m[8 + i] * point[2] + m[12 + i]);
+    return [(p[0] + 1) / 2 * box.clientWidth, (1 - p[1]) / 2 * box.clientHeight, -p[2]];
+  }
+
+  // One finger or the mouse turns, a click picks, two fingers or ctrl and the wheel zoom.
+  by_hand() {
+    const canvas = this.canvas, held = new Map();
+    let way = 0;
+    const apart = () => { const [a, b] = [...held.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+    canvas.addEventListener("pointerdown", (e) => {
+      canvas.setPointerCapture(e.pointerId);
+      held.set(e.pointerId, [e.offsetX, e.offsetY]);
+      way = 0;
+    });
+    canvas.addEventListener("pointermove", (e) => {
+      const last = held.get(e.pointerId);
+      if (!last) return;
+      const before = held.size === 2 ? apart() : 0, x = e.offsetX - last[0], y = e.offsetY - last[1];
+      held.set(e.pointerId, [e.offsetX, e.offsetY]);
+      way += Math.hypot(x, y);
+      if (held.size === 2) this.zoom *= apart() / (before || 1);
+      else {
+        this.turn -= 0.01 * x;
+        this.lift = Math.min(Math.max(this.lift + 0.01 * y, -1.55), 1.55);
+      }
+      this.draw();
+    });
+    canvas.addEventListener("pointerup", (e) => {
+      held.delete(e.pointerId);
+      if (way < 4) this.picked(e.offsetX, e.offsetY);
+    });
+    canvas.addEventListener("pointercancel", (e) => held.delete(e.pointerId));
+    canvas.addEventListener("wheel", (e) => {
+      if (!e.ctrlKey) return;
+      e.preventDefault();
+      this.zoom *= Math.exp(-0.003 * e.deltaY);
+      this.draw();
+    }, { passive: false });
+  }
+}
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+// Two directions across a third, all of length 1.
+function across(d) {
+  const least = d.map(Math.abs).indexOf(Math.min(...d.map(Math.abs))), e = [0, 1, 2].map((i) => (i === least ? 1 : 0));
+  const a = unit(cross(d, e));
+  return [a, cross(d, a)];
+}
+
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => a.map((x) => x / (Math.hypot(...a) || 1));
+
+// A body of revolution: rings [distance along d, radius] from a point; points and faces.
+function turned(point, d, rings, sides = 24) {
+  const [a, b] = across(d), points = [], faces = [];
+  rings.forEach(([along, radius], r) => {
+    for (let k = 0; k < sides; k++) {
+      const c = radius * Math.cos(2 * Math.PI * k / sides), s = radius * Math.sin(2 * Math.PI * k / sides);
+      for (let i = 0; i < 3; i++) points.push(point[i] + along * d[i] + c * a[i] + s * b[i]);
+      if (r) {
+        const [p, q] = [r * sides + k, r * sides + (k + 1) % sides];
+        faces.push(p, q, p - sides, q, q - sides, p - sides);
+      }
+    }
+  });
+  return { points: new Float32Array(points), faces: new Uint32Array(faces) };
+}
+
+// A sphere before a point, which it touches when it moves along d.
+function ball(point, d, radius) {
+  const rings = [...Array(17).keys()].map((k) => [-radius * (1 + Math.cos(Math.PI * k / 16)), radius * Math.sin(Math.PI * k / 16)]);
+  return turned(point, d, rings);
+}
+
+// An arrow of a length whose tip stands before a point.
+function arrow(point, d, length) {
+  const rings = [[-1, 0], [-1, 0.025], [-0.32, 0.025], [-0.32, 0.08], [0, 0]];
+  return turned(point, d, rings.map((ring) => ring.map((x) => x * length)));
+}

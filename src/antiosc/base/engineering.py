@@ -1,0 +1,40 @@
+"""Numbers as engineers write them: 82.7 µs, 2.20 kN ± 2 %."""
+
+from __future__ import annotations
+
+from math import floor, isfinite, log10
+
+#: Units that take a prefix, beside those that begin with newtons.
+PREFIXED = ("m", "s", "J", "Pa", "Hz", "g")
+PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+
+
+def engineering(value: float, unit: str = "", digits: int = 3) -> str:
+    """A number with so many significant digits and a prefix of its unit, as "2.20 kN".
+
+    Masses below 1 kg are written in grams. A dash for what is not finite.
+    """
+    value = float(value)
+    if not isfinite(value):
+        return "–"
+    if unit == "kg" and 0 < abs(value) < 1:
+        value, unit = 1e3 * value, "g"
+    if value == 0:
+        return f"0 {unit}".rstrip()
+    rounded = float(f"{value:.{digits - 1}e}")
+    prefixed = unit in PREFIXED or unit.startswith("N")
+    power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    shown = f"{rounded / 10**power:#.{digits}g}".rstrip(".")
+    return f"{shown} {PREFIXES[power]}{unit}".rstrip()
+
+
+def percent(share: float) -> str:
+    """A share in per cent with two significant digits: "0.34 %"."""
+    return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
+
+
+def with_bar(value: float, unit: str, share: float | None) -> str:
+    """A number with its relative error, where one is known: "2.20 kN ± 2 %"."""
+    shown = engineering(value, unit)
+    return shown if share is None else f"{shown} ± {percent(share)}"

@@ -1,0 +1,135 @@
+"""The engine of the page: its numbers are those of `simulate`, and it is built of these sources."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.app.page import assets, blow
+from antiosc.base import march
+from antiosc.base.engineering import engineering
+
+node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
+MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
+FREE = ao.AntiOscillators(m0=2e-3, k0=0.0, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
+STRIKER, LAW = ao.RigidMass(0.2, 1.5), ao.Hertz(1e9)
+NAMES = ("peak_force", "impulse", "contact_time", "restitution")
+PROGRAM = """
+const fs = require("fs"), given = unpacked(fs.readFileSync(0, "utf8"));
+Engine.load(fs.readFileSync(given.engine)).then((engine) => {
+  const found = given.sets.map((set) => {
+    const posed = pose(given.blow.body, given.blow, set);
+    const hit = engine.strike(posed, given.blow.duration, given.tol);
+    return { ...hit, posed: 0, time: 0, force: 0,
+      q: Array.from(engine.state(hit, given.at).q), at: engine.state(hit, given.at).force };
+  });
+  process.stdout.write(JSON.stringify(found));
+});
+"""
+
+
+def on_the_page(hit, sets, tol=1e-6, at=0.0):
+    """The numbers of impacts on the page with other settings."""
+    case = blow.of_history(hit, {})
+    own = {name: case[name] for name in ("mass", "speed", "stiffness", "gap")}
+    own["damping"] = case["ratio"] or 0.0
+    data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.FOLDER / "engine.wasm")}
+    data["sets"] = [own | each for each in sets]
+    scripts = "".join((assets.FOLDER / f"{n}.js").read_text() for n in ("engine", "data"))
+    done = subprocess.run(
+        ["node", "-e", scripts + PROGRAM], input=assets.embedded(data), capture_output=True,
+        text=True, check=True, timeout=60,
+    )  # fmt: skip
+    return json.loads(done.stdout)
+
+
+def same(found, hit, rel=1e-9):
+    for name in NAMES:
+        wanted = getattr(hit, name)
+        if wanted is None:
+            assert found[name] is None
+        else:
+            assert found[name] == pytest.approx(wanted, rel=rel, abs=1e-15), name
+    assert found["contacts"] == len(hit.contacts)
+
+
+@node
+@pytest.mark.parametrize(
+    ("model", "striker", "law", "options"),
+    [
+        (MODEL, STRIKER, LAW, {}),
+        (FREE, STRIKER, ao.Linear(1e7), {"gap": 1e-4}),
+        (replace(MODEL, damping=ao.Damping(0.02)), STRIKER, ao.HuntCrossley(1e9, 0.7), {}),
+        (replace(MODEL, local_compliance=2e-8), STRIKER, LAW, {}),
+        (MODEL, STRIKER, ao.Stronge(1e9, 1e-6), {}),
+        (FREE, ao.Obstacle(), LAW, {"initial_velocity": 1.0}),
+        (MODEL, ao.Impactor(FREE, 1.5), ao.Power(1e8, 1.3), {}),
+        (MODEL, STRIKER, ao.Tabulated([0, 1e-5, 1e-4, 1e-3], [0, 50, 1e3, 5e4]), {}),
+    ],
+)
+def test_the_engine_gives_the_numbers_of_simulate(model, striker, law, options):
+    hit = ao.simulate(model, striker, law, 3e-3, tol=1e-6, **options)
+    at = 0.7 * hit.contact_time
+    (found,) = on_the_page(hit, [{}], at=at)
+    same(found, hit)
+    q, _ = hit.states(np.array([at]))
+    assert found["q"] == pytest.approx(q[0], rel=1e-8, abs=1e-9 * np.abs(q).max())
+    assert found["at"] == pytest.approx(float(hit.force_at([at])[0]), rel=1e-8)
+
+
+@node
+def test_sliders_pose_what_simulate_poses():
+    model = replace(MODEL, local_compliance=1e-8)
+    hit = ao.simulate(model, STRIKER, LAW, 3e-3)
+    sets = [
+        {"mass": 0.05}, {"speed": 0.4}, {"stiffness": 4e8}, {"gap": 2e-5}, {"damping": 0.03},
+        {"mass": 0.7, "speed": 3.0, "stiffness": 2e9, "gap": 1e-4, "damping": 0.01},
+    ]  # fmt: skip
+    for found, given in zip(on_the_page(hit, sets), sets, strict=True):
+        striker = ao.RigidMass(given.get("mass", 0.2), given.get("speed", 1.5))
+        law = ao.Hertz(given.get("stiffness", 1e9))
+        damped = replace(model, damping=ao.Damping(given.get("damping", 0.0)))
+        same(found, ao.simulate(damped, striker, law, 3e-3, gap=given.get("gap"), tol=1e-6))
+
+
+def test_the_engine_is_built_of_these_sources():
+    """If not: `make page`, and commit engine.wasm."""
+    if not (march.SOURCE / "page").is_dir():
+        pytest.skip("an installation without the C sources")
+    assert march.source_hash(march.SOURCE).encode() in assets.engine()
+
+
+def test_other_scenes_are_not_repeated():
+    class Own(ao.Hertz):
+        pass
+
+    assert blow.of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), {}) is None
+
+
+CASES = [
+    (82.7e-6, "s", "82.7 µs"), (2204, "N", "2.20 kN"), (999.6, "N", "1.00 kN"),
+    (0.0042, "kg", "4.20 g"),
+    (12.5, "kg", "12.5 kg"), (2, "m/s", "2.00 m/s"), (0, "N", "0 N"), (float("nan"), "N", "–"),
+    (1.55e10, "N/m^1.5", "15.5 GN/m^1.5"), (1.234e5, "1/s", "1.23e+05 1/s"),
+    (-3.2e-9, "m", "-3.20 nm"), (0.61, "", "0.610"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("value", "unit", "shown"), CASES)
+def test_engineering_notation(value, unit, shown):
+    assert engineering(value, unit) == shown
+
+
+@node
+def test_the_page_writes_numbers_alike():
+    program = (assets.FOLDER / "units.js").read_text()
+    calls = [f"engineering({json.dumps(v)}, {json.dumps(u)})" for v, u, _ in CASES]
+    program += f"console.log(JSON.stringify([{','.join(calls)}]))"
+    done = subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [shown for *_, shown in CASES]

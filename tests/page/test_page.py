@@ -1,0 +1,194 @@
+"""The live report in a browser: the numbers of `simulate`; nothing is fetched, no name runs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import pytest
+
+import antiosc as ao
+from antiosc.app.page import assets
+from webdriver import MISSING, Browser
+
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
+STRIKER, LAW, DURATION = ao.RigidMass(0.2, 1.5), ao.Hertz(1e9), 3e-3
+HOSTILE = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> {{ 1 }} &"
+WIDTHS = (1300, 390)
+NAMES = ("peak_force", "impulse", "contact_time", "restitution")
+#: The numbers of the page, its sliders' values, and how wide it is.
+READ = """
+const cells = Object.fromEntries([...document.querySelectorAll("#numbers tr")].map((row) =>
+  [row.cells[0].textContent.replace(" ", "_"), Number(row.cells[1].dataset.value)]));
+const sliders = Object.fromEntries([...document.querySelectorAll("#sliders label")].map((row) =>
+  [row.querySelector("input").name, Number(row.querySelector("output").dataset.value)]));
+return {cells, sliders, width: document.documentElement.scrollWidth, title: document.title,
+  marked: document.getElementById("case").textContent, took: document.documentElement.dataset.took};
+"""
+MOVE = """
+for (const [name, place] of Object.entries(arguments[0])) {
+  const input = document.querySelector(`#sliders input[name=${name}]`);
+  input.value = place;
+  input.dispatchEvent(new Event("input"));
+}
+"""
+#: The share of the picture of the part that is not white.
+DRAWN = """
+const gl = document.getElementById("view").getContext("webgl2");
+const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+const read = new Uint8Array(4 * w * h);
+gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, read);
+let dark = 0;
+for (let i = 0; i < read.length; i += 4) dark += read[i] < 250;
+return dark / (w * h);
+"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as one:
+        yield one
+
+
+def opened(browser, page, width=1300):
+    """Open a page, and wait until it has struck."""
+    browser.open(page, width)
+    for _ in range(300):
+        if browser.run("return document.documentElement.dataset.ready"):
+            return browser.run(READ)
+        time.sleep(0.05)
+    raise AssertionError(browser.said())
+
+
+def simulated(sliders, model=MODEL, law=LAW):
+    damped = replace(model, damping=ao.Damping(sliders["damping"]))
+    striker = ao.RigidMass(sliders["mass"], sliders["speed"])
+    law = ao.Hertz(sliders["stiffness"])
+    return ao.simulate(damped, striker, law, DURATION, gap=sliders["gap"], tol=1e-6)
+
+
+def same(cells, hit):
+    for name in NAMES:
+        assert cells[name] == pytest.approx(getattr(hit, name), rel=1e-6), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
+def test_sliders_move_what_simulate_computes(browser, tmp_path, width):
+    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, tol=1e-6)
+    page = ao.write_report(tmp_path / "report.html", hit, title=HOSTILE)
+    before = opened(browser, page, width)
+    same(before["cells"], hit)
+    assert before["title"] == HOSTILE  # text, not elements
+    assert before["width"] <= width
+    assert "computed" in before["marked"]
+    browser.run(MOVE, {"mass": 60, "speed": 120, "stiffness": 140, "gap": 3, "damping": 40})
+    moved = browser.run(READ)
+    assert moved["sliders"]["mass"] < 0.2
+    assert moved["sliders"]["speed"] > 1.5
+    same(moved["cells"], simulated(moved["sliders"]))
+    assert moved["marked"] != before["marked"]
+    browser.run("document.getElementById('back').click()")
+    assert browser.run(READ)["cells"] == before["cells"]
+    asked = [one for one in browser.requested() if not one.startswith("data:")]
+    assert set(asked) <= {page.resolve().as_uri()}
+    assert browser.said() == []
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    """A small plate, its model, and a map of it."""
+    pytest.importorskip("dolfinx")
+    geo = tmp_path_factory.mktemp("plate") / "plate.geo"
+    geo.write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.2, 0.15};\n'
+        'Physical Surface("plate") = {1}; Physical Curve("rim") = {1, 2, 3, 4};\n'
+    )
+    mesh = ao.read_mesh(geo, size=0.02, gdim=3)
+    material = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=4e-3)
+    part = ao.Structure(mesh, material, [ao.Support("rim")])
+    site = ao.Site((0.08, 0.07, 0.0), (0, 0, -1), radius=2e-3)
+    return part, ao.extract(part, site, n=12, error="estimate")
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
+    part, model = plate
+    hit = ao.simulate(model, STRIKER, LAW, DURATION)
+    page = ao.write_report(tmp_path / "part.html", hit, part)
+    opened(browser, page)
+    still = browser.run(DRAWN)
+    assert still > 0.05
+    browser.run("page.part.view.turn += 1; page.part.view.draw()")
+    assert browser.run(DRAWN) != still
+    kinds = browser.run("return [...document.querySelectorAll('#kind option')].map((o) => o.value)")
+    assert kinds == ["", "motion", "stress"]
+    # stresses are means of the cells here, and the largest of them in `peak_field`
+    for kind, quantity, rel in (("motion", "displacement", 0.02), ("stress", "von_mises", 0.3)):
+        largest = browser.run(
+            """Object.assign(page, {kind: arguments[0], frame: 30});
+            page.picture();
+            return Math.max(...page.part.sizes(page.kind, page.part.states[30].x));""",
+            kind,
+        )
+        field = ao.peak_field(part, hit, quantity, times=[browser.run("return page.until / 2")])
+        assert largest == pytest.approx(field.values.max(), rel=rel)
+    # its bar follows: at the computed case it is that of the budget
+    bar = browser.run("return page.bar")
+    assert bar == pytest.approx(hit.error_budget["peak_force"].total, rel=1e-9)
+    browser.run(MOVE, {"stiffness": 190})
+    assert browser.run("return page.bar") != pytest.approx(bar, rel=1e-3)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, width):
+    part, _ = plate
+    points = [(x, y, 0.0) for x in (0.03, 0.07, 0.11, 0.15) for y in (0.04, 0.08, 0.12)]
+    found = ao.impact_map(
+        part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0
+    )
+    page = ao.write_report(tmp_path / "map.html", found, part)
+    assert page.stat().st_size < 1e6
+    assert opened(browser, page, width)["width"] <= width
+    assert browser.run(DRAWN) > 0.05
+    i = 7
+    browser.run(
+        """const view = document.getElementById("view"), {sites} = page;
+        const [x, y] = sites.view.seen(sites.at(arguments[0]));
+        const box = view.getBoundingClientRect(), at = {clientX: box.x + x, clientY: box.y + y,
+          pointerId: 1, bubbles: true};
+        view.setPointerCapture = () => {};
+        view.dispatchEvent(new PointerEvent("pointerdown", at));
+        view.dispatchEvent(new PointerEvent("pointerup", at));""",
+        i,
+    )
+    assert browser.run("return page.site") == i
+    read = browser.run(READ)
+    same(read["cells"], ao.simulate(found.model(i), STRIKER, LAW, DURATION, tol=1e-6))
+    forces = browser.run("return Array.from(page.sites.values.peak_force)")
+    assert forces == pytest.approx(found.peak_force, rel=3e-3)
+
+
+@pytest.mark.slow
+def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
+    script = assets.script().replace('.getContext("webgl2"', '.getContext("none"')
+    monkeypatch.setattr(assets, "script", lambda: script)
+    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, tol=1e-6)
+    page = ao.write_report(tmp_path / "flat.html", hit)
+    same(opened(browser, page)["cells"], hit)
+    assert browser.run("return document.body.className") == "live flat"
+
+
+def test_only_results_are_reported(tmp_path):
+    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION)
+    with pytest.raises(ao.InputError):
+        ao.write_report(tmp_path / "report.txt", hit)
+    with pytest.raises(ao.InputError):
+        ao.write_report(tmp_path / "report.html", MODEL)
+    with pytest.raises(ao.InputError):
+        ao.write_report(tmp_path / "report.html", hit, 3.0)
