@@ -1,9 +1,12 @@
 /* The library as one translation unit. */
+#include "batch.c"
 #include "contact_step.c"
 #include "crossings.c"
+#include "expected.c"
 #include "flight.c"
 #include "forces.c"
 #include "gradient.c"
+#include "impacts.c"
 #include "law_slopes.c"
 #include "laws.c"
 #include "response_slopes.c"

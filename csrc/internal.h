@@ -51,7 +51,7 @@ typedef struct nodes {
 /* Responses after a time `span`, for the length of a step. */
 typedef struct slot {
     double span; /* [s], NaN: none */
-    bool has_coupling, has_local, has_moves;
+    bool has_rows, has_coupling, has_local, has_moves;
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
@@ -148,6 +148,7 @@ int count_groups(const aom_system *system);
 void find_groups(aom_stepper *st);
 void find_spans(aom_stepper *st);
 void ready_moves(aom_stepper *st, int slot);
+void renew_rows(aom_stepper *st, const aom_system *system);
 
 /* ---- response_slopes.c */
 void response_slopes(int n, const double *omega, const double *decay, double t,

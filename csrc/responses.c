@@ -165,15 +165,17 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
             }
     }
     s->span = t;
+    s->has_rows = true;
     s->has_coupling = s->has_local = s->has_moves = false;
 }
 
 /* See to it that a slot holds the responses after t. */
 void ready_rows(aom_stepper *st, int index, double t) {
     slot *s = st->slots + index;
-    if (s->span == t)
+    if (s->span == t && s->has_rows)
         return;
-    aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
+    if (s->span != t)
+        aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
     fill_rows(st, s, t);
 }
 
@@ -192,6 +194,14 @@ void ready_step(aom_stepper *st, int index, double h) {
                     half->response);
     fill_rows(st, whole, h);
     fill_rows(st, half, 0.5 * h);
+}
+
+/* Be for other rows, each a group, of the same modes, whose responses stay. */
+void renew_rows(aom_stepper *st, const aom_system *system) {
+    st->system = *system;
+    find_spans(st);
+    for (int k = 0; k < SLOTS; k++)
+        st->slots[k].has_rows = st->slots[k].has_local = false;
 }
 
 /* ---- groups of rows */

@@ -37,7 +37,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         influence *local = take(a, m + G * G, sizeof(influence));
         double *moves = take(a, (4 + 4 * m) * J, sizeof(double));
         if (s != NULL)
-            *s = (slot){NAN, false, false, false, response, rows, coupling, local, moves};
+            *s = (slot){NAN, false, false, false, false, response, rows, coupling, local, moves};
     }
 }
 
