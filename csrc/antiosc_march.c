@@ -1,4 +1,5 @@
 /* The library as one translation unit. */
+#include "arrow_modes.c"
 #include "batch.c"
 #include "contact_step.c"
 #include "crossings.c"

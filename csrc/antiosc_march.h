@@ -414,6 +414,16 @@ AOM_API aom_numbers aom_read_contact(const aom_system *system, const aom_record 
  * impulse; touches belong to one impact if the flight between them is shorter than it was until then. */
 AOM_API double aom_main_impact(int64_t n, const aom_touch *touches);
 
+/* ---- Models ---------------------------------------------------------------------------------- */
+
+/* Free modes of k0, m0 and n > 0 anti-oscillators of masses m > 0 with distinct ascending squared
+ * frequencies p > 0: squared frequencies into x [J], J = n + 1, n if m0 = 0, shapes of unit modal mass
+ * into shape [n + 1][J], row 0 the site. All to full relative precision whatever the masses: each zero
+ * of the driving-point stiffness is sought as a shift from its nearest pole. Returns how many have not
+ * converged. */
+AOM_API int aom_arrow_modes(double k0, double m0, int n, const double *m, const double *p,
+                            double *x, double *shape);
+
 /* ---- Batches --------------------------------------------------------------------------------- */
 
 /* Two bodies with one contact, in one row, undeformed at the start. */

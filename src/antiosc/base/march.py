@@ -267,6 +267,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_read_contact": (
         Numbers, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p, c_ssize_t,
     ),
+    "aom_arrow_modes": (c_int, c_double, c_double, c_int, c_void_p, c_void_p, c_void_p, c_void_p),
     "aom_main_impact": (c_double, c_int64, c_void_p),
     "aom_expect": (Expected, c_void_p),
     "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
