@@ -90,7 +90,7 @@ static int begin(aom_batch *b, const aom_impact *s) {
         return AOM_BAD_SIZE;
     if (!(s->duration > 0.0 && s->duration < INFINITY && s->mass > 0.0 && s->gap >= 0.0))
         return AOM_BAD_OPTIONS;
-    if (aom_law_check(&s->law) != AOM_DONE)
+    if (aom_law_check(&s->law) != AOM_DONE || (s->law.user != NULL && s->law.user->work == NULL))
         return AOM_BAD_LAW;
     b->expected = aom_expect(s);
     b->contact = (aom_contact){.law = s->law,

@@ -32,7 +32,8 @@ aom_options aom_default_options(double duration) {
 static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t G) {
     for (int k = 0; k < SLOTS; k++) {
         slot *s = st == NULL ? NULL : st->slots + k;
-        double *response = take(a, 6 * J, sizeof(double)), *rows = take(a, 4 * m * J, sizeof(double));
+        double *response = take(a, 6 * J, sizeof(double));
+        double *rows = take(a, 8 * m * ((J + 1) / 2), sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
         if (s != NULL)
