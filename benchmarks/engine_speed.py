@@ -2,9 +2,9 @@
 
 The article's case 2 with error estimate at tol = 1e-3: a mass of 0.24 kg strikes the middle of a
 pinned beam. `engine` is the C library with the refinement of its runs, `simulate` all that a user
-calls; of a batch, C is the one call of the library. Seconds are those of the processor, but for threads; the least and the median of repeats, for
-other work on the machine counts. Instructions are those of a warm `simulate` as valgrind counts
-them, which other work does not change.
+calls; of a batch, C is the one call of the library. Seconds are those of the processor, but for
+threads; the least and the median of repeats, for other work on the machine counts. Instructions are
+those of a warm `simulate` as valgrind counts them, which other work does not change.
 
     OMP_NUM_THREADS=1 .venv/bin/python benchmarks/engine_speed.py
 """

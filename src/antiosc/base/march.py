@@ -10,7 +10,17 @@ import ctypes
 import hashlib
 import platform as platforms
 import sys
-from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_int64, c_size_t, c_ssize_t, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char_p,
+    c_double,
+    c_int,
+    c_int64,
+    c_size_t,
+    c_ssize_t,
+    c_void_p,
+)
 from pathlib import Path
 from typing import Any
 

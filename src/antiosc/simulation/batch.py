@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -203,8 +204,8 @@ def simulate_many(
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
             found: Iterable[Any] = (
-                _solved(*given, done=lambda n, k=k: ready(k * chunk + n))
-                for k, (given, _) in enumerate(calls)
+                _solved(some, own, limits, partial(_further, ready, k * chunk))
+                for k, ((some, own, _), _) in enumerate(calls)
             )
         else:
             found = returned(executor, _solved, calls)
@@ -258,12 +259,18 @@ def _solved(
             groups.setdefault(key, []).append(i)
     for group in groups.values():
         here = [scenes[i] for i in group]
-        rows.update(zip(group, _together(here, limits, lambda n: done(len(rows) + n)), strict=True))
+        found = _together(here, limits, partial(_further, done, len(rows)))
+        rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
-        if rows.get(i) is None:
+        if i not in rows:
             rows[i] = _alone(scene, step, limits)
             done(len(rows))
     return [rows[i] for i in range(len(scenes))]
+
+
+def _further(done: Callable[[int], None], before: int, count: int) -> None:
+    """Tell how many are done, of which some were before."""
+    done(before + count)
 
 
 def _together(

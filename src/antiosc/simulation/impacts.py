@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_int64, c_void_p
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.impactors import RigidMass, Sphere
 from antiosc.simulation.two_bodies import LAW, Pair, pair
 
-IMPACT, OUTCOME = np.dtype(march.Impact), np.dtype(march.Outcome)
+IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
+OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
 
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
 _AT_ONCE = 4_000_000
@@ -140,8 +141,8 @@ def _turning(made: Pair) -> list[Array]:
         span = slice(begin, begin + modes.omega.size)
         begin = span.stop
         if modes.inertia is not None and not modes.omega.all():
-            turning = np.zeros((3, made.omega.size))
-            turning[:, span] = modes.inertia.rotation(np.diag(np.where(modes.omega == 0, 1.0, 0.0))).T
+            turning, rigid = np.zeros((3, made.omega.size)), np.diag((modes.omega == 0) * 1.0)
+            turning[:, span] = modes.inertia.rotation(rigid).T
             found.append(turning)
     return [np.array(found)] if found else []
 

@@ -82,6 +82,7 @@ class Ended(NamedTuple):
     peak: float
     certain: float
 
+
 def solved(
     kind: Callable[..., H],
     assembly: Assembly,
@@ -202,9 +203,7 @@ def exactly(
     return Converged(found, step, 0.0, 0.0, duration), failure
 
 
-def inexact(
-    ended: Ended | Converged, tol: float, max_steps: int, gain: Callable[[], float]
-) -> str:
+def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable[[], float]) -> str:
     """Why a run that reached its end does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst == np.inf:

@@ -52,9 +52,7 @@ def scales(
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
                 whole, pull = contact.law, float(push[c] * mass[c])
-                most = deepest(
-                    whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR
-                )
+                most = deepest(whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR)
                 stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
                     patches = 0.0
