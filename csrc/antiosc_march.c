@@ -1,9 +1,13 @@
 /* The library as one translation unit. */
+#include "arrow_modes.c"
+#include "batch.c"
 #include "contact_step.c"
 #include "crossings.c"
+#include "expected.c"
 #include "flight.c"
 #include "forces.c"
 #include "gradient.c"
+#include "impacts.c"
 #include "law_slopes.c"
 #include "laws.c"
 #include "response_slopes.c"

@@ -38,7 +38,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 3 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 4 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -127,6 +127,8 @@ typedef struct aom_user_law {
     int (*touch)(void *context, double speed, int first, double *state, double *origin);
     /* a step ended: bring state and origin up to date */
     int (*advance)(void *context, double delta, double rate, double *state, double *origin);
+    /* work of loading a new contact that closes at a speed up to delta; of aom_law_deepest alone */
+    int (*work)(void *context, double speed, double delta, double *work);
 } aom_user_law;
 
 typedef struct aom_law {
@@ -379,6 +381,104 @@ AOM_API aom_difference aom_compare(int n_rows, int64_t n_a, const double *time_a
  * value, into out [n][2]. */
 AOM_API void aom_pulses(const double *time, const double *force, int n_rows, int row, int64_t n,
                         const int64_t *spans, double *out);
+
+/* A time that a contact is closed. */
+typedef struct aom_touch {
+    double start, end, speed; /* [s], closing speed [m/s] */
+    double impulse, peak;     /* [N s], [N]; by aom_read_contact */
+    int64_t first, last;      /* the steps that begin there */
+} aom_touch;
+
+/* The times that a contact is closed, into out, which has room for one more than the events; their
+ * number. `closed`: it is so from the start. `open`: it is so at the end. What is over at once does
+ * not count. */
+AOM_API int64_t aom_touches(const aom_record *record, int contact, int closed, aom_touch *out,
+                            int *open);
+
+typedef struct aom_numbers {
+    double peak, impulse; /* [N], [N s] */
+    double contact_time;  /* of the main impact [s]: aom_main_impact */
+    double restitution;   /* parting over closing speed by the rigid modes; NaN: open, or none */
+    double closed;        /* in all [s] */
+    int64_t steps;        /* of all touches */
+} aom_numbers;
+
+/* The numbers of a contact from its touches, of which impulse and peak are found. The modal velocities
+ * [n_modes] of step k stand at v + k stride; with stride 0 those at the start and the end of each
+ * touch at v, one after the other. Where a rigid mode knows the impulse, it is that. */
+AOM_API aom_numbers aom_read_contact(const aom_system *system, const aom_record *record,
+                                     int contact, int open, int64_t n, aom_touch *touches,
+                                     const double *v, ptrdiff_t stride);
+
+/* Time [s] from the first touch to the last release of the main impact, that with the largest
+ * impulse; touches belong to one impact if the flight between them is shorter than it was until then. */
+AOM_API double aom_main_impact(int64_t n, const aom_touch *touches);
+
+/* ---- Models ---------------------------------------------------------------------------------- */
+
+/* Free modes of k0, m0 and n > 0 anti-oscillators of masses m > 0 with distinct ascending squared
+ * frequencies p > 0: squared frequencies into x [J], J = n + 1, n if m0 = 0, shapes of unit modal mass
+ * into shape [n + 1][J], row 0 the site. All to full relative precision whatever the masses: each zero
+ * of the driving-point stiffness is sought as a shift from its nearest pole. Returns how many have not
+ * converged. */
+AOM_API int aom_arrow_modes(double k0, double m0, int n, const double *m, const double *p,
+                            double *x, double *shape);
+
+/* ---- Batches --------------------------------------------------------------------------------- */
+
+/* Two bodies with one contact, in one row, undeformed at the start. */
+typedef struct aom_impact {
+    int n_modes, n_turning;              /* n_turning: bodies whose rotation is asked for */
+    const double *omega, *decay, *beta;  /* [n_modes] as of aom_system */
+    const double *v, *load;              /* [n_modes] at the start; constant */
+    const double *turning;               /* [n_turning][3][n_modes] rotation vectors by q */
+    aom_law law;
+    double residual, gap, mass, duration; /* mass: inertia behind the contact, roughly */
+    double rel_tol;
+    int64_t max_contacts, max_steps;
+} aom_impact;
+
+typedef struct aom_expected {
+    double depth, speed, time; /* largest indentation, closing speed, time of the contact, roughly */
+} aom_expected;
+
+/* What is expected of an impact; NaN where a law of the caller's fails. */
+AOM_API aom_expected aom_expect(const aom_impact *impact);
+
+/* Indentation, at most `high`, that absorbs an energy and the work of a force `push`, of a new contact
+ * that closes at a speed; `close` is its relative error. */
+AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, double push,
+                               double high, double close);
+
+typedef struct aom_outcome {
+    int64_t status; /* of the best run; AOM_FULL: it is too long for a batch */
+    int64_t contacts, touches, open, n_nodes, body;
+    aom_numbers numbers;
+    double force_error, peak_error, certain; /* as of aom_solution */
+    double time, lasting;                    /* reached; expected of the contact [s] */
+    double gained, highest;                  /* as of aom_summary */
+    double turned;                           /* the largest rotation [rad], of `body` */
+} aom_outcome;
+
+/* Nodes and forces of the touches, one impact behind the other; a pulse is parabolas as in a record. */
+typedef struct aom_pulse_nodes {
+    int64_t max_nodes, n_nodes;
+    double *time, *force;
+} aom_pulse_nodes;
+
+typedef struct aom_batch aom_batch; /* opaque, in the caller's memory */
+
+/* Bytes of a batch of impacts with so many modes, 0 if out of range; nodes that one may write. */
+AOM_API size_t aom_batch_size(int n_modes);
+AOM_API int64_t aom_batch_nodes(int n_modes);
+AOM_API int aom_batch_create(int n_modes, void *memory, size_t bytes, aom_batch **made);
+
+/* Solve the impacts from *done on as aom_solve does, which counts on. AOM_FULL: there is no room for
+ * the nodes of the next one, empty them; AOM_PAUSED: so many attempts are made; then call it again
+ * with the same impacts. */
+AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impacts,
+                            aom_outcome *outcomes, aom_pulse_nodes *pulses, int64_t max_attempts,
+                            int64_t *done);
 
 #ifdef __cplusplus
 }

@@ -3,6 +3,7 @@
 
 #define INTERPOLATION 0.0482 /* max |s (s - 1/2)(s - 1)| on [0, 1] */
 #define KINKED 0.075         /* error of the parabola through t^(3/2), over its second difference */
+#define RELEASED 1e-2        /* of what a bound is met to: a release is located more sharply */
 #define RIPPLE 2.0           /* force of unresolved vibrations, over the error of a step's force */
 
 /* Forces and motion of a step h under contact, into the workspace; false if they are not found. */
@@ -119,7 +120,7 @@ static bool end_at_exit(aom_stepper *st, double first) {
             return false;
         double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
         if (fabs(g) <= close) {
-            if (near || exit != LOW || -v * length < 1e3 * close || length + g / v == length)
+            if (near || exit != LOW || -v * length < 1e3 * close || fabs(g) <= RELEASED * close)
                 break;
             near = true; /* a release is located to rounding: once more */
         }

@@ -3,60 +3,84 @@
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
-/* Add to the indentation and the rate of a row what n of its modes do. Two sums of each, so that
- * additions need not wait for each other. */
-static void add_modes(int n, ptrdiff_t J, const double *restrict rows, const double *restrict q,
-                      const double *restrict v, double *depth, double *rate) {
-    const double *restrict a = rows, *restrict b = a + J, *restrict c = b + J, *restrict d = c + J;
-    double x[2] = {0.0, 0.0}, y[2] = {0.0, 0.0};
-    int j = 0;
-    for (; j + 1 < n; j += 2)
-        for (int k = 0; k < 2; k++) {
-            x[k] += a[j + k] * q[j + k] + b[j + k] * v[j + k];
-            y[k] += c[j + k] * q[j + k] + d[j + k] * v[j + k];
+/* Indentation and rate of a row. */
+typedef struct motion {
+    double depth, rate;
+} motion;
+
+/* What n pairs of modes add to a row at `count` times, of which rows[k] are its responses. Two sums
+ * of each, so that additions need not wait for each other. */
+static inline void add_modes(int n, const double *const *rows, int count, const double *q,
+                             const double *v, motion *out) {
+    two x[2] = {both(0.0), both(0.0)}, y[2] = {both(0.0), both(0.0)};
+    for (int p = 0; p < n; p++) {
+        two a = two_at(q + 2 * p), b = two_at(v + 2 * p);
+        for (int k = 0; k < count; k++) {
+            const double *at = rows[k] + 8 * p;
+            x[k] = plus(x[k], plus(times(two_aligned(at), a), times(two_aligned(at + 2), b)));
+            y[k] = plus(y[k], plus(times(two_aligned(at + 4), a), times(two_aligned(at + 6), b)));
         }
-    if (j < n) {
-        x[0] += a[j] * q[j] + b[j] * v[j];
-        y[0] += c[j] * q[j] + d[j] * v[j];
     }
-    *depth += x[0] + x[1];
-    *rate += y[0] + y[1];
+    for (int k = 0; k < count; k++) {
+        out[k].depth += first_of(x[k]) + second_of(x[k]);
+        out[k].rate += first_of(y[k]) + second_of(y[k]);
+    }
 }
 
-/* Indentations and rates of all rows after the time of a slot without contact forces. Depth and
- * rate of row i go to depth[i * stride], rate[i * stride]. */
-static void free_motion(const aom_stepper *st, int index, double t, double *depth, double *rate,
-                        ptrdiff_t stride) {
-    int J = st->system.n_modes, m = st->system.n_rows;
-    const slot *s = st->slots + index;
-    const double *q = st->x, *v = st->x + J;
+/* What the loads add to a row after the time of a slot. */
+static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) {
+    int J = st->system.n_modes;
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
-    for (int i = 0; i < m; i++) {
-        const row_span *span = st->spans + i;
-        double total = 0.0, speed = 0.0;
-        for (int part = 0; part < 2; part++) {
-            int from = span->begin[part], n = span->end[part] - from;
-            if (n > 0)
-                add_modes(n, J, s->rows + 4 * (ptrdiff_t)i * J + from, q + from, v + from, &total,
-                          &speed);
-        }
-        if (st->loaded) {
-            const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-            for (int j = 0; j < J; j++) {
-                total += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
-                speed += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
-            }
-        }
-        depth[i * stride] = total - (st->work.offset[i] + st->work.drift[i] * t);
-        rate[i * stride] = speed - st->work.drift[i];
+    const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
+    for (int j = 0; j < J; j++) {
+        out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
+        out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
+    }
+}
+
+/* Indentation and rate of a row without contact forces after the times of `count` slots. */
+static inline void free_row(const aom_stepper *st, int i, const slot *const *slots, const double *t,
+                            int count, motion *out) {
+    const row_span *span = st->spans + i;
+    for (int k = 0; k < count; k++)
+        out[k] = (motion){0.0, 0.0};
+    for (int part = 0; part < 2; part++) {
+        const double *rows[2], *q = st->x + (span->begin[part] & ~1);
+        int pairs = (span->end[part] + 1) / 2 - span->begin[part] / 2;
+        if (span->end[part] <= span->begin[part])
+            continue;
+        for (int k = 0; k < count; k++)
+            rows[k] = row_of(st, slots[k], i, span->begin[part]);
+        add_modes(pairs, rows, count, q, q + st->system.n_modes, out);
+    }
+    for (int k = 0; k < count; k++) {
+        if (st->loaded)
+            add_loads(st, i, slots[k], out + k);
+        out[k].depth -= st->work.offset[i] + st->work.drift[i] * t[k];
+        out[k].rate -= st->work.drift[i];
+    }
+}
+
+/* Indentations and rates of all rows after the time of a slot without contact forces. */
+static void free_motion(const aom_stepper *st, int index, double t, double *depth, double *rate) {
+    const slot *s = st->slots + index;
+    for (int i = 0; i < st->system.n_rows; i++) {
+        motion out;
+        free_row(st, i, &s, &t, 1, &out);
+        depth[i] = out.depth;
+        rate[i] = out.rate;
     }
 }
 
 /* Indentations and rates at h/2 and h without contact forces. */
-void free_step(aom_stepper *st, int index, double h, stages *out) {
-    ptrdiff_t stride = (ptrdiff_t)(sizeof *out / sizeof(double));
-    free_motion(st, index + 1, 0.5 * h, out->depth, out->rate, stride);
-    free_motion(st, index, h, out->depth + 1, out->rate + 1, stride);
+void free_step(aom_stepper *st, int index, double h, stages *to) {
+    const slot *const slots[2] = {st->slots + index + 1, st->slots + index};
+    const double t[2] = {0.5 * h, h};
+    for (int i = 0; i < st->system.n_rows; i++) {
+        motion out[2];
+        free_row(st, i, slots, t, 2, out);
+        to[i] = (stages){{out[0].depth, out[1].depth}, {out[0].rate, out[1].rate}};
+    }
 }
 
 /* Loads and gaps from the present time on, with their slopes; the time that they hold. */
@@ -142,12 +166,12 @@ static double touch_time(aom_stepper *st, int c, double after, double closing, d
         guess = h * before / (before - after);
     double low = 0.0, high = h, sharp = 0.01 * SHARP * st->contacts[c].depth_scale;
     double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
-    stages *motion = st->work.base;
-    ptrdiff_t stride = (ptrdiff_t)(sizeof *motion / sizeof(double));
+    const slot *s = st->slots + SCRATCH;
     for (int tries = 0; tries < 60; tries++) {
+        motion out;
         ready_rows(st, SCRATCH, guess);
-        free_motion(st, SCRATCH, guess, motion->depth, motion->rate, stride);
-        double g = motion[c].depth[0] - origin, v = motion[c].rate[0];
+        free_row(st, c, &s, &guess, 1, &out);
+        double g = out.depth - origin, v = out.rate;
         if (fabs(g) <= sharp)
             break;
         if (g > 0.0)
@@ -246,7 +270,7 @@ int flight_step(aom_stepper *st) {
             h = now->left;
         }
         ready_rows(st, index, h);
-        free_motion(st, index, h, st->work.free_depth, st->work.free_rate, 1);
+        free_motion(st, index, h, w->free_depth, w->free_rate);
         bool clear = true;
         struck = false;
         for (int c = 0; c < st->system.n_contacts; c++) {
@@ -273,15 +297,9 @@ int flight_step(aom_stepper *st) {
     if (struck && h <= 1e-15 * st->options.duration)
         return AT_ONCE;
     ready_step(st, index, h);
-    ptrdiff_t stride = (ptrdiff_t)(sizeof *w->motion / sizeof(double));
-    if (first < INFINITY)
-        free_motion(st, index, h, w->free_depth, w->free_rate, 1);
-    free_motion(st, index + 1, 0.5 * h, w->motion->depth, w->motion->rate, stride);
-    for (int i = 0; i < st->system.n_rows; i++) {
-        w->motion[i].depth[1] = w->free_depth[i];
-        w->motion[i].rate[1] = w->free_rate[i];
+    free_step(st, index, h, w->motion);
+    for (int i = 0; i < st->system.n_rows; i++)
         w->force[i] = (nodes){{0.0, 0.0, 0.0}};
-    }
     now->step = h;
     return index;
 }

@@ -51,12 +51,11 @@ typedef struct nodes {
 /* Responses after a time `span`, for the length of a step. */
 typedef struct slot {
     double span; /* [s], NaN: none */
-    bool has_coupling, has_local, has_moves;
+    bool has_rows, has_coupling, has_local;
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
-    double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
+    double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
-    double *moves;    /* [4][J], then [m][4][J]: what takes (q, v) over the step */
 } slot;
 
 /* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
@@ -130,7 +129,7 @@ struct aom_stepper {
     /* what aom_save keeps: contiguous from here */
     course now;
     size_t changing_bytes;
-    double *x; /* [2][J]: q, v */
+    double *x; /* [2][J]: q, v, and one number beyond, 0 */
     row_state *rows;
     contact_state *contacts;
     /* bounds of a flight, found at its begin: */
@@ -147,7 +146,7 @@ void ready_local(aom_stepper *st, int slot, double h);
 int count_groups(const aom_system *system);
 void find_groups(aom_stepper *st);
 void find_spans(aom_stepper *st);
-void ready_moves(aom_stepper *st, int slot);
+void renew_rows(aom_stepper *st, const aom_system *system);
 
 /* ---- response_slopes.c */
 void response_slopes(int n, const double *omega, const double *decay, double t,
@@ -221,6 +220,34 @@ static inline void *take(arena *a, size_t count, size_t size) {
     return a->at == NULL ? NULL : a->at + begin;
 }
 
+/* Two numbers at once, which compilers other than GCC and Clang do one by one, to the same bits. */
+#if defined(__GNUC__)
+typedef double two __attribute__((vector_size(16)));
+static inline two two_at(const double *x) {
+    two found;
+    memcpy(&found, x, sizeof found);
+    return found;
+}
+/* Of an address that is a multiple of 16. */
+static inline two two_aligned(const double *x) { return two_at(__builtin_assume_aligned(x, 16)); }
+static inline two times(two a, two b) { return a * b; }
+static inline two plus(two a, two b) { return a + b; }
+static inline two both(double x) { return (two){x, x}; }
+static inline double first_of(two a) { return a[0]; }
+static inline double second_of(two a) { return a[1]; }
+#else
+typedef struct two {
+    double x[2];
+} two;
+static inline two two_at(const double *x) { return (two){{x[0], x[1]}}; }
+static inline two two_aligned(const double *x) { return two_at(x); }
+static inline two times(two a, two b) { return (two){{a.x[0] * b.x[0], a.x[1] * b.x[1]}}; }
+static inline two plus(two a, two b) { return (two){{a.x[0] + b.x[0], a.x[1] + b.x[1]}}; }
+static inline two both(double x) { return (two){{x, x}}; }
+static inline double first_of(two a) { return a.x[0]; }
+static inline double second_of(two a) { return a.x[1]; }
+#endif
+
 /* Answers of contact_step and flight_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
 
@@ -232,6 +259,10 @@ static inline double within(double x, double low, double high) {
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
 static inline const double *beta_row(const aom_stepper *st, int i) {
     return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
+}
+/* Where the responses of mode j of a row begin; of the mode beside it they stand one behind. */
+static inline double *row_of(const aom_stepper *st, const slot *s, int i, int j) {
+    return s->rows + 8 * ((ptrdiff_t)i * ((st->system.n_modes + 1) / 2) + j / 2);
 }
 /* The pair of two groups. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {

@@ -154,26 +154,32 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
     const double *P = s->response, *W = P + J, *S = W + J;
     for (int i = 0; i < st->system.n_rows; i++) {
         const double *beta = beta_row(st, i);
-        double *depth_q = s->rows + 4 * (ptrdiff_t)i * J, *depth_v = depth_q + J;
-        double *rate_q = depth_v + J, *rate_v = rate_q + J;
         for (int part = 0; part < 2; part++)
-            for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-                depth_q[j] = beta[j] * P[j];
-                depth_v[j] = beta[j] * S[j];
-                rate_q[j] = -omega[j] * omega[j] * depth_v[j];
-                rate_v[j] = beta[j] * W[j];
+            for (int j = st->spans[i].begin[part] & ~1; j < st->spans[i].end[part]; j += 2) {
+                double *at = row_of(st, s, i, j);
+                for (int k = 0; k < 2; k++) {
+                    bool there = j + k < J; /* beyond the span beta is 0 */
+                    double b = there ? beta[j + k] : 0.0, w = there ? omega[j + k] : 0.0;
+                    double by_v = there ? b * S[j + k] : 0.0;
+                    at[k] = there ? b * P[j + k] : 0.0;
+                    at[2 + k] = by_v;
+                    at[4 + k] = -w * w * by_v;
+                    at[6 + k] = there ? b * W[j + k] : 0.0;
+                }
             }
     }
     s->span = t;
-    s->has_coupling = s->has_local = s->has_moves = false;
+    s->has_rows = true;
+    s->has_coupling = s->has_local = false;
 }
 
 /* See to it that a slot holds the responses after t. */
 void ready_rows(aom_stepper *st, int index, double t) {
     slot *s = st->slots + index;
-    if (s->span == t)
+    if (s->span == t && s->has_rows)
         return;
-    aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
+    if (s->span != t)
+        aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
     fill_rows(st, s, t);
 }
 
@@ -192,6 +198,14 @@ void ready_step(aom_stepper *st, int index, double h) {
                     half->response);
     fill_rows(st, whole, h);
     fill_rows(st, half, 0.5 * h);
+}
+
+/* Be for other rows, each a group, of the same modes, whose responses stay. */
+void renew_rows(aom_stepper *st, const aom_system *system) {
+    st->system = *system;
+    find_spans(st);
+    for (int k = 0; k < SLOTS; k++)
+        st->slots[k].has_rows = st->slots[k].has_local = false;
 }
 
 /* ---- groups of rows */
@@ -349,30 +363,4 @@ void ready_local(aom_stepper *st, int index, double h) {
         }
     }
     whole->has_local = true;
-}
-
-/* See to it that a slot holds what takes (q, v) over the step: (P, W), (S, -omega^2 S), and beta (S,
- * J0, J1, J2) of each row, with which values, slopes and curvatures of its force count. */
-void ready_moves(aom_stepper *st, int index) {
-    slot *s = st->slots + index;
-    if (s->has_moves)
-        return;
-    int J = st->system.n_modes;
-    const double *P = s->response, *W = P + J, *S = W + J, *omega = st->system.omega;
-    double *to = s->moves;
-    memcpy(to, P, (size_t)J * sizeof *to);
-    memcpy(to + J, W, (size_t)J * sizeof *to);
-    for (int j = 0; j < J; j++) {
-        to[2 * J + j] = S[j];
-        to[3 * J + j] = -omega[j] * omega[j] * S[j];
-    }
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *beta = beta_row(st, i);
-        double *out = to + 4 * (1 + (ptrdiff_t)i) * J;
-        for (ptrdiff_t k = 0; k < 4; k++)
-            for (int part = 0; part < 2; part++)
-                for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++)
-                    out[k * J + j] = beta[j] * S[k * J + j];
-    }
-    s->has_moves = true;
 }

@@ -142,23 +142,3 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
         found.until = integrals(m, a, b, found.until, tol * tol * total[1], total, peaks);
     return found;
 }
-
-static void pulse(const double *time, const double *force, int m, int row, int64_t first,
-                  int64_t last, double *area, double *peak) {
-    *area = *peak = 0.0;
-    for (int64_t n = 2 * first; n < 2 * last; n += 2) {
-        const double *f = force + n * m + row;
-        double f0 = f[0], f1 = f[m], f2 = f[2 * m], a = f1 - f0, b = f2 - f1;
-        *area += (time[n + 2] - time[n]) * (f0 + 4.0 * f1 + f2) / 6.0;
-        if (3.0 * a > b && 3.0 * b < a) /* it rises at first and falls at last */
-            *peak = larger(*peak, f0 + (3.0 * a - b) * (3.0 * a - b) / (8.0 * (a - b)));
-        else
-            *peak = larger(*peak, larger(f0, f2));
-    }
-}
-
-void aom_pulses(const double *time, const double *force, int m, int row, int64_t n,
-                const int64_t *spans, double *out) {
-    for (int64_t k = 0; k < n; k++)
-        pulse(time, force, m, row, spans[2 * k], spans[2 * k + 1], out + 2 * k, out + 2 * k + 1);
-}

@@ -32,12 +32,12 @@ aom_options aom_default_options(double duration) {
 static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t G) {
     for (int k = 0; k < SLOTS; k++) {
         slot *s = st == NULL ? NULL : st->slots + k;
-        double *response = take(a, 6 * J, sizeof(double)), *rows = take(a, 4 * m * J, sizeof(double));
+        double *response = take(a, 6 * J, sizeof(double));
+        double *rows = take(a, 8 * m * ((J + 1) / 2), sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
-        double *moves = take(a, (4 + 4 * m) * J, sizeof(double));
         if (s != NULL)
-            *s = (slot){NAN, false, false, false, response, rows, coupling, local, moves};
+            *s = (slot){NAN, false, false, false, response, rows, coupling, local};
     }
 }
 
@@ -75,7 +75,7 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     to->first = take(&a, G, sizeof(int));
     to->second = take(&a, G, sizeof(int));
     size_t changing = a.used;
-    to->x = take(&a, 2 * J, sizeof(double));
+    to->x = take(&a, 2 * J + 1, sizeof(double));
     to->rows = take(&a, m, sizeof(row_state));
     to->contacts = take(&a, p, sizeof(contact_state));
     to->swing = take(&a, p * J, sizeof(double));
@@ -275,6 +275,7 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
     start_slots(st);
     memcpy(st->x, system->q, (size_t)J * sizeof *st->x);
     memcpy(st->x + J, system->v, (size_t)J * sizeof *st->x);
+    st->x[2 * J] = 0.0;
     start_rows(st);
     start_contacts(st);
     st->now.given = st->now.highest = system->stored + mechanical_energy(J, st->x, system->omega);
@@ -298,24 +299,26 @@ static double loads_on(const aom_stepper *st, double h) {
     return total;
 }
 
-/* The state after free motion over the step of a slot. */
-static void turn(int J, const double *restrict moves, double *restrict q, double *restrict v) {
-    const double *P = moves, *W = P + J, *S = W + J, *back = S + J;
+/* The state after a step without forces. */
+static void turn(int J, const double *restrict omega, const double *restrict response,
+                 double *restrict q, double *restrict v) {
+    const double *P = response, *W = P + J, *S = W + J;
     for (int j = 0; j < J; j++) {
         double a = q[j], b = v[j];
         q[j] = P[j] * a + S[j] * b;
-        v[j] = W[j] * b + back[j] * a;
+        v[j] = W[j] * b - omega[j] * omega[j] * S[j] * a;
     }
 }
 
-/* What a force with value, slope and curvature f at the step's start takes from modes of the state. */
-static void push(int J, int begin, int end, const double *restrict moves, const double f[3],
-                 double *restrict q, double *restrict v) {
-    const double *S = moves, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
+/* What a force on a row with value, slope and curvature f at the step's start takes from it. */
+static void push(int J, int begin, int end, const double *restrict beta,
+                 const double *restrict response, const double f[3], double *restrict q,
+                 double *restrict v) {
+    const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
     double f0 = f[0], f1 = f[1], f2 = f[2];
     for (int j = begin; j < end; j++) {
-        q[j] -= f0 * J0[j] + f1 * J1[j] + f2 * J2[j];
-        v[j] -= f0 * S[j] + f1 * J0[j] + f2 * J1[j];
+        q[j] -= beta[j] * (f0 * J0[j] + f1 * J1[j] + f2 * J2[j]);
+        v[j] -= beta[j] * (f0 * S[j] + f1 * J0[j] + f2 * J1[j]);
     }
 }
 
@@ -323,20 +326,19 @@ static void push(int J, int begin, int end, const double *restrict moves, const 
 static void move(aom_stepper *st, int index, double h) {
     int J = st->system.n_modes, m = st->system.n_rows;
     double *q = st->x, *v = st->x + J;
-    slot *s = st->slots + index;
+    const double *response = st->slots[index].response;
     if (st->loaded)
         st->now.worked -= loads_on(st, h);
-    ready_moves(st, index);
-    turn(J, s->moves, q, v);
+    turn(J, st->system.omega, response, q, v);
     for (int i = 0; i < m; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
             for (int part = 0; part < 2; part++)
-                push(J, st->spans[i].begin[part], st->spans[i].end[part],
-                     s->moves + (4 + 4 * (ptrdiff_t)i) * J, f, q, v);
+                push(J, st->spans[i].begin[part], st->spans[i].end[part], beta_row(st, i), response,
+                     f, q, v);
     }
     if (st->loaded) {
-        const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
+        const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
         const double *at = st->work.load, *rise = st->work.load_rate;
         for (int j = 0; j < J; j++) {
             q[j] += at[j] * J0[j] + rise[j] * J1[j];

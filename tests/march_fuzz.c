@@ -60,6 +60,12 @@ static int user_advance(void *context, double d, double rate, double *state, dou
     return 0;
 }
 
+static int user_work(void *context, double speed, double d, double *work) {
+    (void)context, (void)speed;
+    *work = 3e8 * d * d * d;
+    return d > 1.0;
+}
+
 static void table(source *s, double *to) {
     double *x = to + 5;
     memset(to, 0, TABLE * sizeof *to);
@@ -124,6 +130,41 @@ static void solve(aom_stepper *stepper, const aom_system *system, const aom_opti
         abort();
 }
 
+/* The first row of a system as impacts of a batch, the second one of other modes, and its free modes
+ * as if the frequencies were masses and the first loads poles. */
+static void batch(const aom_system *s, const aom_options *options) {
+    enum { NODES = 2 * 20000 + 1 };
+    static double times[NODES], forces[NODES], turning[3 * MODES], x[MODES + 1];
+    static double shape[(MODES + 1) * (MODES + 1)];
+    const aom_contact *c = s->contacts;
+    aom_impact impacts[3] = {{s->n_modes, 1, s->omega, s->decay, s->beta, s->v, s->loads, turning,
+                              c->law, s->residual[0], s->offsets[0], c->mass, options->duration,
+                              options->rel_tol, options->max_contacts, options->max_steps}};
+    aom_outcome outcomes[3];
+    aom_pulse_nodes nodes = {NODES, 0, times, forces};
+    int64_t done = 0;
+    size_t size = aom_batch_size(s->n_modes);
+    void *memory = malloc(size);
+    aom_batch *made;
+    impacts[1] = impacts[2] = impacts[0];
+    impacts[1].omega = s->decay;
+    impacts[2].beta = s->beta + (s->n_rows > 1 ? s->n_modes : 0);
+    if (aom_batch_nodes(s->n_modes) > NODES || aom_batch_create(s->n_modes, memory, size, &made))
+        abort();
+    for (int status = AOM_PAUSED; status == AOM_PAUSED || status == AOM_FULL;) {
+        status = aom_batch_solve(made, 3, impacts, outcomes, &nodes, 700, &done);
+        if (status == AOM_FULL && nodes.n_nodes == 0)
+            abort();
+        if (status == AOM_FULL)
+            nodes.n_nodes = 0;
+    }
+    if (done != 3 || nodes.n_nodes > NODES)
+        abort();
+    if (s->n_modes > 0)
+        aom_arrow_modes(options->rel_tol, c->friction, s->n_modes, s->omega, s->loads, x, shape);
+    free(memory);
+}
+
 static void run(const aom_system *system, const aom_options *options) {
     enum { NODES = 64 };
     static double time[NODES], force[NODES * ROWS], depth[NODES * ROWS], states[NODES * 2 * MODES];
@@ -179,7 +220,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static double omega[MODES], decay[MODES], beta[ROWS * MODES], residual[ROWS * ROWS];
     static double breaks[BREAKS], loads[BREAKS * MODES], offsets[BREAKS * ROWS], q[MODES], v[MODES];
     static double params[CONTACTS][TABLE];
-    static const aom_user_law user = {NULL, 1, 0, user_force, user_touch, user_advance};
+    static const aom_user_law user = {NULL, 1, 0, user_force, user_touch, user_advance, user_work};
     aom_contact contacts[CONTACTS];
     aom_system system = {
         .n_modes = (int)(byte(s) % (MODES + 1)), .n_contacts = 1 + (int)(byte(s) % CONTACTS),
@@ -224,6 +265,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     options.max_steps = 3000;
     options.max_contacts = 100;
     run(&system, &options);
+    batch(&system, &options);
     return 0;
 }
 

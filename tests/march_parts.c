@@ -60,6 +60,8 @@ AOM_API void part_sizes(size_t *out) {
                             sizeof(aom_system),   sizeof(aom_options), sizeof(aom_record),
                             sizeof(aom_summary),  sizeof(aom_difference), sizeof(aom_solution),
                             sizeof(aom_exit),     sizeof(aom_reading), sizeof(aom_goal),
-                            sizeof(aom_slopes)};
+                            sizeof(aom_slopes),   sizeof(aom_touch),   sizeof(aom_numbers),
+                            sizeof(aom_impact),   sizeof(aom_expected), sizeof(aom_outcome),
+                            sizeof(aom_pulse_nodes)};
     memcpy(out, sizes, sizeof sizes);
 }

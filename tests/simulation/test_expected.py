@@ -26,9 +26,9 @@ def test_the_deepest_indentation_takes_up_energy_and_work(
         energy = law.potential(wanted, state) - push * wanted
         if energy < 0.0:
             continue
-        found = deepest(law, state, energy, push, 1e-3, close)
+        found = deepest(law, 1.0, energy, push, 1e-3, close)
         assert wanted * (1 - 1e-9) <= found <= wanted * (1 + 1.01 * close)
-        assert deepest(law, state, energy, push, wanted / 2, close) == wanted / 2
+        assert deepest(law, 1.0, energy, push, wanted / 2, close) == wanted / 2
 
 
 @laws

@@ -44,13 +44,16 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 
 
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
-    sizes = (ctypes.c_size_t * 13)()
+    sizes = (ctypes.c_size_t * 19)()
     built().part_sizes(sizes)
     mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
     mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
     expected = [ctypes.sizeof(each) for each in mirrored]
     expected += [8 * march.EXIT, march.READING.itemsize]
-    assert list(sizes) == [*expected, ctypes.sizeof(march.Goal), ctypes.sizeof(march.Slopes)]
+    expected += map(ctypes.sizeof, (march.Goal, march.Slopes))
+    expected += [march.TOUCH.itemsize]
+    batches = march.Numbers, march.Impact, march.Expected, march.Outcome, march.PulseNodes
+    assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])

@@ -10,7 +10,17 @@ import ctypes
 import hashlib
 import platform as platforms
 import sys
-from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_int64, c_size_t, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char_p,
+    c_double,
+    c_int,
+    c_int64,
+    c_size_t,
+    c_ssize_t,
+    c_void_p,
+)
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +31,16 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 3
+VERSION = 4
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
 EXIT, LAW_SLOPES = 13, 3
+#: `aom_touch`
+TOUCH = np.dtype(
+    [*((name, float) for name in ("start", "end", "speed", "impulse", "peak")),
+     *((name, np.int64) for name in ("first", "last"))]
+)  # fmt: skip
 #: `aom_reading`
 READING = np.dtype([("step", np.int64), ("at", float), ("stays", np.int64)])
 
@@ -37,8 +52,9 @@ LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, TABLE, USER 
 APART, FORWARD, CUT, BACK = range(4)
 
 FORCE = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double))
-TOUCH = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double))
+TOUCHED = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double))
 ADVANCE = FORCE
+WORK = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double))
 
 
 class UserLaw(Structure):
@@ -49,8 +65,9 @@ class UserLaw(Structure):
         ("n_state", c_int),
         ("rated", c_int),
         ("force", FORCE),
-        ("touch", TOUCH),
+        ("touch", TOUCHED),
         ("advance", ADVANCE),
+        ("work", WORK),
     ]
 
 
@@ -61,7 +78,7 @@ class Law(Structure):
         ("kind", c_int),
         ("n_params", c_int),
         ("params", c_void_p),
-        ("user", POINTER(UserLaw)),
+        ("user", c_void_p),
     ]
 
 
@@ -158,6 +175,54 @@ class Solution(Structure):
     ]
 
 
+class Numbers(Structure):
+    """`aom_numbers`"""
+
+    _fields_ = [
+        *((name, c_double) for name in ("peak", "impulse", "contact_time", "restitution")),
+        ("closed", c_double),
+        ("steps", c_int64),
+    ]
+
+
+class Impact(Structure):
+    """`aom_impact`"""
+
+    _fields_ = [
+        *((name, c_int) for name in ("n_modes", "n_turning")),
+        *((name, c_void_p) for name in ("omega", "decay", "beta", "v", "load", "turning")),
+        ("law", Law),
+        *((name, c_double) for name in ("residual", "gap", "mass", "duration", "rel_tol")),
+        *((name, c_int64) for name in ("max_contacts", "max_steps")),
+    ]
+
+
+class Expected(Structure):
+    """`aom_expected`"""
+
+    _fields_ = [(name, c_double) for name in ("depth", "speed", "time")]
+
+
+class Outcome(Structure):
+    """`aom_outcome`"""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("status", "contacts", "touches", "open", "n_nodes", "body")),
+        ("numbers", Numbers),
+        *((name, c_double) for name in ("force_error", "peak_error", "certain")),
+        *((name, c_double) for name in ("time", "lasting", "gained", "highest", "turned")),
+    ]
+
+
+class PulseNodes(Structure):
+    """`aom_pulse_nodes`"""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("max_nodes", "n_nodes")),
+        *((name, c_void_p) for name in ("time", "force")),
+    ]
+
+
 class Model(Structure):
     """`axm_model` of `csrc/export/antiosc_model.h`"""
 
@@ -208,6 +273,20 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     ),
     "axm_size": (c_size_t, c_void_p),
     "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
+    "aom_touches": (c_int64, c_void_p, c_int, c_int, c_void_p, c_void_p),
+    "aom_read_contact": (
+        Numbers, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p, c_ssize_t,
+    ),
+    "aom_arrow_modes": (c_int, c_double, c_double, c_int, c_void_p, c_void_p, c_void_p, c_void_p),
+    "aom_main_impact": (c_double, c_int64, c_void_p),
+    "aom_expect": (Expected, c_void_p),
+    "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
+    "aom_batch_size": (c_size_t, c_int),
+    "aom_batch_nodes": (c_int64, c_int),
+    "aom_batch_create": (c_int, c_int, c_void_p, c_size_t, c_void_p),
+    "aom_batch_solve": (
+        c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
+    ),
 }  # fmt: skip
 
 

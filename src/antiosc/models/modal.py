@@ -242,6 +242,12 @@ class ModalBody(FreeModes):
         inertia = float(np.sum((b / x) ** 2))
         return (float(np.sum(b**2 / x)) + self.r) ** 2 / inertia if inertia > 0 else 0.0
 
+    @cached_property
+    def _rigid_along(self) -> tuple[Array, float]:
+        """Displacements (J,) of the contact point in the rigid-body modes, and their mobility."""
+        along = np.where(self.omega == 0, self.b, 0.0)
+        return along, float(along @ along)
+
     def rigid_motion(self, velocity: float | Motion) -> Array:
         """Modal velocities (J,) of a rigid-body motion.
 
@@ -263,9 +269,7 @@ class ModalBody(FreeModes):
         velocity = checks.number("velocity", velocity, "m/s")
         if velocity == 0.0:
             return np.zeros(self.omega.size)
-        rigid = self.omega == 0
-        along = np.where(rigid, self.b, 0.0)
-        mobility = float(along @ along)
+        along, mobility = self._rigid_along
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"

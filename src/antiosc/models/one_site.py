@@ -102,8 +102,10 @@ def modal(model: Parameters) -> ModalBody:
         residual[0] = 1.0 / (model.k0 + float(model.k.sum()))
     weight = None if model.participation is None else shape.T @ model.participation
     b = np.concatenate((none, shape[0]))
-    shape = np.roll(block_diag(shape, own), hidden, axis=1)
-    amplitude = block_diag(_relative(model.n), own)
+    amplitude = _relative(model.n)
+    if hidden:
+        shape = np.roll(block_diag(shape, own), hidden, axis=1)
+        amplitude = block_diag(amplitude, own)
     inertia, basis = model.inertia, None
     if inertia is not None:
         inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)

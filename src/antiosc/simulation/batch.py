@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks, plausible
+from antiosc.base import checks, march, plausible
 from antiosc.base._types import Array, Index
 from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
@@ -19,12 +20,15 @@ from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.history import History
-from antiosc.simulation.refinement import METHODS, check_range
+from antiosc.simulation.impacts import Impact, Rows
+from antiosc.simulation.refinement import METHODS, Ended, beyond_law, check_range, verdict_of
+from antiosc.simulation.scene_energy import GAIN
 from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
-from antiosc.simulation.verdict import STOPPED, Verdict, tell_all, tell_rotation
+from antiosc.simulation.two_bodies import Pair, pose
+from antiosc.simulation.verdict import COMPLETED, STOPPED, Verdict, tell_all, tell_rotation
 
 CHUNKS = 64  # that the scenes are divided into for an executor
-TOGETHER = 16  # scenes between two looks at the progress
+TOGETHER = 4096  # scenes that are solved at once without one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -188,15 +192,21 @@ def simulate_many(
     }
     movers, speeds = columns["impactors"], columns["initial_velocity"]
     plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
-    scenes = list(zip(*columns.values(), strict=True))
+    steps = columns.pop("step")
+    scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
     chunk = TOGETHER if executor is None else -(-size // CHUNKS)
     parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
-    calls: list[Any] = [(([scenes[i] for i in part], limits), {}) for part in parts]
+    calls: list[Any] = [
+        (([scenes[i] for i in part], [steps[i] for i in part], limits), {}) for part in parts
+    ]
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
-            found: Iterable[Any] = (_solved(*given) for given, _ in calls)
+            found: Iterable[Any] = (
+                _solved(some, own, limits, partial(_further, ready, k * chunk))
+                for k, ((some, own, _), _) in enumerate(calls)
+            )
         else:
             found = returned(executor, _solved, calls)
         for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
@@ -232,15 +242,98 @@ class _Row:
     turned: tuple[str, float] = ("", 0.0)
 
 
-def _solved(scenes: Sequence[tuple[Any, ...]], limits: dict[str, Any]) -> list[_Row]:
-    """The rows of scenes (model, impactor, law, duration, step, velocity, gravity, gap)."""
-    rows = []
-    for scene in scenes:
-        try:
-            rows.append(_row(*_impact(*scene, **limits)))
-        except AntioscError as error:
-            rows.append(_failed(error))
-    return rows
+def _solved(
+    scenes: Sequence[Impact],
+    steps: Sequence[Any],
+    limits: dict[str, Any],
+    done: Callable[[int], None] = lambda count: None,
+) -> list[_Row]:
+    """The rows of scenes: those that the march takes as arrays together, the others by
+    themselves."""
+    rows: dict[int, _Row] = {}
+    groups: dict[Any, list[int]] = {}
+    together = limits["method"] == "exact" and limits["n"] is None
+    for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
+        key = scene.group() if together and step is None else None
+        if key is not None:
+            groups.setdefault(key, []).append(i)
+    for group in groups.values():
+        here = [scenes[i] for i in group]
+        found = _together(here, limits, partial(_further, done, len(rows)))
+        rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
+    for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
+        if i not in rows:
+            rows[i] = _alone(scene, step, limits)
+            done(len(rows))
+    return [rows[i] for i in range(len(scenes))]
+
+
+def _further(done: Callable[[int], None], before: int, count: int) -> None:
+    """Tell how many are done, of which some were before."""
+    done(before + count)
+
+
+def _together(
+    scenes: Sequence[Impact], limits: dict[str, Any], done: Callable[[int], None]
+) -> list[_Row | None]:
+    """The rows of a group of impacts; None for one that must be integrated by itself."""
+    most = limits["max_contacts"], limits["max_steps"]
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            group = Rows(scenes, limits["tol"], *most)
+    except (AntioscError, ArithmeticError):  # it tells itself of which
+        return [None] * len(scenes)
+    outcomes, pulses = group.solved(done)
+    each = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
+    return [_row_of(*one, group.pair, limits["tol"], most) for one in each]
+
+
+def _row_of(
+    scene: Impact,
+    law: ContactLaw,
+    outcome: tuple[Any, ...],
+    pulses: tuple[Array, Array],
+    made: Pair,
+    tol: float,
+    limits: tuple[int, int],
+) -> _Row | None:
+    """The row of what the march returned; None where that is not enough."""
+    answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
+    time, lasting, gained, highest, turned = rest
+    if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
+        return None
+    ended = Ended(answer, time, touches, [0] * goes_on, force, peak, certain)
+    verdict = Verdict(COMPLETED, "Completed.")
+    if answer != march.DONE or not touches or goes_on or not max(force, peak) <= tol:
+        verdict = verdict_of(pose(*scene), ended, tol, limits)
+    most, impulse, contact_time, restitution, closed, steps = numbers
+    if most > law.valid_force:
+        return _failed(beyond_law(law, most, made.bodies[0][0].patch_radius, _doubts(scene)))
+    return _Row(
+        verdict=verdict,
+        peak_force=most,
+        impulse=impulse,
+        contact_time=contact_time,
+        restitution=restitution,
+        contacts=contacts,
+        step=closed / steps if steps else lasting,
+        accuracy=force,
+        force=pulses,
+        turned=(("structure", "impactor")[body], turned) if turned else ("", 0.0),
+    )
+
+
+def _doubts(scene: Impact) -> list[str]:
+    """What is implausible of a scene."""
+    blow = plausible.of_blow(scene.model, [scene.impactor], scene.initial_velocity)
+    return [*plausible.of_model(scene.model), *filter(None, [blow])]
+
+
+def _alone(scene: Impact, step: Any, limits: dict[str, Any]) -> _Row:
+    try:
+        return _row(*_impact(scene, step, limits))
+    except AntioscError as error:
+        return _failed(error)
 
 
 def _failed(error: AntioscError) -> _Row:
@@ -248,31 +341,11 @@ def _failed(error: AntioscError) -> _Row:
 
 
 @checks.within_range
-def _impact(
-    model: Any,
-    impactor: Any,
-    contact: Any,
-    duration: Any,
-    step: Any,
-    velocity: Any,
-    gravity: Any,
-    gap: Any,
-    **options: Any,
-) -> tuple[History, Verdict]:
+def _impact(scene: Impact, step: Any, limits: dict[str, Any]) -> tuple[History, Verdict]:
     """One scene; AccuracyError if its force leaves the range of its law."""
-    history, verdict = impact(
-        model,
-        impactor,
-        contact,
-        checks.positive("duration", duration, "s"),
-        step=step,
-        initial_velocity=velocity,
-        gravity=gravity,
-        gap=gap,
-        **options,
-    )
-    blow = plausible.of_blow(model, [impactor], velocity)
-    check_range(history, [*plausible.of_model(model), *filter(None, [blow])])
+    given = scene._asdict() | {"duration": checks.positive("duration", scene.duration, "s")}
+    history, verdict = impact(**given, step=step, **limits)
+    check_range(history, _doubts(scene))
     return history, verdict
 
 

@@ -186,9 +186,8 @@ class History(HistoryResults):
         """The step used during contact [s]: the one given, or the mean."""
         if self.given is not None:
             return self.given
-        nodes, times = self._contact._touches.nodes, self.contacts
-        steps = int((nodes[:, 1] - nodes[:, 0]).sum())
-        return sum(end - start for start, end in times) / steps if steps else self.assembly.lasting
+        found = self._contact._numbers
+        return float(found.closed / found.steps) if found.steps else self.assembly.lasting
 
     @cached_property
     def error_budget(self) -> ErrorBudget:

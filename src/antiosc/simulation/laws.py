@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ctypes import pointer
+from ctypes import addressof
 from typing import Any
 
 from antiosc.base import march
@@ -24,7 +24,8 @@ class OwnLaw:
             )
         self.error: BaseException | None = None
         functions = (
-            march.FORCE(self._force), march.TOUCH(self._touch), march.ADVANCE(self._advance)
+            march.FORCE(self._force), march.TOUCHED(self._touch), march.ADVANCE(self._advance),
+            march.WORK(self._work),
         )  # fmt: skip
         self.kernel = march.UserLaw(None, self.size, law.rate_dependent, *functions)
 
@@ -52,6 +53,13 @@ class OwnLaw:
             self.error = error
         return int(self.error is not None)
 
+    def _work(self, _: Any, speed: float, delta: float, work: Any) -> int:
+        try:
+            work[0] = self.law.potential(delta, self.law.touch(speed))
+        except BaseException as error:
+            self.error = error
+        return int(self.error is not None)
+
     def _keep(self, new: tuple[float, ...], state: Any, origin: Any) -> None:
         for i, value in enumerate(new):
             state[i] = value
@@ -65,4 +73,10 @@ def packed(law: ContactLaw) -> tuple[march.Law, Any]:
         kernel, values = law.kernel
         return kernel, values
     own = OwnLaw(law)
-    return march.Law(march.USER, 0, None, pointer(own.kernel)), own
+    return march.Law(march.USER, 0, None, addressof(own.kernel)), own
+
+
+def raise_error(own: Any) -> None:
+    """Raise the error of a law of the user's own, if it failed; `own` as `packed` gives it."""
+    if isinstance(own, OwnLaw) and own.error is not None:
+        raise own.error

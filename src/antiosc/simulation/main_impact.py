@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
+from antiosc.base import march
+
 
 def contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     """Time [s] from the first touch to the last release of the main impact; 0 without contact.
@@ -16,11 +20,5 @@ def contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     contacts : (start [s], end [s], impulse [N s]) of each contact, in order; one that goes on at
         the end of the run counts up to there.
     """
-    impacts: list[tuple[float, float, float]] = []
-    for start, end, impulse in contacts:
-        if impacts and start - impacts[-1][1] < impacts[-1][1] - impacts[-1][0]:
-            first, _, before = impacts.pop()
-            start, impulse = first, before + impulse
-        impacts.append((start, end, impulse))
-    start, end, _ = max(impacts, key=lambda impact: impact[2], default=(0.0, 0.0, 0.0))
-    return end - start
+    found = np.array([(a, b, 0.0, each, 0.0, 0, 0) for a, b, each in contacts], march.TOUCH)
+    return float(march.library.aom_main_impact(found.size, march.address(found)))

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
+from antiosc.contact import ContactLaw
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.comparison import METHODS, compared
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.coupled_dampers import has_dampers
-from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.given_step import checked_step, stepped
@@ -68,6 +68,21 @@ def integrate(
 H = TypeVar("H", bound=History)
 
 
+class Ended(NamedTuple):
+    """How a run ended: what its verdict is made of.
+
+    `time` [s] reached, `touches` their number, `open` the contacts that go on, and the errors.
+    """
+
+    answer: int
+    time: float
+    touches: int
+    open: Sequence[int]
+    force: float
+    peak: float
+    certain: float
+
+
 def solved(
     kind: Callable[..., H],
     assembly: Assembly,
@@ -86,17 +101,33 @@ def solved(
     else:
         found, failure = compared(assembly, duration, method, tol, step, *limits), ""
     run = found.run
-    failure = failure or stopped(run.answer, float(run.time[-1]), *limits)
-    verdict = judge(
-        failure,
-        never_touched(assembly, run),
-        "" if failure else inexact(assembly, found, tol, max_steps),
-        cut_short(assembly, run),
-    )
+    ended = Ended(
+        run.answer, float(run.time[-1]), run.touches, touching(run, assembly.system), found.force,
+        found.peak, found.certain,
+    )  # fmt: skip
+    verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
     known = step is None and method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
     message = " ".join([verdict.message, *assembly.notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
+
+
+def verdict_of(
+    assembly: Assembly,
+    ended: Ended,
+    tol: float,
+    limits: tuple[int, int],
+    failure: str = "",
+    gain: Callable[[], float] = lambda: 0.0,
+) -> Verdict:
+    """The verdict on a run; `limits`: max_contacts, max_steps; `gain`: relative, of energy."""
+    failure = failure or stopped(ended.answer, ended.time, *limits)
+    return judge(
+        failure,
+        never_touched(assembly, ended),
+        "" if failure else inexact(ended, tol, limits[1], gain),
+        cut_short(assembly, ended),
+    )
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
@@ -105,12 +136,18 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
     for c, (contact, law) in enumerate(zip(a.scene.contacts, a.laws, strict=True)):
         if law.valid_force == np.inf:
             continue
+        where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
-            struck = a.bodies[contact.a.partition(":")[0]]
-            reason = law.out_of_range(peak, struck.patch_radius)
-            where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
-            raise AccuracyError(plausible.first(doubts, f"{where}{reason}."))
+            radius = a.bodies[contact.a.partition(":")[0]].patch_radius
+            raise beyond_law(law, peak, radius, doubts, where)
+
+
+def beyond_law(
+    law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
+) -> AccuracyError:
+    """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
+    return AccuracyError(plausible.first(doubts, f"{where}{law.out_of_range(peak, radius)}."))
 
 
 def _of_blows(scene: SceneParts) -> list[str]:
@@ -166,14 +203,14 @@ def exactly(
     return Converged(found, step, 0.0, 0.0, duration), failure
 
 
-def inexact(assembly: Assembly, found: Converged, tol: float, max_steps: int) -> str:
+def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable[[], float]) -> str:
     """Why a run that reached its end does not meet the tolerance; "" if it does."""
-    worst = found.worst
+    worst = max(ended.force, ended.peak)
     if worst == np.inf:
-        if found.certain > 0:
+        if ended.certain > 0:
             return (
                 f"The error is not known: a finer run takes too many steps. Up to"
-                f" {found.certain:.4g} s the two agree; shorten the duration to that."
+                f" {ended.certain:.4g} s the two agree; shorten the duration to that."
             )
         return (
             f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
@@ -183,34 +220,34 @@ def inexact(assembly: Assembly, found: Converged, tol: float, max_steps: int) ->
         return (
             f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
             f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
-            f" {found.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
+            f" {ended.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
         )
-    gain = gained(assembly, found.run)
-    if gain > GAIN:
+    share = gain()
+    if share > GAIN:
         return (
-            f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol or"
+            f"The scene gained energy, {share:.2g} of the highest that it had; use a smaller tol or"
             f" step."
         )
     return ""
 
 
-def cut_short(assembly: Assembly, run: Run) -> str:
+def cut_short(assembly: Assembly, ended: Ended) -> str:
     """Which contacts go on at the end of the run; those that rest since its start do not count."""
-    contacts = [assembly.scene.contacts[c] for c in touching(run, assembly.system)]
+    contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
     named = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:NAMED])
     more = ", ..." if len(contacts) > NAMED else ""
     return (
         f"The run ends during contact of {named}{more}: contact time, impulse and peak force are"
-        f" those up to {run.time[-1]:g} s; lengthen the duration."
+        f" those up to {ended.time:g} s; lengthen the duration."
     )
 
 
-def never_touched(assembly: Assembly, run: Run) -> str:
+def never_touched(assembly: Assembly, ended: Ended) -> str:
     """Why no contact touched, which may come from a wrong sign; "" if one did."""
     system = assembly.system
-    if run.touches or np.any(system.pressed):
+    if ended.touches or np.any(system.pressed):
         return ""
     p = len(assembly.laws)
     speed, push = _felt(system.beta[:p], system.v), _felt(system.beta[:p], system.loads[0])
@@ -220,7 +257,7 @@ def never_touched(assembly: Assembly, run: Run) -> str:
         if most > 0:
             return (
                 f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"
-                f" {most:g} {unit} at first and was not closed within {run.time[-1]:g} s; lengthen"
+                f" {most:g} {unit} at first and was not closed within {ended.time:g} s; lengthen"
                 f" the duration"
             )
         if np.any(motion < 0):
@@ -230,7 +267,7 @@ def never_touched(assembly: Assembly, run: Run) -> str:
                 f" ends"
             )
     if system.breaks.size > 1:  # what acts changes in time
-        return f"no contact closed within {run.time[-1]:g} s; lengthen the duration"
+        return f"no contact closed within {ended.time:g} s; lengthen the duration"
     return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
 
 

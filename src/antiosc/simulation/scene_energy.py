@@ -193,15 +193,15 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             stored += stored_alone(law, run.force[:, c], run.depth[:, c])
             continue
         force, depth = run.force[:, c], run.depth[:, c]
-        closed = touches(run, system, c)
+        closed, _ = touches(run, system, c)
         nodes = [
             (
                 int(np.searchsorted(run.time, start)),
                 int(np.searchsorted(run.time, end, side="right")) - 1,
             )
-            for start, end in closed.times
+            for start, end in zip(closed["start"], closed["end"], strict=True)
         ]
-        each, plastic, damping = replay(law, force, depth, nodes, closed.speeds)
+        each, plastic, damping = replay(law, force, depth, nodes, closed["speed"].tolist())
         stored += each
         lost += plastic
         if law.rate_dependent:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
+from math import isnan
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
@@ -17,11 +19,7 @@ from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.engine import Run
-from antiosc.simulation.main_impact import contact_time
-from antiosc.simulation.scene_states import Touches, starts, touches, with_flights
-
-#: Change of a velocity, relative to it, below which it is rounding in part.
-ROUNDED = 1e-6
+from antiosc.simulation.scene_states import record_of, starts, touches, with_flights
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,33 +79,29 @@ class ContactHistory(Brief):
     @property
     def contacts(self) -> list[tuple[float, float]]:
         """(start, end) [s] of every contact, in order."""
-        return self._touches.times
+        touches = self._touches[0]
+        return list(zip(touches["start"].tolist(), touches["end"].tolist(), strict=True))
 
     @property
     def peak_force(self) -> float:
         """Largest force [N], of the parabolas between the nodes."""
-        return float(self._pulses[:, 1].max(initial=0.0))
+        return float(self._numbers.peak)
 
     @property
     def impulse(self) -> float:
-        """Time integral of the force [N s]."""
-        return float(sum(self._impulses.tolist()))
+        """Time integral of the force [N s]: what a rigid mode has taken up that it alone moves."""
+        return float(self._numbers.impulse)
 
     @property
     def contact_time(self) -> float:
         """Time [s] from the first touch to the last release of the main impact; see `History`."""
-        each = zip(self.contacts, self._impulses.tolist(), strict=True)
-        return contact_time((start, end, impulse) for (start, end), impulse in each)
+        return float(self._numbers.contact_time)
 
     @property
     def restitution(self) -> float | None:
         """Newton's coefficient of the rigid-body motions; see `History`."""
-        if not self.contacts or not self._touches.released:
-            return None
-        system = self._record.assembly.system
-        rigid = np.where(system.omega == 0, system.beta[self._row], 0.0)
-        closing, *_, parting = (self._velocities @ rigid).tolist()
-        return -parting / closing if closing > 0 else None
+        found = float(self._numbers.restitution)
+        return None if isnan(found) else found
 
     @cached_property
     def cumulative_impulse(self) -> Array:
@@ -119,60 +113,38 @@ class ContactHistory(Brief):
         """Nodes [s] and forces [N] of the contacts, one after the other."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
-        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in self._touches.nodes.tolist()]
+        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
+        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
         at = np.concatenate(nodes)
         return run.time[at], np.maximum(run.force[at, self._row], 0.0)
 
     # -- inside
 
     @cached_property
-    def _touches(self) -> Touches:
+    def _touches(self) -> tuple[NDArray[np.void], bool]:
         return touches(self._record.run, self._record.assembly.system, self._row)
 
     @cached_property
-    def _pulses(self) -> Array:
-        """Integral [N s] of the parabolas and peak [N] of each contact, (C, 2)."""
-        run = self._record.run
-        return march.pulses(run.time, run.force, self._row, self._touches.nodes)
-
-    @cached_property
-    def _velocities(self) -> Array:
-        """Modal velocities (2 C, J) where the contacts begin and end."""
-        a = self._record.assembly
-        return starts(self._record.run, a.system, a.load, self._touches.nodes.ravel())[1]
-
-    @cached_property
-    def _impulses(self) -> Array:
-        """Impulse [N s] of each contact, (C,).
-
-        It is what a rigid mode has taken up, if there is one that only this contact moves: a force
-        that jumps to 0, as a damped one may, has two values at a node, and the integral knows one.
-        """
-        run, system, areas = self._record.run, self._record.assembly.system, self._pulses[:, 0]
-        j = self._freest
-        if not areas.size or j is None or system.breaks.size > 1:
-            return areas
-        beta, load = float(system.beta[self._row, j]), float(system.loads[0, j])
-        times = run.time[2 * self._touches.nodes].tolist()
-        speeds = self._velocities[:, j].tolist()
-        found = areas.copy()
-        for c, (start, end) in enumerate(times):
-            before, after, given = speeds[2 * c], speeds[2 * c + 1], load * (end - start)
-            change = given - (after - before)
-            if abs(change) > ROUNDED * max(abs(before), abs(after), abs(given)):
-                found[c] = change / beta
-        return found
-
-    @property
-    def _freest(self) -> int | None:
-        """The undamped rigid mode that only this contact moves, and it most; None without one."""
-        system = self._record.assembly.system
-        found, most = None, 0.0
-        for j in np.flatnonzero(system.omega == 0).tolist():
-            rows = system.beta[:, j]
-            if abs(rows[self._row]) > most and system.decay[j] == 0 and np.count_nonzero(rows) == 1:
-                found, most = j, abs(rows[self._row])
-        return found
+    def _numbers(self) -> march.Numbers:
+        """The numbers of the contact, and those of each touch."""
+        run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
+        record, held = record_of(run)
+        system, (m, size) = a.system, a.system.beta.shape
+        arrays = [
+            np.ascontiguousarray(each)
+            for each in (system.omega, system.decay, system.beta, system.loads)
+        ]
+        *modes, loads = map(march.address, arrays)
+        bodies = march.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)
+        if run.states is not None and run.every == 1:
+            held.append(np.ascontiguousarray(run.states))
+            velocities, stride = march.address(held[-1]) + 8 * size, 2 * size
+        else:
+            steps = np.column_stack([found["first"], found["last"]]).ravel()
+            held.append(starts(run, system, a.load, steps)[1])
+            velocities, stride = march.address(held[-1]), 0
+        given = self._row, goes_on, found.size, march.address(found), velocities, stride
+        return march.library.aom_read_contact(byref(bodies), byref(record), *given)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [

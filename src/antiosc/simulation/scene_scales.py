@@ -44,7 +44,7 @@ def scales(
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
         far = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = deepest(law, state, float(energy), float(push[c] * mass[c]), far)
+        depth[c] = deepest(law, float(speed[c]), float(energy), float(push[c] * mass[c]), far)
         pace = speed[c] + sqrt(2 * push[c] * depth[c])
         lasting = min(lasting, 3 * depth[c] / pace)
         contact = scene.contacts[c]
@@ -52,7 +52,7 @@ def scales(
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
                 whole, pull = contact.law, float(push[c] * mass[c])
-                most = deepest(whole, state, float(energy), pull, far, close=DEPTH_ERROR)
+                most = deepest(whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR)
                 stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
                     patches = 0.0

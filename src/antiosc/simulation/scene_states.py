@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from ctypes import byref, c_int
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,42 +30,26 @@ AT_ONCE = 1 << 22
 AT = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
-class Touches(NamedTuple):
-    """The times that a contact is closed: it touches, and parts again.
+def record_of(run: Run) -> tuple[march.Record, list[Array]]:
+    """A run as the march reads it, and the arrays that this points to."""
+    arrays = [np.ascontiguousarray(each) for each in (run.time, run.force, run.events)]
+    time, force, events = map(march.address, arrays)
+    counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
+    return march.Record(time=time, force=force, events=events, **counts), arrays
 
-    `times` (start, end) [s], `nodes` (C, 2) the steps that begin there, closing `speeds` [m/s], and
-    whether it has parted from the last.
+
+def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
+    """The times that contact c is closed (`march.TOUCH`), and whether it is so at the end.
+
+    One that is over at once does not count.
     """
-
-    times: list[tuple[float, float]]
-    nodes: Index
-    speeds: list[float]
-    released: bool
-
-
-def touches(run: Run, system: System, c: int) -> Touches:
-    """The times that contact c is closed; one that is over at once does not count."""
-    open_at = (0.0, 0.0) if system.pressed[c] > 0 else None
-    times, speeds = [], []
-    for t, which, piece, speed in run.events.tolist():
-        if which != c:
-            continue
-        if piece != march.APART:
-            open_at = open_at or (t, speed)
-            continue
-        if open_at is not None and t > open_at[0]:
-            times.append((open_at[0], t))
-            speeds.append(open_at[1])
-        open_at = None
-    end = float(run.time[-1])
-    closed = open_at is not None and end > open_at[0]
-    if open_at is not None and closed:
-        times.append((open_at[0], end))
-        speeds.append(open_at[1])
-    begins, at = run.time[::2], np.reshape(times, (-1, 2))
-    nodes = np.searchsorted(begins, at)
-    nodes[:, 0] -= begins[nodes[:, 0]] > at[:, 0]  # a method that knows no events
-    return Touches(times, nodes, speeds, not closed)
+    record, _ = record_of(run)
+    found, goes_on = np.empty(len(run.events) + 1, march.TOUCH), c_int()
+    closed = bool(system.pressed[c] > 0)
+    count = march.library.aom_touches(
+        byref(record), c, closed, march.address(found), byref(goes_on)
+    )
+    return found[:count].copy(), bool(goes_on)
 
 
 def touching(run: Run, system: System) -> list[int]:

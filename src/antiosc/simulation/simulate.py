@@ -34,7 +34,7 @@ from antiosc.simulation.history import History
 from antiosc.simulation.measured_errors import warn_low_band
 from antiosc.simulation.refinement import check_range, solved
 from antiosc.simulation.truncation import Run, choose_n
-from antiosc.simulation.two_bodies import LAW, check_span, pose
+from antiosc.simulation.two_bodies import LAW, pose
 from antiosc.simulation.verdict import Verdict, tell_rotation
 
 Budget = Callable[[History], ErrorBudget]
@@ -192,7 +192,6 @@ def _integrated(
     max_steps: int,
 ) -> tuple[History, Verdict]:
     assembly = pose(model, impactor, contact, duration, initial_velocity, gravity, gap)
-    check_span(assembly, duration)
     kind = partial(History, budget=budget)
     history, verdict = solved(kind, assembly, duration, tol, method, step, max_contacts, max_steps)
     return refuse_coupling(history, tol), verdict

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw
-from antiosc.simulation.laws import OwnLaw, packed
+from antiosc.simulation.laws import packed, raise_error
 
 Array = NDArray[np.float64]
 
@@ -108,5 +108,4 @@ class Given:
     def failed(self) -> None:
         """Raise the error of a law of the user's own."""
         for _, own in self.laws:
-            if isinstance(own, OwnLaw) and own.error is not None:
-                raise own.error
+            raise_error(own)

@@ -7,6 +7,7 @@ the contact pushes it, whatever the axes of its mesh.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.contact import ContactLaw
-from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, freed, side_by_side
@@ -31,6 +32,78 @@ _ROW = np.array([[-1.0, -1.0]])
 _NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
 
 
+@dataclass(eq=False)
+class Pair:
+    """Two bodies side by side in their modes, without the contact between them.
+
+    Attributes
+    ----------
+    bodies : (body, its modes, modal velocities at the start) of the structure and the impactor.
+    omega, decay, beta, v, load : (J,) of both; `r` [m/N] the residual compliance.
+    mobility : inverse [1/kg] of the inertia behind the contact.
+    local : half-space compliance [m/N] of the patches.
+    """
+
+    bodies: tuple[tuple[Body, ModalBody, Array], ...]
+    omega: Array
+    decay: Array
+    beta: Array
+    v: Array
+    load: Array
+    r: float
+    mobility: float
+    local: float
+
+    @property
+    def mass(self) -> float:
+        """Inertia [kg] behind the contact."""
+        return 1 / self.mobility if self.mobility > 0 else 1.0
+
+    def check_span(self, duration: float) -> None:
+        """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
+        `duration` [s]."""
+        if not self.omega.size:
+            raise InputError(
+                "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
+                " or an impactor with a mass."
+            )
+        fastest = float(self.omega.max())
+        if fastest * duration > LARGEST_PHASE:
+            raise AccuracyError(
+                f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
+                f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g}"
+                " s, or take fewer anti-oscillators."
+            )
+
+
+def pair(
+    model: LinearBody,
+    impactor: LinearBody,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+) -> Pair:
+    """The bodies of an impact in their modes, with their start and gravity."""
+    one, other = checked_body("model", model), checked_body("impactor", impactor)
+    structure, striker = one.modal(), other.modal()
+    starts = _starts(structure, striker, initial_velocity, other.velocity)
+    both = (one, structure, starts[0]), (other, striker, starts[1])
+    return Pair(
+        bodies=both,
+        omega=np.concatenate((structure.omega, striker.omega)),
+        decay=np.concatenate([_decay(modes) for _, modes, _ in both]),
+        beta=-np.concatenate((structure.b, striker.b)),
+        v=np.concatenate(starts),
+        load=np.concatenate(_loads(structure, striker, gravity)),
+        r=structure.r + striker.r,
+        mobility=structure.mobility + striker.mobility,
+        local=one.local_compliance + other.local_compliance,
+    )
+
+
+def _decay(modes: ModalBody) -> Array:
+    return np.zeros(modes.omega.size) if modes.decay is None else modes.decay
+
+
 def pose(
     model: LinearBody,
     impactor: LinearBody,
@@ -41,39 +114,34 @@ def pose(
     gap: float | None = None,
 ) -> Assembly:
     """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
-    one, other = checked_body("model", model), checked_body("impactor", impactor)
+    made = pair(model, impactor, initial_velocity, gravity)
+    made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
-    law, notes = freed(
-        contact, one.local_compliance + other.local_compliance, "structure", "impactor"
-    )
-    structure, striker = one.modal(), other.modal()
-    starts = _starts(structure, striker, initial_velocity, other.velocity)
+    law, notes = freed(contact, made.local, "structure", "impactor")
     bodies = {
-        "structure": of_one_site("structure", model, one, structure, starts[0]),
-        "impactor": of_one_site("impactor", impactor, other, striker, starts[1]),
+        name: of_one_site(name, body, asked, modes, start)
+        for name, body, (asked, modes, start) in zip(
+            ("structure", "impactor"), (model, impactor), made.bodies, strict=True
+        )
     }
-    gap = other.gap if gap is None else checks.nonnegative("gap", gap, "m")
-    load = np.concatenate(_loads(structure, striker, gravity))
-    omega, v = np.concatenate((structure.omega, striker.omega)), np.concatenate(starts)
-    beta = -np.concatenate((structure.b, striker.b))
-    mobility = structure.mobility + striker.mobility
-    mass = 1 / mobility if mobility > 0 else 1.0
-    approach = abs(float(beta @ v)), abs(float(beta @ load))
-    depth, speed, lasting = expected_impact(law, mass, *approach, gap, duration)
+    gap = made.bodies[1][0].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    depth, speed, lasting = expected_impact(
+        law, made.mass, made.beta, made.v, made.load, gap, duration
+    )
     system = System(
-        omega=omega,
-        decay=np.concatenate([body.decay for body in bodies.values()]),
-        beta=beta[None],
-        R=np.array([[structure.r + striker.r]]),
+        omega=made.omega,
+        decay=made.decay,
+        beta=made.beta[None],
+        R=np.array([[made.r]]),
         breaks=np.zeros(1),
-        loads=load[None],
+        loads=made.load[None],
         offsets=np.array([[gap]]),
         laws=[law],
         slip=_NO_FRICTION,
         tangents=_NO_TANGENTS,
-        q=np.zeros(omega.size),
-        v=v,
-        mass=np.array([mass]),
+        q=np.zeros(made.omega.size),
+        v=made.v,
+        mass=np.array([made.mass]),
         depth=np.array([depth]),
         speed=np.array([speed]),
         pressed=np.zeros(1),
@@ -134,21 +202,3 @@ def _falling(body: ModalBody, load: Array) -> Array:
     equilibrium."""
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
-
-
-def check_span(assembly: Assembly, duration: float) -> None:
-    """InputError if nothing can move, AccuracyError if rounding destroys the phase in
-    `duration`."""
-    omega = assembly.system.omega
-    if not omega.size:
-        raise InputError(
-            "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0, or"
-            " an impactor with a mass."
-        )
-    fastest = float(omega.max())
-    if fastest * duration > LARGEST_PHASE:
-        raise AccuracyError(
-            f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
-            f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g} s, "
-            "or take fewer anti-oscillators."
-        )

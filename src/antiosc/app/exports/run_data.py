@@ -20,6 +20,7 @@ from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.convergence import FINE
 from antiosc.simulation.impactors import Impactor, Obstacle, RigidMass, Sphere
 from antiosc.simulation.refinement import exactly, inexact, start
+from antiosc.simulation.scene_energy import gained
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.system import Given, System
 
@@ -174,7 +175,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     assembly = assemble(scene, duration)
     start(assembly)
     found, _ = exactly(assembly, duration, tol, None, *_MAX)
-    if message := inexact(assembly, found, tol, _MAX[1]):
+    if message := inexact(found, tol, _MAX[1], lambda: gained(assembly, found.run)):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, plain)
     shift = assembly.pushes(assembly.system.breaks) @ assembly.r

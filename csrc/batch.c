@@ -1,0 +1,208 @@
+/* Many impacts in one call: each is solved as aom_solve does, in memory that all of them share. */
+#include "internal.h"
+
+#define BATCH_STEPS 20000 /* that the record of a run holds, at most: a longer one is left to the caller */
+#define BATCH_BYTES 5e7 /* of all records, about */
+#define AT_REST 1e-4 /* what closes more slowly than so of what is expected begins at that speed */
+#define FINE 200.0  /* touches closer than the expected contact time over this may count as one */
+
+typedef enum batch_stage { BEGIN, GO_ON, WRITE } batch_stage;
+
+struct aom_batch {
+    int n_modes;
+    batch_stage stage;
+    double *omega, *decay; /* [n_modes] that the stepper's responses are of */
+    double *zero;          /* [n_modes + 1] */
+    aom_stepper *stepper;
+    bool made;
+    void *memory;
+    size_t bytes;
+    aom_record records[3];
+    aom_touch *touches;
+    aom_contact contact;
+    aom_system system;
+    aom_options options;
+    aom_solution solution;
+    aom_expected expected;
+};
+
+static aom_system system_of(const aom_batch *b, const aom_impact *s, const aom_contact *contact) {
+    return (aom_system){s->n_modes, 1, 1, 1, s->omega, s->decay, s->beta, &s->residual, b->zero,
+                        s->load, &s->gap, contact, b->zero, s->v, 0.0};
+}
+
+static int64_t room(int n_modes) {
+    double each = 3.0 * (6.0 + 2.0 * n_modes + 4.0) * sizeof(double);
+    return (int64_t)within(BATCH_BYTES / each, 256.0, BATCH_STEPS);
+}
+
+static size_t lay_out_batch(aom_batch *b, int n_modes, void *memory) {
+    size_t J = (size_t)n_modes, steps = (size_t)room(n_modes);
+    arena a = {memory, 0};
+    aom_batch unused, *to = take(&a, 1, sizeof *b);
+    to = b == NULL ? &unused : b;
+    to->omega = take(&a, J, sizeof(double));
+    to->decay = take(&a, J, sizeof(double));
+    to->zero = take(&a, J + 1, sizeof(double));
+    aom_system sizes = {.n_modes = n_modes, .n_rows = 1, .n_contacts = 1, .n_breaks = 1};
+    to->bytes = aom_memory_size(&sizes);
+    to->memory = take(&a, to->bytes, 1);
+    to->touches = take(&a, steps + 4, sizeof(aom_touch));
+    for (int k = 0; k < 3; k++) {
+        aom_record *record = to->records + k;
+        record->max_nodes = 2 * (int64_t)steps + 1;
+        record->max_states = (int64_t)steps;
+        record->max_events = (int64_t)steps + 3;
+        record->time = take(&a, 2 * steps + 1, sizeof(double));
+        record->force = take(&a, 2 * steps + 1, sizeof(double));
+        record->depth = take(&a, 2 * steps + 1, sizeof(double));
+        record->states = take(&a, 2 * J * (steps + 1), sizeof(double));
+        record->events = take(&a, steps + 3, sizeof(aom_event));
+    }
+    return a.used;
+}
+
+size_t aom_batch_size(int n_modes) {
+    aom_system sizes = {.n_modes = n_modes, .n_rows = 1, .n_contacts = 1, .n_breaks = 1};
+    return aom_memory_size(&sizes) == 0 ? 0 : lay_out_batch(NULL, n_modes, NULL);
+}
+
+int64_t aom_batch_nodes(int n_modes) { return 2 * room(n_modes) + 1; }
+
+int aom_batch_create(int n_modes, void *memory, size_t bytes, aom_batch **made) {
+    size_t need = aom_batch_size(n_modes);
+    if (need == 0)
+        return AOM_BAD_SIZE;
+    if (memory == NULL || bytes < need)
+        return AOM_SMALL_MEMORY;
+    aom_batch *b = *made = memory;
+    memset(b, 0, sizeof *b);
+    lay_out_batch(b, n_modes, memory);
+    b->n_modes = n_modes;
+    memset(b->zero, 0, ((size_t)n_modes + 1) * sizeof(double));
+    return AOM_DONE;
+}
+
+/* Have the stepper ready for an impact; what depends on the frequencies alone is kept. */
+static int begin(aom_batch *b, const aom_impact *s) {
+    size_t size = (size_t)b->n_modes * sizeof(double);
+    if (s->n_modes != b->n_modes)
+        return AOM_BAD_SIZE;
+    if (!(s->duration > 0.0 && s->duration < INFINITY && s->mass > 0.0 && s->gap >= 0.0))
+        return AOM_BAD_OPTIONS;
+    if (aom_law_check(&s->law) != AOM_DONE || (s->law.user != NULL && s->law.user->work == NULL))
+        return AOM_BAD_LAW;
+    b->expected = aom_expect(s);
+    b->contact = (aom_contact){.law = s->law,
+                               .first_tangential = 1,
+                               .mass = s->mass,
+                               .expected_depth = b->expected.depth,
+                               .expected_speed = b->expected.speed,
+                               .slowest = AT_REST * b->expected.speed};
+    b->system = system_of(b, s, &b->contact);
+    b->options = (aom_options){s->duration,     s->rel_tol,   0.0, 0.0, b->expected.time / FINE,
+                               s->max_contacts, s->max_steps, 0};
+    b->solution = (aom_solution){0};
+    if (b->made && memcmp(b->omega, s->omega, size) == 0 && memcmp(b->decay, s->decay, size) == 0) {
+        renew_rows(b->stepper, &b->system);
+        return AOM_DONE;
+    }
+    memcpy(b->omega, s->omega, size);
+    memcpy(b->decay, s->decay, size);
+    int status = aom_create(&b->system, b->memory, b->bytes, &b->stepper);
+    b->made = status == AOM_DONE;
+    return status;
+}
+
+/* The largest angle by which a body has turned at the ends of the steps. */
+static double turned(const aom_impact *s, const aom_record *run, int *body) {
+    double most = 0.0;
+    int J = s->n_modes;
+    for (int64_t k = 0; k < run->n_states; k++)
+        for (int n = 0; n < s->n_turning; n++) {
+            double square = 0.0;
+            for (int i = 0; i < 3; i++) {
+                const double *row = s->turning + (ptrdiff_t)(3 * n + i) * J;
+                double angle = 0.0;
+                for (int j = 0; j < J; j++)
+                    angle += row[j] * run->states[2 * k * J + j];
+                square += angle * angle;
+            }
+            if (square > most) {
+                most = square;
+                *body = n;
+            }
+        }
+    return sqrt(most);
+}
+
+/* Write down what a run gave; false if its pulses do not fit behind those of the others. */
+static bool write_outcome(aom_batch *b, const aom_impact *s, aom_outcome *out, aom_pulse_nodes *to) {
+    const aom_solution *found = &b->solution;
+    const aom_record *run = b->records + found->best;
+    int open, body = 0;
+    int64_t n = aom_touches(run, 0, 0, b->touches, &open), nodes = 0;
+    for (int64_t k = 0; k < n; k++)
+        nodes += 2 * (b->touches[k].last - b->touches[k].first) + 1;
+    if (to->n_nodes + nodes > to->max_nodes)
+        return false;
+    *out = (aom_outcome){.status = found->answer,
+                         .contacts = n,
+                         .touches = found->summary.touches,
+                         .open = open,
+                         .n_nodes = nodes,
+                         .force_error = found->force,
+                         .peak_error = found->peak,
+                         .certain = found->certain,
+                         .time = run->time[run->n_nodes - 1],
+                         .lasting = b->expected.time,
+                         .gained = found->summary.gained,
+                         .highest = found->summary.highest};
+    out->numbers = aom_read_contact(&b->system, run, 0, open, n, b->touches,
+                                    run->states + b->n_modes, 2 * b->n_modes);
+    out->turned = turned(s, run, &body);
+    out->body = body;
+    for (int64_t k = 0; k < n; k++)
+        for (int64_t i = 2 * b->touches[k].first; i <= 2 * b->touches[k].last; i++) {
+            to->time[to->n_nodes] = run->time[i];
+            to->force[to->n_nodes++] = larger(run->force[i], 0.0);
+        }
+    return true;
+}
+
+int aom_batch_solve(aom_batch *b, int64_t n, const aom_impact *impacts, aom_outcome *outcomes,
+                    aom_pulse_nodes *to, int64_t max_attempts, int64_t *done) {
+    while (*done < n) {
+        const aom_impact *s = impacts + *done;
+        aom_outcome *out = outcomes + *done;
+        if (b->stage == BEGIN) {
+            *out = (aom_outcome){.status = begin(b, s)};
+            if (out->status != AOM_DONE) {
+                ++*done;
+                continue;
+            }
+            b->stage = GO_ON;
+        }
+        if (b->stage == GO_ON) {
+            if (max_attempts <= 0)
+                return AOM_PAUSED;
+            int64_t before = b->solution.used;
+            int status = aom_solve(b->stepper, &b->system, &b->options, &b->solution, b->records,
+                                   max_attempts);
+            max_attempts -= b->solution.used - before;
+            if (status == AOM_PAUSED)
+                return AOM_PAUSED;
+            b->stage = status == AOM_DONE ? WRITE : BEGIN;
+            if (status != AOM_DONE) {
+                out->status = status;
+                ++*done;
+                continue;
+            }
+        }
+        if (!write_outcome(b, s, out, to))
+            return AOM_FULL;
+        b->stage = BEGIN;
+        ++*done;
+    }
+    return AOM_DONE;
+}
