@@ -1,5 +1,6 @@
 /* The library as one translation unit. */
 #include "contact_step.c"
+#include "coupled.c"
 #include "crossings.c"
 #include "flight.c"
 #include "forces.c"

@@ -56,7 +56,7 @@ typedef struct slot {
     double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
-    double *moves;    /* [4][J], then [m][4][J]: what takes (q, v) over the step */
+    double *moves;    /* [4][J], then [m][4][J], with gamma [m][6][J]: what takes (q, v) over it */
 } slot;
 
 /* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
@@ -83,6 +83,7 @@ typedef struct course {
     double time, last_step, step, left; /* left: until the loads change */
     double force_scale, longest, cap;   /* longest step; cap: of the present contact */
     double worked, given, highest, surplus;
+    double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
     int level, segment, flown_segment;
     bool flying;
     int64_t steps, retries, touches, refused, idle;
@@ -100,7 +101,7 @@ typedef struct workspace {
     double *free_depth, *free_rate; /* [m] */
     double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
-    double *load, *load_rate;       /* [J] */
+    double *load, *load_rate;       /* [J], with gamma [2][J] */
     double *offset, *drift;         /* [m] */
     double *matrix, *rest;          /* [2G][2G], [2G] */
     newton_row *newton;   /* [p] */
@@ -148,6 +149,16 @@ int count_groups(const aom_system *system);
 void find_groups(aom_stepper *st);
 void find_spans(aom_stepper *st);
 void ready_moves(aom_stepper *st, int slot);
+
+/* ---- coupled.c */
+void add_rates(aom_stepper *st, slot *s);
+void add_coupling(const aom_stepper *st, const slot *s, int a, int b, double total[4]);
+void force_moves(const aom_stepper *st, const slot *s, int i, double *out);
+void push_coupled(int J, const double *restrict moves, const double f[3], double *restrict q,
+                  double *restrict v);
+void loaded_by(const aom_stepper *st, const double *response, int j, double out[4]);
+double seen_amplitude(const aom_stepper *st, int c, int j);
+void give(aom_stepper *st, double h);
 
 /* ---- response_slopes.c */
 void response_slopes(int n, const double *omega, const double *decay, double t,
@@ -232,6 +243,18 @@ static inline double within(double x, double low, double high) {
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
 static inline const double *beta_row(const aom_stepper *st, int i) {
     return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
+}
+static inline const double *gamma_row(const aom_stepper *st, int i) {
+    return st->system.gamma + (ptrdiff_t)i * st->system.n_modes;
+}
+/* Whether row i moves mode j. */
+static inline bool moves_mode(const aom_system *s, int i, int j) {
+    ptrdiff_t at = (ptrdiff_t)i * s->n_modes + j;
+    return s->beta[at] != 0.0 || (s->gamma != NULL && s->gamma[at] != 0.0);
+}
+/* Numbers of a row of loads. */
+static inline int load_width(const aom_system *s) {
+    return s->gamma == NULL ? s->n_modes : 2 * s->n_modes;
 }
 /* The pair of two groups. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {

@@ -170,7 +170,7 @@ class ContactHistory(Brief):
         found, most = None, 0.0
         for j in np.flatnonzero(system.omega == 0).tolist():
             rows = system.beta[:, j]
-            if abs(rows[self._row]) > most and system.decay[j] == 0 and np.count_nonzero(rows) == 1:
+            if abs(rows[self._row]) > most and system.undamped[j] and np.count_nonzero(rows) == 1:
                 found, most = j, abs(rows[self._row])
         return found
 

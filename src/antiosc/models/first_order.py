@@ -1,0 +1,272 @@
+"""First-order modes: a body whose damping couples its free modes, as pairs of poles.
+
+In the free modes q of the body without damping, with rates v, factors D = L0' L0 and G_k = L_k' L_k
+of its damping, and the states xi_k = L_k z_k of its branches,
+
+    q' = v,    v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,    xi_k' = (L_k q - xi_k)/tau_k,
+
+or y' = A y + e f. With J = [[D, 1, 0], [1, 0, 0], [0, 0, tau]] both J and J A are symmetric and
+J e = (1, 0, 0): the eigenvectors Y of A are orthogonal in J, and with Y'JY = 1 the receptance is
+sum Y_q Y_q'/(s - lambda). Two conjugate poles, or a slower real one of positive and a faster one of
+negative Y'JY, are one mode of real numbers (a, b),
+
+    a' = b + c_b f,      b' = -w^2 a - 2 d b + (c_a - 2 d c_b) f,      u = c_a a + c_b b,
+
+that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
+responses are those of an oscillator; c_b = 0 for an undamped one. With the same matrix T = [[2 d, 1],
+[1, 0]] of all modes, S the shapes (c_a, c_b) of all states: S'JS = T, y = S (a, b), (a, b) =
+T^-1 S'J y. A real pole without a partner has one without a share.
+
+P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
+Eng. Struct. Dyn.* 14 (1986) 217.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from antiosc.base._types import Array, ComplexArray
+from antiosc.base.errors import AccuracyError
+from antiosc.models.damping_matrix import DampingMatrix
+
+#: Share of the largest damping of a mode below which a mode has none.
+UNDAMPED = 1e-24
+#: The same, of a combination of rigid-body motions.
+UNBRAKED = 1e-12
+#: Poles closer than this, relatively, are one repeated pole.
+REPEATED = 1e-10
+#: Errors of the receptance, relative: one that serves, and the largest.
+EXACT, INEXACT = 1e-7, 1e-4
+#: Relative change of a damping whose poles fall together.
+NUDGE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FirstOrder:
+    """The first-order modes of a body.
+
+    Attributes
+    ----------
+    omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
+    at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
+    brake : (J, 2 I) what the damping takes from their accelerations.
+    inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
+    """
+
+    omega: Array
+    decay: Array
+    at_q: Array
+    at_v: Array
+    brake: Array
+    inverse: Array
+
+    def receptance(self, b: Array, omega: Array) -> ComplexArray:
+        """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        s = 1j * omega[..., None]
+        size = self.omega.size
+        ca, cb = self.at_q[:, :size].T @ b, self.at_q[:, size:].T @ b
+        over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
+        rest = ca - 2 * self.decay[:, None] * cb
+        a = over[..., None] * (cb * s[..., None] + ca)
+        rate = over[..., None] * (rest * s[..., None] - (self.omega**2)[:, None] * cb)
+        return np.asarray(ca.T @ a + cb.T @ rate)
+
+
+def side_by_side(
+    bodies: Iterable[tuple[Array, Array | None, FirstOrder | None]],
+) -> FirstOrder | None:
+    """The modes of bodies (omega, decay, first-order modes) as those of one; None where none has
+    first-order modes."""
+    given = list(bodies)
+    if all(first is None for _, _, first in given):
+        return None
+    parts = [_alone(w, d) if first is None else first for w, d, first in given]
+    ends = np.cumsum([0, *(len(each.at_q) for each in parts)])
+    last = np.cumsum([0, *(each.omega.size for each in parts)])
+    J, I = int(ends[-1]), int(last[-1])
+    at_q, at_v, brake = (np.zeros((J, 2 * I)) for _ in range(3))
+    inverse = np.zeros((2 * I, 2 * J))
+    for each, j, i in zip(parts, ends, last, strict=False):
+        size, rows = each.omega.size, np.arange(j, j + len(each.at_q))
+        columns = np.concatenate((np.arange(i, i + size), np.arange(I + i, I + i + size)))
+        own = np.ix_(rows, columns)
+        at_q[own], at_v[own], brake[own] = each.at_q, each.at_v, each.brake
+        inverse[np.ix_(columns, np.concatenate((rows, J + rows)))] = each.inverse
+    w, d = (np.concatenate([getattr(each, name) for each in parts]) for name in ("omega", "decay"))
+    return FirstOrder(w, d, at_q, at_v, brake, inverse)
+
+
+def _alone(omega: Array, decay: Array | None) -> FirstOrder:
+    """Modes that decay each for itself."""
+    size = omega.size
+    d = np.zeros(size) if decay is None else decay
+    none, one = np.zeros((size, size)), np.eye(size)
+    braked = np.hstack([none, np.diag(2 * d)])
+    at_q, at_v = np.hstack([one, none]), np.hstack([none, one])
+    return FirstOrder(omega, d, at_q, at_v, braked, np.eye(2 * size))
+
+
+def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    """The first-order modes of free modes (J,) with this damping in them.
+
+    A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
+    leaves no such modes.
+    """
+    least, best = np.inf, None
+    for change in (0.0, NUDGE, -NUDGE):
+        root = np.sqrt(1 + change)
+        nudged = DampingMatrix.of_factors(
+            root * damping.factor, [(root * L, tau) for L, tau in damping.factors]
+        )
+        with np.errstate(all="ignore"):
+            found = _found(omega, nudged)
+            off = _inexact(found, omega, damping)
+        if off < least:
+            least, best = off, found
+        if least <= EXACT:
+            break
+    if best is None or least > INEXACT:
+        raise AccuracyError(
+            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}): "
+            "rounding does not tell their poles apart; change the damping by a per cent."
+        )
+    return best
+
+
+def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    J = omega.size
+    turn = np.eye(J)
+    rigid = np.flatnonzero(omega == 0)
+    slow = damping.matrix + sum((t * G for G, t in damping.branches), np.zeros(1))
+    values, turn[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
+    own = np.sum((damping.factor @ turn) ** 2, axis=0)
+    own += sum((tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J))
+    touched = own > UNDAMPED * own.max(initial=0.0)
+    touched[rigid] = values > UNBRAKED * own.max(initial=0.0)
+    coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
+    w, d, S, JS, braked = _modes(omega[coupled], damping.along(turn[:, coupled]))
+    k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
+    first = np.concatenate((np.arange(free), both + np.arange(free)))
+    second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
+    states, dual = np.zeros((2 * J, 2 * both)), np.zeros((2 * J, 2 * both))
+    for half in range(2):  # of undamped modes a is the displacement, b its rate
+        states[half * J + alone, first[half * free : (half + 1) * free]] = 1.0
+        dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
+        states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
+        dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
+    brake = np.zeros((J, 2 * both))
+    brake[np.ix_(coupled, second)] = braked
+    whole = scipy.linalg.block_diag(turn, turn)
+    w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
+    states, dual = whole @ states, whole @ dual
+    upper, lower = np.split(dual.T, 2)  # T^-1 of them
+    inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
+    return FirstOrder(w, d, states[:J], states[J:], turn @ brake, inverse)
+
+
+def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
+    """w, d (I,), S and J S with relaxed branches (2 k, 2 I), `brake` of modes that are all damped.
+
+    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
+    skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
+    """
+    k, moving = omega.size, np.flatnonzero(omega)
+    L = np.vstack([np.zeros((0, k)), *(own for own, _ in damping.factors)])
+    tau = np.concatenate([np.zeros(0), *(np.full(len(own), t) for own, t in damping.factors)])
+    e = moving.size
+    q, v, y = slice(0, e), slice(e, e + k), slice(e + k, e + k + tau.size)
+    A = np.zeros((y.stop, y.stop))
+    A[q, v] = np.diag(omega)[moving]
+    A[v, q], A[v, v], A[v, y] = -A[q, v].T, -damping.matrix, -L.T
+    A[y, v], A[y, y] = L, -np.diag(1 / tau)
+    sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
+    poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
+    poles, Z = poles.astype(complex), Z.astype(complex)
+    Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
+    Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
+    Y[moving] = Z[q] / omega[moving, None]
+    Y[2 * k :] = L @ Y[:k] - Z[y]
+    found: list[tuple[float, float, Array, Array]] = []
+    plus: list[tuple[float, Array]] = []
+    minus: list[tuple[float, Array]] = []
+    for group in _groups(poles):
+        pole = poles[group].mean()
+        gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
+        if pole.imag > 0:
+            root = scipy.linalg.sqrtm(gram) if len(group) > 1 else np.sqrt(gram)
+            for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
+                turned = column * np.sqrt(2j * z.imag)
+                rate, real = turned.imag / z.imag, min(float(z.real), 0.0)
+                found.append((abs(z), -real, turned.real - real * rate, rate))
+        elif pole.imag == 0:
+            values, vectors = np.linalg.eigh(gram.real)
+            own = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
+            for value, column in zip(values, own.T, strict=True):
+                (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
+    for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
+        column = np.zeros(len(Y))
+        column[j], column[2 * k :] = 1.0, L[:, j]
+        brake = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
+        plus.append((0.0, column / np.sqrt(brake)))
+    found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
+    w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
+    S = np.array([one[2] for one in found] + [one[3] for one in found]).reshape(2 * w.size, len(Y)).T
+    relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
+    JS = np.vstack([relaxed, S[:k]])  # xi = L q
+    brake = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
+    return w, d, S[: 2 * k], JS, brake
+
+
+def _groups(poles: ComplexArray) -> list[list[int]]:
+    """Indices of equal poles; real and complex ones apart."""
+    groups: list[list[int]] = []
+    for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
+        for group in reversed(groups[-8:]):
+            near = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
+            if near and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
+
+
+def _pairs(
+    plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
+) -> list[tuple[float, float, Array, Array]]:
+    """(w, d, c_a, c_b) of real poles: each negative one with the nearest slower positive one."""
+    found: list[tuple[float, float, Array, Array]] = []
+    rest = sorted(plus, key=lambda one: one[0])  # the fastest first
+
+    def add(slow: float, fast: float, one: Array, other: Array) -> None:
+        root = np.sqrt(slow - fast)
+        sign = -1.0 if one @ other < 0 else 1.0
+        rate = (one - sign * other) * root / (slow - fast)
+        found.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
+
+    for fast, column in sorted(minus, key=lambda one: -one[0]):  # the slowest first
+        slower = next((i for i, one in enumerate(rest) if one[0] > fast), None)
+        if slower is None:
+            add(fast / 2, fast, np.zeros(column.size), column)
+        else:
+            slow, own = rest.pop(slower)
+            add(slow, fast, own, column)
+    for slow, column in rest:
+        add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
+    return found
+
+
+def _inexact(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
+    """Error of the receptance of the modes at a real s, relative; inf where it is no number."""
+    positive = modes.omega[modes.omega > 0]
+    s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
+    at = np.array(-1j * s)
+    exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
+    found = modes.receptance(np.eye(omega.size), at).real
+    scale = np.sqrt(exact.diagonal())
+    off = float(np.abs((found - exact) / np.outer(scale, scale)).max(initial=0.0))
+    return off if np.isfinite(off) else np.inf
