@@ -117,6 +117,7 @@ class DampingMatrix(Brief):
     def as_dict(self) -> dict[str, Any]:
         """Arguments of `of_factors` as JSON values."""
         return {
+            "n": self.n,
             "factor": self.factor.tolist(),
             "branches": [[L.tolist(), tau] for L, tau in self.factors],
         }

@@ -3,7 +3,7 @@
 In the free modes q of the body without damping, with rates v, factors D = L0' L0 and G_k = L_k' L_k
 of its damping, and the states xi_k = L_k z_k of its branches,
 
-    q' = v,    v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,    xi_k' = (L_k q - xi_k)/tau_k,
+    q' = v,   v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,   xi_k' = (L_k q - xi_k)/tau_k,
 
 or y' = A y + e f. With J = [[D, 1, 0], [1, 0, 0], [0, 0, tau]] both J and J A are symmetric and
 J e = (1, 0, 0): the eigenvectors Y of A are orthogonal in J, and with Y'JY = 1 the receptance is
@@ -13,9 +13,9 @@ negative Y'JY, are one mode of real numbers (a, b),
     a' = b + c_b f,      b' = -w^2 a - 2 d b + (c_a - 2 d c_b) f,      u = c_a a + c_b b,
 
 that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
-responses are those of an oscillator; c_b = 0 for an undamped one. With the same matrix T = [[2 d, 1],
-[1, 0]] of all modes, S the shapes (c_a, c_b) of all states: S'JS = T, y = S (a, b), (a, b) =
-T^-1 S'J y. A real pole without a partner has one without a share.
+responses are those of an oscillator; c_b = 0 for an undamped one. With T = [[2 d, 1], [1, 0]] of
+all modes and S the shapes (c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A
+real pole without a partner has one without a share.
 
 P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
 Eng. Struct. Dyn.* 14 (1986) 217.
@@ -25,11 +25,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
-from antiosc.base._types import Array, ComplexArray
+from antiosc.base._types import Array, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError
 from antiosc.models.damping_matrix import DampingMatrix
 
@@ -64,7 +65,7 @@ class FirstOrder:
     brake: Array
     inverse: Array
 
-    def receptance(self, b: Array, omega: Array) -> ComplexArray:
+    def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
         """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
         s = 1j * omega[..., None]
         size = self.omega.size
@@ -87,12 +88,12 @@ def side_by_side(
     parts = [_alone(w, d) if first is None else first for w, d, first in given]
     ends = np.cumsum([0, *(len(each.at_q) for each in parts)])
     last = np.cumsum([0, *(each.omega.size for each in parts)])
-    J, I = int(ends[-1]), int(last[-1])
-    at_q, at_v, brake = (np.zeros((J, 2 * I)) for _ in range(3))
-    inverse = np.zeros((2 * I, 2 * J))
+    J, both = int(ends[-1]), int(last[-1])
+    at_q, at_v, brake = (np.zeros((J, 2 * both)) for _ in range(3))
+    inverse = np.zeros((2 * both, 2 * J))
     for each, j, i in zip(parts, ends, last, strict=False):
         size, rows = each.omega.size, np.arange(j, j + len(each.at_q))
-        columns = np.concatenate((np.arange(i, i + size), np.arange(I + i, I + i + size)))
+        columns = np.concatenate((np.arange(i, i + size), both + np.arange(i, i + size)))
         own = np.ix_(rows, columns)
         at_q[own], at_v[own], brake[own] = each.at_q, each.at_v, each.brake
         inverse[np.ix_(columns, np.concatenate((rows, J + rows)))] = each.inverse
@@ -131,8 +132,8 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
             break
     if best is None or least > INEXACT:
         raise AccuracyError(
-            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}): "
-            "rounding does not tell their poles apart; change the damping by a per cent."
+            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}):"
+            " rounding does not tell their poles apart; change the damping by a per cent."
         )
     return best
 
@@ -214,14 +215,15 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         plus.append((0.0, column / np.sqrt(brake)))
     found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
     w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
-    S = np.array([one[2] for one in found] + [one[3] for one in found]).reshape(2 * w.size, len(Y)).T
+    shapes = [one[2] for one in found] + [one[3] for one in found]
+    S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
     JS = np.vstack([relaxed, S[:k]])  # xi = L q
     brake = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
     return w, d, S[: 2 * k], JS, brake
 
 
-def _groups(poles: ComplexArray) -> list[list[int]]:
+def _groups(poles: Any) -> list[list[int]]:
     """Indices of equal poles; real and complex ones apart."""
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():

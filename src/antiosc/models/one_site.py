@@ -17,7 +17,6 @@ from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import unit_vector
 from antiosc.models.parameters import Parameters, in_space
-from antiosc.models.reduced_modes import rigid_motions
 from antiosc.models.softened import checked_error, checked_symmetric
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
@@ -108,7 +107,7 @@ def modal(model: Parameters) -> ModalBody:
 def _coupled(model: Parameters) -> ModalBody:
     """The free modes of a model whose damping couples them: none is merged with another."""
     k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
-    rigid = rigid_motions(k0, np.array([[model.m_st]]), model.omega)
+    rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     found = damped_modes(model, k0, m0, root[None], rigid)
     turn = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
     turn[1:, 0], turn[1:, 1:] = 1.0, np.diag(1 / root)
