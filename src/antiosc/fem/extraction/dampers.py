@@ -153,7 +153,7 @@ def band_error(
     for at in np.array_split(omega, -(-omega.size // AT_ONCE)):
         s = 1j * at
         D = K + s[:, None, None] ** 2 * M + damping.stiffness(at)
-        y = np.linalg.solve(D[:, own, own], load[own])
+        y = np.linalg.solve(D[:, own, own], load[None, own])
         rest = driving_point.spectral_norms(inverse @ (load - D[:, :, own] @ y))
         Z = driving_point.spectral_norms(np.linalg.inv(y[:, :p]))
         coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
