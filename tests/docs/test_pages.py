@@ -26,7 +26,7 @@ LIGHT = {
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured"),
 }
-MESHED = {"howto/deck", "howto/drop"}
+MESHED = {"howto/deck", "howto/drop", "howto/damping"}
 SLOW = {
     *("first_impact", "limits", "howto/map", "howto/measured", "howto/units"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "errors"),
