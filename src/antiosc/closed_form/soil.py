@@ -35,6 +35,14 @@ class SoilCone:
     damping: float
     mass: float
 
+    def __post_init__(self) -> None:
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N/m"),
+            damping=checks.positive("damping", self.damping, "N s/m"),
+            mass=checks.nonnegative("mass", self.mass, "kg"),
+        )
+
     def model(self, mass: float = 0.0) -> AntiOscillators:
         """A rigid footing of this mass [kg] on the soil, as a model that can be struck.
 
@@ -42,8 +50,9 @@ class SoilCone:
         """
         total = checks.nonnegative("mass", mass, "kg") + self.mass
         total = checks.positive("the mass of the footing and the soil", total, "kg")
+        none = np.zeros(0)
         damping = DampingMatrix(np.array([[self.damping]]))
-        return AntiOscillators(m0=total, k0=self.stiffness, m=[], omega=[], damping=damping)
+        return AntiOscillators(m0=total, k0=self.stiffness, m=none, omega=none, damping=damping)
 
 
 def soil_cone(

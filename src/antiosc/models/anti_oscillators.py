@@ -30,7 +30,7 @@ from antiosc.base.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
 from antiosc.models.coupled_modes import checked_size
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.parameters import Parameters
@@ -192,7 +192,7 @@ class AntiOscillators(Brief, Parameters):
         damping = self.damping
         if isinstance(damping, DampingMatrix):
             kept = np.delete(np.arange(damping.n), left_out)
-            damping = damping.along(np.eye(damping.n)[:, kept])
+            damping = along(damping, np.eye(damping.n)[:, kept])
         p, shapes, inertia = self.participation, self.shapes, self.inertia
         E, misfit = self.strain_error, self.strain_misfit
         if p is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_modes import ReducedModes, reduced_modes
 
@@ -29,7 +29,7 @@ def checked_size(model: Parameters, damping: DampingMatrix, given: Any) -> Dampi
     if np.array_equal(order, np.arange(order.size)):
         return damping
     rows = np.concatenate((np.arange(lead), lead + order, np.arange(lead + order.size, size)))
-    return damping.along(np.eye(size)[:, rows])
+    return along(damping, np.eye(size)[:, rows])
 
 
 def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array) -> ReducedModes:
@@ -51,5 +51,5 @@ def damping_of(model: Parameters, omega: Array, shape: Array | None) -> dict[str
     if damping is None:
         return {"decay": None}
     if isinstance(damping, DampingMatrix):
-        return {} if shape is None else {"damping": damping.along(shape)}
+        return {} if shape is None else {"damping": along(damping, shape)}
     return {"decay": damping.decay(omega)}

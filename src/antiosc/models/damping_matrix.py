@@ -71,25 +71,7 @@ class DampingMatrix(Brief):
                 )
             own = _factor("the matrix of a branch", branch[0], factor.shape[1])
             found.append((own, checks.positive("tau", branch[1], "s")))
-        self._keep(factor, found)
-
-    def _keep(self, factor: Array, branches: Sequence[tuple[Array, float]]) -> None:
-        checks.store(
-            self,
-            factor=factor,
-            factors=tuple(branches),
-            matrix=checks.kept(factor.T @ factor),
-            branches=tuple((checks.kept(L.T @ L), tau) for L, tau in branches),
-        )
-
-    @classmethod
-    def of_factors(
-        cls, factor: Array, branches: Sequence[tuple[Array, float]] = ()
-    ) -> DampingMatrix:
-        """C = factor' factor, factor (r, n), and the branches likewise: semidefinite as it is."""
-        found = object.__new__(cls)
-        found._keep(factor, branches)
-        return found
+        _keep(self, factor, found)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [("matrix", f"{self.matrix.shape}"), ("branches", f"{len(self.branches)}")]
@@ -98,10 +80,6 @@ class DampingMatrix(Brief):
     def n(self) -> int:
         """Number of coordinates."""
         return int(self.factor.shape[1])
-
-    def along(self, turn: Array) -> DampingMatrix:
-        """The same damping in the coordinates y of x = turn y, turn (n, m)."""
-        return self.of_factors(self.factor @ turn, [(L @ turn, tau) for L, tau in self.factors])
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """What it adds to the dynamic stiffness at circular frequencies (...) [rad/s]: (..., n, n).
@@ -115,12 +93,34 @@ class DampingMatrix(Brief):
         return np.asarray(total)
 
     def as_dict(self) -> dict[str, Any]:
-        """Arguments of `of_factors` as JSON values."""
+        """Arguments of `of_factors` as JSON values, and the number of coordinates."""
         return {
             "n": self.n,
             "factor": self.factor.tolist(),
             "branches": [[L.tolist(), tau] for L, tau in self.factors],
         }
+
+
+def of_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
+    """C = factor' factor, factor (r, n), and the branches likewise: semidefinite as it is."""
+    found = object.__new__(DampingMatrix)
+    _keep(found, factor, branches)
+    return found
+
+
+def along(damping: DampingMatrix, turn: Array) -> DampingMatrix:
+    """The same damping in the coordinates y of x = turn y, turn (n, m)."""
+    return of_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
+
+
+def _keep(of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]) -> None:
+    checks.store(
+        of,
+        factor=factor,
+        factors=tuple(branches),
+        matrix=checks.kept(factor.T @ factor),
+        branches=tuple((checks.kept(L.T @ L), tau) for L, tau in branches),
+    )
 
 
 def _factor(name: str, matrix: Any, size: int | None) -> Array:

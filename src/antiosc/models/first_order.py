@@ -23,7 +23,7 @@ Eng. Struct. Dyn.* 14 (1986) 217.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +32,7 @@ import scipy.linalg
 
 from antiosc.base._types import Array, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, along, of_factors
 
 #: Share of the largest damping of a mode below which a mode has none.
 UNDAMPED = 1e-24
@@ -77,38 +77,73 @@ class FirstOrder:
         return np.asarray(ca.T @ a + cb.T @ rate)
 
 
-def side_by_side(
-    bodies: Iterable[tuple[Array, Array | None, FirstOrder | None]],
-) -> FirstOrder | None:
-    """The modes of bodies (omega, decay, first-order modes) as those of one; None where none has
-    first-order modes."""
-    given = list(bodies)
-    if all(first is None for _, _, first in given):
-        return None
-    parts = [_alone(w, d) if first is None else first for w, d, first in given]
-    ends = np.cumsum([0, *(len(each.at_q) for each in parts)])
-    last = np.cumsum([0, *(each.omega.size for each in parts)])
-    J, both = int(ends[-1]), int(last[-1])
-    at_q, at_v, brake = (np.zeros((J, 2 * both)) for _ in range(3))
-    inverse = np.zeros((2 * both, 2 * J))
-    for each, j, i in zip(parts, ends, last, strict=False):
-        size, rows = each.omega.size, np.arange(j, j + len(each.at_q))
-        columns = np.concatenate((np.arange(i, i + size), both + np.arange(i, i + size)))
-        own = np.ix_(rows, columns)
-        at_q[own], at_v[own], brake[own] = each.at_q, each.at_v, each.brake
-        inverse[np.ix_(columns, np.concatenate((rows, J + rows)))] = each.inverse
-    w, d = (np.concatenate([getattr(each, name) for each in parts]) for name in ("omega", "decay"))
-    return FirstOrder(w, d, at_q, at_v, brake, inverse)
+@dataclass(eq=False)
+class SideBySide:
+    """The modes of several bodies, of which some have first-order modes.
 
+    Attributes
+    ----------
+    parts : omega and decay of the free modes of each body, and its first-order modes.
+    omega, decay : (I,) of the modes that are integrated, body by body.
+    """
 
-def _alone(omega: Array, decay: Array | None) -> FirstOrder:
-    """Modes that decay each for itself."""
-    size = omega.size
-    d = np.zeros(size) if decay is None else decay
-    none, one = np.zeros((size, size)), np.eye(size)
-    braked = np.hstack([none, np.diag(2 * d)])
-    at_q, at_v = np.hstack([one, none]), np.hstack([none, one])
-    return FirstOrder(omega, d, at_q, at_v, braked, np.eye(2 * size))
+    parts: Sequence[tuple[Array, Array, FirstOrder | None]]
+
+    def __post_init__(self) -> None:
+        own = [
+            (w, d) if first is None else (first.omega, first.decay) for w, d, first in self.parts
+        ]
+        self.omega = np.concatenate([w for w, _ in own])
+        self.decay = np.concatenate([d for _, d in own])
+        self.free = sum(w.size for w, _, _ in self.parts)
+
+    def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
+        """Free modes, integrated modes, decay and first-order modes of each body."""
+        j = i = 0
+        for w, d, first in self.parts:
+            size = w.size if first is None else first.omega.size
+            yield slice(j, j + w.size), slice(i, i + size), d, first
+            j, i = j + w.size, i + size
+
+    def rows(self, values: Array) -> Array:
+        """(n, 2 I) of values (n, J) on the displacements of the free modes."""
+        size = self.omega.size
+        found = np.zeros((len(values), 2, size))
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[:, 0, own] = values[:, free]
+            else:
+                found[:, :, own] = (values[:, free] @ first.at_q).reshape(len(values), 2, -1)
+        return found.reshape(len(values), 2 * size)
+
+    def state(self, q: Array, v: Array) -> Array:
+        """(2, I) of displacements and velocities (J,) of the free modes."""
+        found = np.zeros((2, self.omega.size))
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[0, own], found[1, own] = q[free], v[free]
+            elif q[free].any() or v[free].any():
+                state = np.concatenate((q[free], v[free]))
+                found[:, own] = (first.inverse @ state).reshape(2, -1)
+        return found
+        """Displacements and velocities of the free modes (n, J), and what the damping brakes by."""
+    def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
+        """Displacements, velocities of the free modes (n, J), what damping takes from their rates."""
+        q, v, brake = (np.empty((len(a), self.free)) for _ in range(3))
+        for free, own, d, first in self._spans():
+            if first is None:
+                q[:, free], v[:, free], brake[:, free] = a[:, own], b[:, own], 2 * d * b[:, own]
+                continue
+            both = np.hstack([a[:, own], b[:, own]])
+            q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
+            brake[:, free] = both @ first.brake.T
+        return q, v, brake
+
+    @property
+    def undamped(self) -> Any:
+        """Which free modes (J,) have no damping."""
+        own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f in self.parts]
+        return np.concatenate(own)
 
 
 def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
@@ -120,9 +155,7 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     least, best = np.inf, None
     for change in (0.0, NUDGE, -NUDGE):
         root = np.sqrt(1 + change)
-        nudged = DampingMatrix.of_factors(
-            root * damping.factor, [(root * L, tau) for L, tau in damping.factors]
-        )
+        nudged = of_factors(root * damping.factor, [(root * L, tau) for L, tau in damping.factors])
         with np.errstate(all="ignore"):
             found = _found(omega, nudged)
             off = _inexact(found, omega, damping)
@@ -149,7 +182,7 @@ def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
     touched = own > UNDAMPED * own.max(initial=0.0)
     touched[rigid] = values > UNBRAKED * own.max(initial=0.0)
     coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
-    w, d, S, JS, braked = _modes(omega[coupled], damping.along(turn[:, coupled]))
+    w, d, S, JS, braked = _modes(omega[coupled], along(damping, turn[:, coupled]))
     k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
     first = np.concatenate((np.arange(free), both + np.arange(free)))
     second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))

@@ -12,7 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models import model_file
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
@@ -124,7 +124,7 @@ def _damping(given: dict[str, Any] | None) -> Damping | DampingMatrix | None:
         return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
-    return DampingMatrix.of_factors(factor(given["factor"]), branches)
+    return of_factors(factor(given["factor"]), branches)
 
 
 def _plain(value: Any) -> Any:

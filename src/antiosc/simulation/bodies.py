@@ -19,7 +19,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
-from antiosc.models.first_order import FirstOrder, side_by_side
+from antiosc.models.first_order import FirstOrder, SideBySide
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
@@ -171,9 +171,10 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
-def first_order_of(bodies: Iterable[Placed]) -> FirstOrder | None:
+def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
     """First-order modes of all bodies side by side, if one has them."""
-    return side_by_side((body.omega, body.decay, body.first) for body in bodies)
+    parts = [(body.omega, body.decay, body.first) for body in bodies]
+    return None if all(first is None for _, _, first in parts) else SideBySide(parts)
 
 
 def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:

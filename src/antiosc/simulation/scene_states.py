@@ -131,10 +131,7 @@ def marched_states(
 
 def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
     """The states of the free modes from those of the march's."""
-    if system.first is None:
-        return q, v
-    state = np.hstack([q, v])
-    return state @ system.first.at_q.T, state @ system.first.at_v.T
+    return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
 def braked(
@@ -144,7 +141,7 @@ def braked(
     q, v = marched_states(run, system, load_at, step, since)
     if system.first is None:
         return 2 * system.decay * v
-    return np.asarray(np.hstack([q, v]) @ system.first.brake.T)
+    return system.first.motion(q, v)[2]
 
 
 def starts(
@@ -202,7 +199,7 @@ def _moved(
     slope = (load_at(middle) - at) / (0.5 * long)
     bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
     if whole.first is not None:
-        at, slope = at @ whole.first.at_q, slope @ whole.first.at_q
+        at, slope = whole.first.rows(at), whole.first.rows(slope)
     size = system.omega.size
     a = bends[0] @ system.beta - at[:, :size]
     b = bends[1] @ system.beta - slope[:, :size]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw
-from antiosc.models.first_order import FirstOrder
+from antiosc.models.first_order import SideBySide
 from antiosc.simulation.laws import OwnLaw, packed
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class System:
     speed: Array
     pressed: Array
     given: float = 0.0
-    first: FirstOrder | None = None
+    first: SideBySide | None = None
     gamma: Array | None = None
 
     @property
@@ -72,8 +72,7 @@ class System:
     @property
     def undamped(self) -> NDArray[np.bool_]:
         """Which modes (J,) have no damping."""
-        free = self.decay == 0
-        return free if self.first is None else free & ~self.first.brake.any(axis=1)
+        return self.decay == 0 if self.first is None else self.first.undamped
 
     @cached_property
     def marched(self) -> System:
@@ -83,17 +82,17 @@ class System:
         if first is None:
             return self
         size = first.omega.size
-        rows = self.beta @ first.at_q
-        state = first.inverse @ np.concatenate((self.q, self.v))
+        rows = first.rows(self.beta)
+        q, v = first.state(self.q, self.v)
         return replace(
             self,
             omega=first.omega,
             decay=first.decay,
             beta=np.ascontiguousarray(rows[:, :size]),
             gamma=np.ascontiguousarray(rows[:, size:]),
-            loads=self.loads @ first.at_q,
-            q=state[:size],
-            v=state[size:],
+            loads=first.rows(self.loads),
+            q=q,
+            v=v,
             first=None,
         )
 

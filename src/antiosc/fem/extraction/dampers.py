@@ -30,7 +30,7 @@ from antiosc.fem.structure.dissipation import Dissipation, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.driving_point import semidefinite
 from antiosc.models.modal import Damping
 
@@ -122,7 +122,7 @@ def _with_losses(
     modes = np.linalg.pinv(amplitude)[elastic]
     own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
     factor = np.vstack([damping.factor, own])
-    return replace(model, damping=DampingMatrix.of_factors(factor, damping.factors))
+    return replace(model, damping=of_factors(factor, damping.factors))
 
 
 def band_error(

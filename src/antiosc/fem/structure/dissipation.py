@@ -16,7 +16,7 @@ import numpy as np
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -70,7 +70,7 @@ def projected(structure: Structure, terms: Sequence[Dissipation], V: Array) -> D
     none = np.zeros((0, V.shape[1]))
     found = [(one.projected(structure.comm, V), one.tau) for one in terms]
     viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
-    return DampingMatrix.of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
+    return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
