@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.contact.damped import restitution_of
-from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
 from antiosc.studies.drops.flight import Flight, State
@@ -162,6 +162,19 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
     assert len(fall.episodes) >= 3
     assert energy[-1] < energy[0]
     assert max(one.corrected for one in fall.episodes) < 0.05
+
+
+def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The points taken first may be too few: the fall is that with all of them."""
+    where = setting(ao.Hertz(2e6), impacts=1)
+    body = free_body(block(), 0, None, None)
+    peaks = []
+    for reach in (0.0, 30.0):
+        monkeypatch.setattr("antiosc.studies.drops.episode.REACH", reach)
+        fall = fallen(body, started(body, where, (0.02, 0.05, 0)), where)
+        peaks.append([(one.contacts, one.peak_force, one.impulse) for one in fall.impacts])
+    assert peaks[1][0][0] > 1
+    np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
 
 
 def test_free_flight_is_exact() -> None:

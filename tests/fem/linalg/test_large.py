@@ -113,6 +113,16 @@ def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypat
         ao.extract(part, SITE, n=3)
 
 
+def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
+    part = block()
+    need = solver_choice.BYTES * solvers.forecast(part.K)
+    free = iter([0.9 * need, 1e3])  # the factor does not fit; then too little for the multigrid
+    monkeypatch.setattr(memory, "free_memory", lambda: next(free))
+    monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
+    with pytest.raises(ao.OutOfMemoryError, match="iterative solver"):
+        part.factorize()
+
+
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     # Between the general bound and the forecast: the forecast decides, without a word.
     part = block(n=(24, 12, 1))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import Episode, episode
-from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.impacts import Impacts, impact_of
 from antiosc.studies.drops.rotation import turned
 
 #: A fall is at rest whose speed would lift it by this share of the height at most.
@@ -41,6 +42,48 @@ class Setting:
     tol: float
 
 
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The course of a fall from its start to its end.
+
+    Attributes
+    ----------
+    body, setting : what falls, and in what.
+    start, end : states.
+    episodes : of contact; `groups` those of each impact.
+    flights : in between.
+    status : how it ended.
+    """
+
+    body: FreeBody
+    setting: Setting
+    start: State
+    end: State
+    episodes: list[Episode]
+    flights: list[Flight]
+    groups: list[list[int]]
+    status: str
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """The impacts, as a table."""
+        groups = ([self.episodes[k] for k in own] for own in self.groups)
+        return Impacts(impact_of(self.body, self.setting.gravity, own) for own in groups)
+
+    def energy(self) -> tuple[Array, Array]:
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
+        """
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += zip((one.start, one.end), one.stored, strict=True)
+        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
+        gravity = self.setting.gravity
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
+
+
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
     """The state at the start: the lowest point at its height."""
     low = float((body.points @ R[2] - body.balls).min())
@@ -52,8 +95,8 @@ def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Arra
     return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
 
 
-def fallen(body: FreeBody, start: State, setting: Setting) -> Fall:
-    """The fall from a state until it rests, or ends."""
+def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
+    """The course of a fall from a state until it rests, or ends."""
     floor = setting.floor
     ground = None if floor.model is None else floor.model.modal()
     every = np.arange(len(body.points))
@@ -89,7 +132,7 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Fall:
             status = "at rest"
         elif len(episodes) >= MOST_EPISODES:
             status = f"not at rest after {MOST_EPISODES} contacts"
-    return Fall(body, setting, start, state, episodes, flights, groups, status)
+    return Course(body, setting, start, state, episodes, flights, groups, status)
 
 
 def _same_impact(

@@ -125,7 +125,7 @@ def drop(
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
-        fall = fallen(body, start, setting)
+        fall = Fall(**vars(fallen(body, start, setting)))
         warn_of(fall)
         return fall
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")

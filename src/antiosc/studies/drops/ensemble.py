@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,9 @@ from antiosc.base.progress import counting
 from antiosc.simulation.executors import returned
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.course import Course, Setting, fallen, hung
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.rotation import turned
-
-if TYPE_CHECKING:
-    from antiosc.studies.drops.fall import Fall
 
 #: Falls that one call of an executor computes.
 AT_ONCE = 20
@@ -201,5 +198,5 @@ def _some(given: tuple[FreeBody, State, Setting, Tilts], seeds: Sequence[Any]) -
     return found
 
 
-def _numbers(fall: Fall) -> dict[str, list[float]]:
+def _numbers(fall: Course) -> dict[str, list[float]]:
     return {name: fall.impacts.column(name).tolist() for name in QUANTITIES}

@@ -24,13 +24,13 @@ from antiosc.studies.drops.hand_over import handed_over, of_equal_energy
 from antiosc.studies.drops.rotation import turned
 
 #: Duration of a first run, over the expected time of contact.
-LONG = 6.0
+LONG = 3.0
 #: A body may turn by this angle [rad] in an episode; if it still touches, another one follows.
 TURNS = 0.03
 #: Longest run, over the first one.
 LONGEST = 32.0
-#: Points that may touch within a run are those lower than this many times its way.
-REACH = 3.0
+#: Points that may touch are first those lower than this many times the way in a time of contact.
+REACH = 1.5
 #: Points are one contact that lie closer together than this share of the extent.
 APART = 0.04
 #: At most so many points touch in one episode: the lowest.
@@ -112,23 +112,25 @@ def episode(
     longest = LONGEST * duration
     extra: list[int] = []
     while True:
-        which = _candidates(body, start, heights, duration, held, extra)
+        which = _candidates(body, start, heights, time, held, extra)
         gaps = np.array([held.get(i, max(float(heights[i]), 0.0)) for i in which.tolist()])
         with without_warnings():
             scene = scene_of(body, posed, bent, which, gaps, floor, gravity)
             history = scene.run(duration, tol=tol)
-        end, touching = _end(body, history, len(which))
+        looks = np.linspace(0.0, float(history.time[-1]), LOOKS + 1)
+        q = history.at(looks)[BODY].q
+        end, touching = _end(body, history, len(which), looks, q)
         longer = touching and end == history.time[-1] and history.status != 2
         if longer and duration < longest:
             duration *= 2
             continue
-        state, heights_at_end, corrected = handed_over(
-            body, start, posed, history, end, which, floor
-        )
-        missed = _missed(body, state, which)
+        missed = _missed(body, posed, heights, q[looks <= end], which)
         if missed is not None and missed not in extra and len(which) < MOST:
             extra.append(missed)
             continue
+        state, heights_at_end, corrected = handed_over(
+            body, start, posed, history, end, which, floor
+        )
         pairs = zip(which.tolist(), heights_at_end.tolist(), strict=True)
         below = {i: h for i, h in pairs if h < 0} if touching else {}
         return Episode(start, state, posed, history, which, below, corrected)
@@ -168,14 +170,17 @@ def _candidates(
     body: FreeBody,
     start: State,
     heights: Array,
-    duration: float,
+    time: float,
     held: dict[int, float],
     extra: list[int],
 ) -> IntArray:
-    """The points that may touch: low ones, apart from each other, the lowest first."""
+    """The points that may touch: low ones, apart from each other, the lowest first.
+
+    time : of the contact, as expected [s].
+    """
     arms = arms_of(body, start, np.arange(len(body.points)))
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
-    way = REACH * float(speeds.max(initial=0.0)) * duration
+    way = REACH * float(speeds.max(initial=0.0)) * time
     chosen: list[int] = [*held, *extra]
     for i in np.argsort(heights, kind="stable"):
         if heights[i] > way and chosen:
@@ -188,8 +193,12 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(body: FreeBody, history: SceneHistory, count: int) -> tuple[float, bool]:
+def _end(
+    body: FreeBody, history: SceneHistory, count: int, times: Array, q: Array
+) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
+
+    q : (n, 6 + J) modal displacements of the body at times (n,).
 
     It ends when all has parted for good, or until the body has turned too far: contacts that follow
     within a third of `TURNS` belong to it. A contact that lasts is cut where it has turned by it.
@@ -205,8 +214,7 @@ def _end(body: FreeBody, history: SceneHistory, count: int) -> tuple[float, bool
             spans.append((start, end))
     if not spans:
         return last, False
-    times = np.linspace(0.0, last, LOOKS + 1)
-    turn = history.at(times)[BODY].q[:, 3:6] / np.sqrt(body.principal[0])
+    turn = q[:, 3:6] / np.sqrt(body.principal[0])
     angle = np.linalg.norm(turn - turn[0], axis=1)
     nodes = history.time[::2]
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > TURNS], last)[0])]
@@ -218,13 +226,19 @@ def _end(body: FreeBody, history: SceneHistory, count: int) -> tuple[float, bool
     return last, True
 
 
-def _missed(body: FreeBody, state: State, which: IntArray) -> int | None:
-    """A point that is below the floor at the end though it was no contact."""
-    shapes = body.shapes @ state.R[2] if body.omega.size else np.zeros((len(body.points), 0))
-    z = state.centre[2] + body.points @ state.R[2] - body.balls + shapes @ state.q
-    arms = arms_of(body, state, np.arange(len(body.points)))
-    low = np.flatnonzero(z < -1e-4 * body.extent)
-    for i in low.tolist():
-        if np.linalg.norm(arms[which] - arms[i], axis=1).min() > APART * body.extent:
-            return i
-    return None
+def _missed(body: FreeBody, posed: State, heights: Array, q: Array, which: IntArray) -> int | None:
+    """The point that sinks deepest into the floor during the scene though it is no contact.
+
+    heights : (V,) of all points at the start [m]; q : (n, 6 + J) modal displacements of the body.
+    """
+    moments, axes = body.principal
+    moved = q - q[0]
+    arms = arms_of(body, posed, np.arange(len(body.points)))
+    turned_by = (moved[:, 3:6] / np.sqrt(moments)) @ (axes @ posed.R.T)
+    rises = np.column_stack((moved[:, 2] / np.sqrt(body.mass), turned_by[:, :2], moved[:, 6:]))
+    rows = np.column_stack((np.ones(len(arms)), arms[:, 1], -arms[:, 0], body.shapes @ posed.R[2]))
+    lowest = (heights + rises @ rows.T).min(axis=0)
+    apart = np.linalg.norm(arms[:, None] - arms[which], axis=2).min(axis=1) > APART * body.extent
+    lowest[~apart] = np.inf
+    deepest = int(np.argmin(lowest))
+    return deepest if lowest[deepest] < -1e-4 * body.extent else None

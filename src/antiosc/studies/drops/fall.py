@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +18,11 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.course import Course, fallen, nudged
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
-from antiosc.studies.drops.flight import Flight, State, ringing
-from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
+from antiosc.studies.drops.flight import State, ringing
+from antiosc.studies.drops.impacts import Peak
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,32 +38,8 @@ NUDGE, SPREAD = 1e-4, 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(Brief):
-    """A fall from its start to its end.
-
-    Attributes
-    ----------
-    body, setting : what falls, and in what.
-    start, end : states.
-    episodes : of contact; `groups` those of each impact.
-    flights : in between.
-    status : how it ended.
-    """
-
-    body: FreeBody
-    setting: Any
-    start: State
-    end: State
-    episodes: list[Episode]
-    flights: list[Flight]
-    groups: list[list[int]]
-    status: str
-
-    @cached_property
-    def impacts(self) -> Impacts:
-        """The impacts, as a table."""
-        groups = ([self.episodes[k] for k in own] for own in self.groups)
-        return Impacts(impact_of(self.body, self.setting.gravity, own) for own in groups)
+class Fall(Course, Brief):
+    """A fall from its start to its end: its course, and what the part feels."""
 
     @property
     def peak_force(self) -> float:
@@ -75,19 +51,6 @@ class Fall(Brief):
         """Largest spin [rad/s] before and after the impacts."""
         states = [self.start, *(one.end for one in self.episodes)]
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
-
-    def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
-
-        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
-        """
-        rows = [(self.start, 0.0)]
-        for one in self.episodes:
-            rows += zip((one.start, one.end), one.stored, strict=True)
-        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
-        gravity = self.setting.gravity
-        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
-        return np.array([s.time for s, _ in rows]), np.array(energies)
 
     # -- what a point feels
 
@@ -283,8 +246,6 @@ class Fall(Brief):
 
         The fall is repeated with its start turned by +-angle [rad] about two horizontal axes.
         """
-        from antiosc.studies.drops.course import fallen, nudged
-
         angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
         own, known = self.impacts.column("peak_force"), len(self.impacts)
         for axis in np.eye(3)[:2]:

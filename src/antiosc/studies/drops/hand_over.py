@@ -9,6 +9,8 @@ takes the height at which the lowest point lies as in the scene.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import cos, sin
+from typing import Any
 
 import numpy as np
 
@@ -95,19 +97,22 @@ def of_equal_energy(body: FreeBody, before: Array, after: Array, L: Array) -> tu
         return after, 0.0
     own = after @ inverse @ after.T
 
-    def excess(angle: Array | float) -> Array:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = (own / wanted).tolist()
+    x0, y0, z = L.tolist()
+
+    def excess(c: Any, s: Any) -> Any:
         # the momentum turned the other way has the same energy as the turned body
-        c, s = np.cos(angle), np.sin(angle)
-        x, y = c * L[0] + s * L[1], c * L[1] - s * L[0]
-        turned_L = np.stack([x, y, L[2] + 0 * x], axis=-1)
-        return np.asarray(np.einsum("...i,ij,...j", turned_L, own, turned_L) / wanted - 1)
+        x, y = c * x0 + s * y0, c * y0 - s * x0
+        return xx * x * x + yy * y * y + 2 * (xy * x * y + (xz * x + yz * y) * z) + zz * z * z - 1
 
     angles = np.linspace(-FARTHEST, FARTHEST, 2 * SAMPLES + 1)
-    values = excess(angles)
+    values = excess(np.cos(angles), np.sin(angles))
     crossing = np.flatnonzero(values[:-1] * values[1:] <= 0)
     if len(crossing):
         k = crossing[np.argmin(np.abs(angles[crossing] + angles[crossing + 1]))]
-        angle = float(brentq(lambda a: float(excess(a)), angles[k], angles[k + 1], xtol=1e-15))
+        angle = float(
+            brentq(lambda a: excess(cos(a), sin(a)), angles[k], angles[k + 1], xtol=1e-15)
+        )
     else:
         angle = float(angles[np.argmin(np.abs(values))])
     return turned(np.array([0.0, 0.0, angle])) @ after, abs(angle)

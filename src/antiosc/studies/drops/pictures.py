@@ -12,7 +12,7 @@ from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.charts.figures import finished, new_figure
-from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.course import Course
 from antiosc.studies.drops.flight import Flight, State
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ RATE, DRAWN = 25, 60
 TRIANGLES = 6000
 
 
-def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
+def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
@@ -52,7 +52,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     return finished(figure, path)
 
 
-def _heights(fall: Fall) -> tuple[Array, Array, Array]:
+def _heights(fall: Course) -> tuple[Array, Array, Array]:
     """Times [s], and heights of the lowest point and of the centre [m]."""
     every = np.arange(len(fall.body.points))
     rows: list[tuple[float, float, float]] = []
@@ -66,7 +66,7 @@ def _heights(fall: Fall) -> tuple[Array, Array, Array]:
     return found[:, 0], found[:, 1], found[:, 2]
 
 
-def _surface(fall: Fall) -> tuple[Array, IntArray]:
+def _surface(fall: Course) -> tuple[Array, IntArray]:
     """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or lines of the hull."""
     body = fall.body
     if body.structure is not None:
@@ -90,7 +90,7 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
 
 
 def _posed(
-    axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray] | None = None
+    axes: Any, fall: Course, state: State, surface: tuple[Array, IntArray] | None = None
 ) -> None:
     """Draw the part in a state above the floor."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
@@ -120,7 +120,7 @@ def _posed(
     axes.set_axis_off()
 
 
-def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
+def film(fall: Course, path: str | os.PathLike[str], seconds: float) -> Path:
     """A film of the whole fall from the first impact's approach on."""
     target = checks.new_file("path", path)
     if target.suffix.lower() not in (".mp4", ".gif"):
@@ -150,7 +150,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
     return target
 
 
-def at(fall: Fall, time: float) -> State:
+def at(fall: Course, time: float) -> State:
     """The state at a time [s] of the fall; during a contact that at its start or end."""
     before = [f for f in fall.flights if f.start.time <= time]
     flight: Flight = before[-1] if before else fall.flights[0]

@@ -17,11 +17,10 @@ from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.simulation.scene_history import BodyHistory
 from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.course import Course
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from antiosc.studies.drops.fall import Fall
 
 #: Looks at a period of the mode that is the fastest of those which matter, at most so many.
 LOOKS, MOST = 8, 200
@@ -58,7 +57,7 @@ class WorstField(PeakField):
         return finished(figure, path)
 
 
-def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> WorstField:
+def worst(fall: Course, quantity: str, impacts: Any = None, **options: Any) -> WorstField:
     """The largest value of a quantity at every node; see `Fall.worst`."""
     from antiosc.studies.drops.skin import skin_of
 
@@ -89,7 +88,7 @@ def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> Wor
     )  # fmt: skip
 
 
-def _times(fall: Fall, duration: float) -> Array:
+def _times(fall: Course, duration: float) -> Array:
     """Times of an episode that are looked at."""
     highest = float(fall.body.omega.max(initial=0.0)) / (2 * np.pi)
     return np.linspace(0.0, duration, int(min(max(LOOKS * highest * duration, 20), MOST)))
