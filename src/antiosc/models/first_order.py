@@ -126,9 +126,9 @@ class SideBySide:
                 state = np.concatenate((q[free], v[free]))
                 found[:, own] = (first.inverse @ state).reshape(2, -1)
         return found
-        """Displacements and velocities of the free modes (n, J), and what the damping brakes by."""
+
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
-        """Displacements, velocities of the free modes (n, J), what damping takes from their rates."""
+        """Displacements and velocities of the free modes (n, J), and what brakes them."""
         q, v, brake = (np.empty((len(a), self.free)) for _ in range(3))
         for free, own, d, first in self._spans():
             if first is None:

@@ -64,6 +64,16 @@ def test_the_bound_holds_over_the_band(accuracy):
     assert model.n < 40
 
 
+def test_a_damping_matrix_at_the_site_itself_is_exact():
+    """The constraint modes are still there: what they have of it is rounding."""
+    one = sp.csr_matrix(([25.0], ([45], [45])), (SIZE, SIZE))
+    part = ao.Structure.from_matrices(K.tocsr(), M.tocsr(), C=one, backend="scipy")
+    bare = ao.Structure.from_matrices(K.tocsr(), M.tocsr(), backend="scipy")
+    H = ao.extract(bare, SITE, n=25).modal().receptance(OMEGA)
+    damped = ao.extract(part, SITE, n=25).modal().receptance(OMEGA)
+    np.testing.assert_allclose(damped, 1 / (1 / H + 25j * OMEGA), rtol=1e-6)
+
+
 def test_a_free_chain_braked_by_the_ground_at_several_sites():
     model = ao.extract(chain(FREE), {"a": SITE, "b": ao.Site(dof=10)}, n=34)
     H = model.site_modes().receptance(OMEGA)
