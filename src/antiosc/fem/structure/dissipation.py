@@ -54,7 +54,7 @@ class Dissipation:
 def _root(matrix: Array) -> Array:
     """L with L'L = the semidefinite matrix."""
     diagonal = matrix.diagonal()
-    least = max(ROUNDING * float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
+    least = max(ROUNDING * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
     scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
     real = values > ROUNDING * values.max(initial=0.0)
