@@ -2,6 +2,7 @@
 #include "arrow_modes.c"
 #include "batch.c"
 #include "contact_step.c"
+#include "coupled.c"
 #include "crossings.c"
 #include "expected.c"
 #include "flight.c"

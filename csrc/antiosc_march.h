@@ -5,6 +5,11 @@
  *
  *     q'' + 2 d q' + omega^2 q = load(t) - beta^T F,       delta = beta q - offset(t) - R F,
  *
+ * and, where damping couples the modes (gamma, else NULL), for complex pairs and pairs of real poles
+ *
+ *     q' = v + drive(t) - gamma^T F,       delta = beta q + gamma v - offset(t) - R F,
+ *     v' = -omega^2 q - 2 d v + load(t) - 2 d drive(t) - (beta - 2 d gamma)^T F.
+ *
  * delta > 0 is the indentation of a contact, F >= 0 its force by a contact law F(delta, delta').
  * Over a step the force of each row is the parabola through its values at 0, h/2 and h, and the
  * motion under it is exact. The law is met at h/2 and h (collocation at Lobatto's nodes: order 4 for
@@ -38,7 +43,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 4 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 5 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -190,6 +195,9 @@ typedef struct aom_system {
     const aom_contact *contacts;     /* [n_contacts] */
     const double *q, *v;             /* [n_modes] state at the start */
     double stored;                   /* energy that the contacts hold at the start [J] */
+    const double *gamma;             /* [n_rows][n_modes] or NULL; with it each row of loads has
+                                        2 n_modes numbers, load and drive. Without aom_gradient,
+                                        aom_state_at, and energies of aom_energies. */
 } aom_system;
 
 typedef struct aom_options {

@@ -32,7 +32,13 @@ static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) 
     int J = st->system.n_modes;
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
     const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-    for (int j = 0; j < J; j++) {
+    for (int j = 0; j < J && st->system.gamma != NULL; j++) {
+        double moved[4], gamma = gamma_row(st, i)[j];
+        loaded_by(st, s->response, j, moved);
+        out->depth += beta[j] * moved[0] + gamma * moved[1];
+        out->rate += beta[j] * moved[2] + gamma * moved[3];
+    }
+    for (int j = 0; j < J && st->system.gamma == NULL; j++) {
         out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
         out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
     }
@@ -87,7 +93,7 @@ void free_step(aom_stepper *st, int index, double h, stages *to) {
 double acting_now(aom_stepper *st) {
     const aom_system *system = &st->system;
     double t = st->now.time, end = st->options.duration;
-    int k = st->now.segment, J = system->n_modes, m = system->n_rows;
+    int k = st->now.segment, J = load_width(system), m = system->n_rows;
     while (k + 1 < system->n_breaks && system->breaks[k + 1] - t <= 1e-13 * end)
         k++;
     st->now.segment = k;
@@ -127,6 +133,8 @@ void amplitudes(aom_stepper *st) {
             amplitude = larger(fabs(load), fabs(load + rise * left)) + 2.0 * decay * fabs(v);
         for (int c = 0; c < p; c++) {
             double seen = fabs(beta_row(st, c)[j]) * amplitude;
+            if (st->system.gamma != NULL)
+                seen = seen_amplitude(st, c, j);
             st->swing[(ptrdiff_t)c * J + j] = seen;
             if (w > 0.0)
                 curved[c] += seen * (w2 + 2.0 * decay * w);
@@ -200,6 +208,10 @@ static bool approaches(const aom_stepper *st, int c) {
     double total = fabs(st->work.drift[c]);
     for (int j = 0; j < J; j++)
         total += fabs(beta[j] * v[j]);
+    for (int j = 0; j < J && st->system.gamma != NULL; j++) {
+        double w2 = st->system.omega[j] * st->system.omega[j], twice = 2.0 * st->system.decay[j];
+        total += fabs(gamma_row(st, c)[j]) * (fabs(w2 * st->x[j]) + fabs(twice * v[j]));
+    }
     return st->rows[c].rate > ROUNDING * total;
 }
 

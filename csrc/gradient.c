@@ -743,6 +743,8 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     int m = system->n_rows;
     if (memory == NULL || bytes < aom_gradient_size(st))
         return AOM_SMALL_MEMORY;
+    if (system->gamma != NULL)
+        return AOM_BAD_MODES;
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;

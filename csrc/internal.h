@@ -82,6 +82,7 @@ typedef struct course {
     double time, last_step, step, left; /* left: until the loads change */
     double force_scale, longest, cap;   /* longest step; cap: of the present contact */
     double worked, given, highest, surplus;
+    double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
     int level, segment, flown_segment;
     bool flying;
     int64_t steps, retries, touches, refused, idle;
@@ -99,7 +100,7 @@ typedef struct workspace {
     double *free_depth, *free_rate; /* [m] */
     double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
-    double *load, *load_rate;       /* [J] */
+    double *load, *load_rate;       /* [J], with gamma [2][J] */
     double *offset, *drift;         /* [m] */
     double *matrix, *rest;          /* [2G][2G], [2G] */
     newton_row *newton;   /* [p] */
@@ -147,6 +148,15 @@ int count_groups(const aom_system *system);
 void find_groups(aom_stepper *st);
 void find_spans(aom_stepper *st);
 void renew_rows(aom_stepper *st, const aom_system *system);
+
+/* ---- coupled.c */
+void add_rates(aom_stepper *st, slot *s);
+void add_coupling(const aom_stepper *st, const slot *s, int a, int b, double total[4]);
+void push_coupled(const aom_stepper *st, const double *response, int i, const double f[3], double *q,
+                  double *v);
+void loaded_by(const aom_stepper *st, const double *response, int j, double out[4]);
+double seen_amplitude(const aom_stepper *st, int c, int j);
+void give(aom_stepper *st, double h);
 
 /* ---- response_slopes.c */
 void response_slopes(int n, const double *omega, const double *decay, double t,
@@ -263,6 +273,18 @@ static inline const double *beta_row(const aom_stepper *st, int i) {
 /* Where the responses of mode j of a row begin; of the mode beside it they stand one behind. */
 static inline double *row_of(const aom_stepper *st, const slot *s, int i, int j) {
     return s->rows + 8 * ((ptrdiff_t)i * ((st->system.n_modes + 1) / 2) + j / 2);
+}
+static inline const double *gamma_row(const aom_stepper *st, int i) {
+    return st->system.gamma + (ptrdiff_t)i * st->system.n_modes;
+}
+/* Whether row i moves mode j. */
+static inline bool moves_mode(const aom_system *s, int i, int j) {
+    ptrdiff_t at = (ptrdiff_t)i * s->n_modes + j;
+    return s->beta[at] != 0.0 || (s->gamma != NULL && s->gamma[at] != 0.0);
+}
+/* Numbers of a row of loads. */
+static inline int load_width(const aom_system *s) {
+    return s->gamma == NULL ? s->n_modes : 2 * s->n_modes;
 }
 /* The pair of two groups. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {

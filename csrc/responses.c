@@ -168,6 +168,8 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
                 }
             }
     }
+    if (st->system.gamma != NULL)
+        add_rates(st, s);
     s->span = t;
     s->has_rows = true;
     s->has_coupling = s->has_local = false;
@@ -213,14 +215,15 @@ void renew_rows(aom_stepper *st, const aom_system *system) {
 /* Whether rows i and k are of one group: where they differ, no other row is moved, nor both. */
 static bool same_group(const aom_system *s, int i, int k) {
     int J = s->n_modes, m = s->n_rows;
-    const double *one = s->beta + (ptrdiff_t)i * J, *other = s->beta + (ptrdiff_t)k * J;
+    ptrdiff_t one = (ptrdiff_t)i * J, other = (ptrdiff_t)k * J;
     for (int j = 0; j < J; j++) {
-        if (one[j] == other[j])
+        if (s->beta[one + j] == s->beta[other + j] &&
+            (s->gamma == NULL || s->gamma[one + j] == s->gamma[other + j]))
             continue;
-        if (one[j] != 0.0 && other[j] != 0.0)
+        if (moves_mode(s, i, j) && moves_mode(s, k, j))
             return false;
         for (int x = 0; x < m; x++)
-            if (x != i && x != k && s->beta[(ptrdiff_t)x * J + j] != 0.0)
+            if (x != i && x != k && moves_mode(s, x, j))
                 return false;
     }
     for (int x = 0; x < m; x++)
@@ -259,10 +262,9 @@ void find_groups(aom_stepper *st) {
 /* The modes that each row moves: from the first to the last that is not 0, less the longest gap. */
 void find_spans(aom_stepper *st) {
     for (int i = 0; i < st->system.n_rows; i++) {
-        const double *beta = beta_row(st, i);
         int first = -1, end = 0, cut = 0, resume = 0;
         for (int j = 0; j < st->system.n_modes; j++) {
-            if (beta[j] == 0.0)
+            if (!moves_mode(&st->system, i, j))
                 continue;
             if (first < 0)
                 first = j;
@@ -307,7 +309,9 @@ static void ready_coupling(aom_stepper *st, slot *s) {
         }
         const double *left = beta_row(st, a), *right = beta_row(st, b);
         double total[4] = {0.0, 0.0, 0.0, 0.0};
-        for (int part = 0; part < 2; part++)
+        if (st->system.gamma != NULL)
+            add_coupling(st, s, a, b, total);
+        for (int part = 0; part < 2 && st->system.gamma == NULL; part++)
             for (int j = st->spans[a].begin[part]; j < st->spans[a].end[part]; j++) {
                 double product = left[j] * right[j];
                 for (int k = 0; k < 4; k++)

@@ -41,7 +41,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
     }
 }
 
-static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p, size_t G) {
+static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G) {
     w->force = take(a, m, sizeof(nodes));
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
@@ -50,8 +50,8 @@ static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p, s
     w->free_rate = take(a, m, sizeof(double));
     w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
-    w->load = take(a, J, sizeof(double));
-    w->load_rate = take(a, J, sizeof(double));
+    w->load = take(a, L, sizeof(double));
+    w->load_rate = take(a, L, sizeof(double));
     w->offset = take(a, m, sizeof(double));
     w->drift = take(a, m, sizeof(double));
     w->matrix = take(a, 4 * G * G, sizeof(double));
@@ -68,7 +68,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     size_t G = (size_t)groups;
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
-    lay_out_work(st == NULL ? &unused.work : &st->work, &a, J, m, p, G);
+    lay_out_work(st == NULL ? &unused.work : &st->work, &a, (size_t)load_width(system), m, p,
+                 G);
     aom_stepper *to = st == NULL ? &unused : st;
     to->spans = take(&a, m, sizeof(row_span));
     to->group = take(&a, m, sizeof(int));
@@ -115,7 +116,8 @@ static bool good_modes(const aom_system *s) {
         if (!(s->residual[i * (m + 1)] >= 0.0))
             return false;
     return all_good(s->omega, J, 0.0) && all_good(s->decay, J, 0.0) &&
-           all_good(s->beta, m * J, ANY) && all_good(s->residual, m * m, ANY) &&
+           all_good(s->beta, m * J, ANY) &&
+           (s->gamma == NULL || all_good(s->gamma, m * J, ANY)) && all_good(s->residual, m * m, ANY) &&
            all_good(s->q, J, ANY) && all_good(s->v, J, ANY);
 }
 
@@ -124,7 +126,7 @@ static bool good_loads(const aom_system *s) {
         if (!isfinite(s->breaks[k]) || (k == 0 ? s->breaks[0] > 0.0
                                                : !(s->breaks[k] > s->breaks[k - 1])))
             return false;
-    return all_good(s->loads, (ptrdiff_t)s->n_breaks * s->n_modes, ANY) &&
+    return all_good(s->loads, (ptrdiff_t)s->n_breaks * load_width(s), ANY) &&
            all_good(s->offsets, (ptrdiff_t)s->n_breaks * s->n_rows, ANY);
 }
 
@@ -202,6 +204,11 @@ static void start_rows(aom_stepper *st) {
         for (int j = 0; j < J; j++) {
             row->depth += beta_row(st, i)[j] * s->q[j];
             row->rate += beta_row(st, i)[j] * s->v[j];
+            if (s->gamma != NULL) {
+                row->depth += gamma_row(st, i)[j] * s->v[j];
+                row->rate -= gamma_row(st, i)[j] *
+                             (s->omega[j] * s->omega[j] * s->q[j] + 2.0 * s->decay[j] * s->v[j]);
+            }
         }
     }
 }
@@ -248,20 +255,21 @@ static void start_slots(aom_stepper *st) {
 
 int aom_start(aom_stepper *st, const aom_system *system, const aom_options *options) {
     if (system->n_modes != st->system.n_modes || system->n_rows != st->system.n_rows ||
-        system->n_contacts != st->system.n_contacts || system->n_breaks < 1)
+        system->n_contacts != st->system.n_contacts || system->n_breaks < 1 ||
+        (system->gamma == NULL) != (st->system.gamma == NULL))
         return AOM_BAD_SIZE;
     int status = check(system, options);
     if (status != AOM_DONE)
         return status;
-    int J = system->n_modes, m = system->n_rows;
+    int J = system->n_modes, m = system->n_rows, L = load_width(system);
     st->system = *system;
     st->options = *options;
-    st->loaded = any(system->loads, (ptrdiff_t)system->n_breaks * J);
+    st->loaded = any(system->loads, (ptrdiff_t)system->n_breaks * L);
     st->shifted = any(system->offsets, (ptrdiff_t)system->n_breaks * m);
     st->law_failed = false;
     workspace *w = &st->work;
-    memset(w->load, 0, (size_t)J * sizeof *w->load);
-    memset(w->load_rate, 0, (size_t)J * sizeof *w->load);
+    memset(w->load, 0, (size_t)L * sizeof *w->load);
+    memset(w->load_rate, 0, (size_t)L * sizeof *w->load_rate);
     memset(w->offset, 0, (size_t)m * sizeof *w->offset);
     memset(w->drift, 0, (size_t)m * sizeof *w->drift);
     course now = {.level = 4};
@@ -332,7 +340,10 @@ static void move(aom_stepper *st, int index, double h) {
     turn(J, st->system.omega, response, q, v);
     for (int i = 0; i < m; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
-        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
+        bool acts = f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0;
+        if (acts && st->system.gamma != NULL)
+            push_coupled(st, response, i, f, q, v);
+        else if (acts)
             for (int part = 0; part < 2; part++)
                 push(J, st->spans[i].begin[part], st->spans[i].end[part], beta_row(st, i), response,
                      f, q, v);
@@ -340,7 +351,13 @@ static void move(aom_stepper *st, int index, double h) {
     if (st->loaded) {
         const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
         const double *at = st->work.load, *rise = st->work.load_rate;
-        for (int j = 0; j < J; j++) {
+        for (int j = 0; j < J && st->system.gamma != NULL; j++) {
+            double moved[4];
+            loaded_by(st, response, j, moved);
+            q[j] += moved[0];
+            v[j] += moved[1];
+        }
+        for (int j = 0; j < J && st->system.gamma == NULL; j++) {
             q[j] += at[j] * J0[j] + rise[j] * J1[j];
             v[j] += at[j] * S[j] + rise[j] * J0[j];
         }
@@ -391,7 +408,9 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
     parabolas(st, h);
     move(st, index, h);
     write_nodes(st, out, h);
-    if (nothing_touches(st)) /* flight is exact */
+    if (st->system.gamma != NULL)
+        give(st, h);
+    else if (nothing_touches(st)) /* flight is exact */
         now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
     now->steps++;
     now->idle = 0;
@@ -504,6 +523,10 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
 /* Whether the bodies hold more energy than they were given. */
 static bool grew(aom_stepper *st) {
     course *now = &st->now;
+    if (st->system.gamma != NULL) {
+        now->surplus = larger(now->surplus, now->pushed - st->system.stored);
+        return !(now->surplus <= (GROWTH - 1.0) * now->highest);
+    }
     double given = now->given + now->worked;
     now->highest = larger(now->highest, given);
     double surplus = mechanical_energy(st->system.n_modes, st->x, st->system.omega) - given;

@@ -503,6 +503,10 @@ OWN: dict[str, dict[str, Any]] = {
     "SiteModes.field": {"coordinates": [0.1, 0.2, 0.3]}, "SiteModes.receptance": {"omega": 1e3},
     "BodyHistory.displacement": {"direction": (0, 0, 1)},
     "SceneHistory.at": {"times": [0.0, 1e-5]},
+    "Damper": {"damping": {"z": 10.0}}, "SoilCone": {"stiffness": 1e8, "damping": 1e5, "mass": 1.0},
+    "soil_cone": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
+    "DampingMatrix": {"matrix": np.eye(2), "branches": [(np.eye(2), 1e-3)]},
+    "DampingMatrix.stiffness": {"omega": 1e3},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
@@ -572,6 +576,8 @@ SELVES: dict[str, Callable[[], Any]] = {
     "FRF": frf, "ForceComparison": lambda: ao.compare(
         history(), (history().time, history().force)
     ),
+    "DampingMatrix": lambda: ao.DampingMatrix(np.eye(2)),
+    "SoilCone": lambda: ao.SoilCone(1e8, 1e5, 1.0),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
     "Fall": fall, "Drops": many_falls, "Sample": spread,
     "Sensitivity": lambda: spread().sensitivity("value"),

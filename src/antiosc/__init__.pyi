@@ -28,6 +28,10 @@ from antiosc.base.stresses import (
     tsai_hill as tsai_hill,
     von_mises as von_mises,
 )
+from antiosc.closed_form.soil import (
+    SoilCone as SoilCone,
+    soil_cone as soil_cone,
+)
 from antiosc.contact.base import (
     ContactLaw as ContactLaw,
 )
@@ -118,6 +122,7 @@ from antiosc.fem.site.site import (
     Site as Site,
 )
 from antiosc.fem.structure.attachments import (
+    Damper as Damper,
     PointMass as PointMass,
     Spring as Spring,
 )
@@ -148,6 +153,9 @@ from antiosc.models.anti_oscillators import (
 )
 from antiosc.models.body import (
     LinearBody as LinearBody,
+)
+from antiosc.models.damping_matrix import (
+    DampingMatrix as DampingMatrix,
 )
 from antiosc.models.free_modes import (
     from_free_modes as from_free_modes,

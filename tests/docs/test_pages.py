@@ -26,7 +26,7 @@ LIGHT = {
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),
 }
-MESHED = {"howto/deck", "howto/drop"}
+MESHED = {"howto/deck", "howto/drop", "howto/damping"}
 SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
     *("howto/units",),

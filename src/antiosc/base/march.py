@@ -31,7 +31,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 4
+VERSION = 5
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -102,6 +102,7 @@ class System(Structure):
         *((name, c_void_p) for name in ("omega", "decay", "beta", "residual")),
         *((name, c_void_p) for name in ("breaks", "loads", "offsets", "contacts", "q", "v")),
         ("stored", c_double),
+        ("gamma", c_void_p),
     ]
 
 

@@ -29,6 +29,8 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
+from antiosc.models.coupled_modes import checked_size
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.parameters import Parameters
@@ -80,8 +82,8 @@ class AntiOscillators(Brief, Parameters):
         the site. The contact force does not act on them; initial velocity and gravity do.
     hidden : array_like, shape (n_dofs, h), optional
         Shapes of those h motions; not saved to files.
-    damping : Damping, optional
-        Damping of the free modes.
+    damping : Damping or DampingMatrix, optional
+        Damping of the free modes, each for itself, or a matrix that couples them.
     info : ModelInfo, or dict
         What is known of the extraction (`antiosc.models.model_info`).
     P : array_like, shape (p, N), optional
@@ -115,8 +117,10 @@ class AntiOscillators(Brief, Parameters):
 
     def __post_init__(self) -> None:
         if self.damping is not None:
-            checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
+            kinds = (Damping, DampingMatrix)
+            checks.instance("damping", self.damping, kinds, "a Damping or a DampingMatrix")
         checks.store(self, info=ModelInfo.of(self.info))
+        given = self.omega
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
             for name in ("strain_error", "strain_misfit"):
                 if getattr(self, name) is not None:
@@ -124,6 +128,8 @@ class AntiOscillators(Brief, Parameters):
             checks.store(self, **several_sites.checked(self))
         else:
             checks.store(self, **one_site.checked(self))
+        if isinstance(self.damping, DampingMatrix):
+            checks.store(self, damping=checked_size(self, self.damping, given))
 
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
@@ -183,6 +189,10 @@ class AntiOscillators(Brief, Parameters):
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
         lead = self.lead
         left_out = np.arange(lead + n, lead + self.n)
+        damping = self.damping
+        if isinstance(damping, DampingMatrix):
+            kept = np.delete(np.arange(damping.n), left_out)
+            damping = along(damping, np.eye(damping.n)[:, kept])
         p, shapes, inertia = self.participation, self.shapes, self.inertia
         E, misfit = self.strain_error, self.strain_misfit
         if p is not None:
@@ -195,6 +205,7 @@ class AntiOscillators(Brief, Parameters):
             m=self.m[:n],
             P=None if self.P is None else self.P[:, :n],
             omega=self.omega[:n],
+            damping=damping,
             participation=p,
             shapes=None if shapes is None else shapes[:, : lead + n],
             inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),

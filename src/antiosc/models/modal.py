@@ -23,6 +23,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError, warn
+from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.first_order import FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
@@ -115,6 +117,7 @@ class FreeModes(Brief):
     basis: tuple[Array, ...] | None
     inertia: Inertia | None
     amplitude: Array | None = None
+    damping: DampingMatrix | None = None
 
     def _check_modes(self, *points: int | None) -> None:
         """Check and store what both have; `points` is the axis of the contact points."""
@@ -127,6 +130,13 @@ class FreeModes(Brief):
             checks.store(self, decay=checks.array("decay", self.decay, (size,)))
             if np.any(self.decay < 0):
                 raise InputError("decay must be >= 0: negative damping adds energy.")
+        if self.damping is not None:
+            damping = checks.instance("damping", self.damping, DampingMatrix, "a DampingMatrix")
+            if damping.n != size or (self.decay is not None and self.decay.any()):
+                raise InputError(
+                    f"damping needs a matrix of the {size} modes, and no decay beside it; got one "
+                    f"of {damping.n}."
+                )
         if self.shape is not None:
             checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
         own = self._size
@@ -145,6 +155,11 @@ class FreeModes(Brief):
                 f"inertia.momentum needs one row for each of {size} modes; got"
                 f" {len(self.inertia.momentum)}."
             )
+
+    @cached_property
+    def first_order(self) -> FirstOrder | None:
+        """The body in first-order modes, if its damping couples its free modes."""
+        return None if self.damping is None else first_order(self.omega, self.damping)
 
     @property
     def _size(self) -> int:
@@ -183,6 +198,10 @@ class FreeModes(Brief):
     def receptance(self, omega: ArrayLike) -> ComplexArray:
         """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
+        first = self.first_order
+        if first is not None:
+            H = first.receptance(self.b.reshape(len(self.b), -1), w[..., 0])
+            return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r)
         loss = 0.0 if self.decay is None else 2j * self.decay * w
         modal = 1 / (self.omega**2 - w**2 + loss)
         b = self.b.reshape(len(self.b), -1)
@@ -201,6 +220,7 @@ class ModalBody(FreeModes):
         rigid-body motions, which do not move the contact point.
     r : residual compliance [m/N] >= 0 of the contact point, without inertia.
     decay : (J,) decay constants d [1/s]; None: undamped.
+    damping : DampingMatrix of the modes, where it couples them; None: it does not.
     weight : (J,) modal force of a unit gravity along the impact direction [kg^1/2]; None: unknown.
     shape, residual : (C, J) and (C,) the transformation to the body's own coordinates,
         x = shape q + residual F; None: the modes are the coordinates.
@@ -223,6 +243,7 @@ class ModalBody(FreeModes):
     amplitude: Array | None = None
     direction: Array | None = None
     inertia: Inertia | None = None
+    damping: DampingMatrix | None = None
 
     def __post_init__(self) -> None:
         self._check_modes()

@@ -57,13 +57,6 @@ class BeamSection(TypedDict):
     clamps: float
 
 
-class DamperEnds(TypedDict):
-    """Displacements of dampers' ends in the shapes (e, p + N), and damping (e, e) [N s/m]."""
-
-    ends: list[list[float]]
-    damping: list[list[float]]
-
-
 class MeasuredBand(TypedDict):
     """Bodies that a measurement does not tell from the model, in free modes (A bodies, J modes).
 
@@ -102,7 +95,6 @@ class ModelInfo(Brief):
     checks : measured errors of the modes, relative.
     seconds : times of the steps of the extraction [s].
     band : of an extraction with a band.
-    damper_coupling : largest coupling of free modes by dampers, relative; dampers : their ends.
     inside_element : whether the site lies inside an element of a beam.
     model : data of the error of beam theory, or a sentence why there is none.
     patch, geometry, not_included : of the patch of the site, of curved surfaces, and a sentence on
@@ -130,8 +122,6 @@ class ModelInfo(Brief):
     checks: Mapping[str, float] | None = None
     seconds: Mapping[str, float] | None = None
     band: Band | None = None
-    damper_coupling: float | None = None
-    dampers: DamperEnds | None = None
     inside_element: bool | None = None
     model: BeamSection | str | None = None
     patch: Patch | None = None
@@ -192,12 +182,12 @@ class ModelInfo(Brief):
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
     **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
-    **dict.fromkeys(("band", "dampers", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
     "model": ((Mapping, str), "a dict or a text"),
 }
 _RECORDS: dict[str, Any] = {
-    "dampers": DamperEnds, "geometry": FacetGaps, "model": BeamSection, "patch": Patch,
+    "geometry": FacetGaps, "model": BeamSection, "patch": Patch,
     "measured": MeasuredBand,
 }  # fmt: skip
 _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.arrow_modes import arrow_modes
+from antiosc.models.coupled_modes import damped_modes, damping_of
+from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import unit_vector
 from antiosc.models.parameters import Parameters, in_space
@@ -83,6 +86,8 @@ def checked(model: Parameters) -> dict[str, Any]:
 
 def modal(model: Parameters) -> ModalBody:
     """The free modes of a model of one site, its hidden rigid motions in front."""
+    if isinstance(model.damping, DampingMatrix):
+        return _coupled(model)
     massless = model.m0 == 0
     if model.n:
         top = float(model.omega[-1]) ** 2
@@ -93,13 +98,36 @@ def modal(model: Parameters) -> ModalBody:
     np.add.at(mass, group.ravel(), model.m)
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
     shape = shape[np.concatenate(([0], 1 + group.ravel()))]
-    # hidden motions in front, so that the frequencies ascend; their coordinates follow lambda
-    hidden = model.hidden_count
-    none, own = np.zeros(hidden), np.eye(hidden)
-    omega = np.concatenate((none, np.sqrt(x)))
-    residual = np.zeros(model.n + 1 + hidden)
+    residual = np.zeros(model.n + 1)
     if massless:
         residual[0] = 1.0 / (model.k0 + float(model.k.sum()))
+    return _in_space(model, np.sqrt(x), shape, residual)
+
+
+def _coupled(model: Parameters) -> ModalBody:
+    """The free modes of a model whose damping couples them: none is merged with another."""
+    k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
+    rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
+    found = damped_modes(model, k0, m0, root[None], rigid)
+    turn = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
+    turn[1:, 0], turn[1:, 1:] = 1.0, np.diag(1 / root)
+    size, hidden = len(turn), model.hidden_count
+    own = np.zeros((size + hidden, hidden + found.omega.size))
+    own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
+    omega = np.concatenate((np.zeros(hidden), found.omega))
+    body = _in_space(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
+    return replace(body, **damping_of(model, omega, own))
+
+
+def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
+    """The free modes (N + 1, J) with the hidden motions in front, so that frequencies ascend.
+
+    Their coordinates follow lambda.
+    """
+    hidden = model.hidden_count
+    none, own = np.zeros(hidden), np.eye(hidden)
+    omega = np.concatenate((none, omega))
+    residual = np.concatenate((residual, none))
     weight = None if model.participation is None else shape.T @ model.participation
     b = np.concatenate((none, shape[0]))
     amplitude = _relative(model.n)
@@ -118,7 +146,7 @@ def modal(model: Parameters) -> ModalBody:
         omega=omega,
         b=b,
         r=float(residual[0]),
-        decay=None if model.damping is None else model.damping.decay(omega),
+        **damping_of(model, omega, None),
         weight=weight,
         shape=shape,
         residual=residual,

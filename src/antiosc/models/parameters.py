@@ -12,6 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.models.body import Body
+from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
@@ -32,7 +33,7 @@ class Parameters(Body):
     direction: Array | None = None
     inertia: Inertia | None = None
     hidden: Array | None = None
-    damping: Damping | None = None
+    damping: Damping | DampingMatrix | None = None
     info: ModelInfo = field(default_factory=ModelInfo)
     P: Any = None
     sites: tuple[str, ...] = ()

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models import model_file
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
@@ -91,7 +94,7 @@ def arguments(path: str | os.PathLike[str]) -> dict[str, Any]:
             "m": None,
             **{name: arrays[name] for name in _ARRAYS if name in arrays},
             "inertia": _inertia(arrays),
-            "damping": None if damping is None else Damping(**damping),
+            "damping": _damping(damping),
             "info": ModelInfo.of(header.get("info", {})),
             "sites": tuple(header.get("sites", ())),
             "columns": dict(header.get("columns", {})),
@@ -107,6 +110,21 @@ def damaged(path: str | os.PathLike[str], error: Exception) -> InputError:
         f"{path} contains no valid model; its numbers are damaged or edited: "
         f"{str(error).rstrip('.')}."
     )
+
+
+def _damping(given: dict[str, Any] | None) -> Damping | DampingMatrix | None:
+    """The damping of a model file."""
+    if given is None:
+        return None
+    if "factor" not in given:
+        return Damping(**given)
+    size = int(given["n"])
+
+    def factor(rows: Any) -> Array:
+        return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
+
+    branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
+    return of_factors(factor(given["factor"]), branches)
 
 
 def _plain(value: Any) -> Any:

@@ -10,8 +10,9 @@ from scipy.linalg import block_diag
 from antiosc.base import checks
 from antiosc.base._types import Array, Index, Numbers
 from antiosc.base.errors import InputError
+from antiosc.models.coupled_modes import damped_modes, damping_of
 from antiosc.models.parameters import Parameters, in_space
-from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
+from antiosc.models.reduced_modes import rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
 
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
@@ -120,7 +121,7 @@ def site_modes(model: Parameters) -> SiteModes:
     assert model.rigid is not None
     assert model.slide is not None
     p, hidden = model.slide.shape
-    found = reduced_modes(model.k0, model.m0, model.P, model.omega, model.rigid)
+    found = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
     omega = np.concatenate((np.zeros(hidden), found.omega))
     shape = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
     seen = shape[:p] + np.hstack([model.slide, np.zeros((p, found.omega.size))])
@@ -141,7 +142,7 @@ def site_modes(model: Parameters) -> SiteModes:
         sites=model.columns,
         r=(r + r.T) / 2,
         directions=model.direction,
-        decay=None if model.damping is None else model.damping.decay(omega),
+        **damping_of(model, omega, shape),
         inertia=inertia,
         weight=weight,
         shape=shape,

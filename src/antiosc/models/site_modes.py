@@ -11,6 +11,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import FreeModes
 from antiosc.models.motion import Inertia
 
@@ -50,6 +51,8 @@ class SiteModes(FreeModes):
         coordinate.
     local_compliance : mapping, optional
         Half-space compliance [m/N] of the patch of each site, which the modes contain.
+    damping : DampingMatrix, optional
+        Of the modes, in place of `decay`, where the damping couples them.
 
     Raises
     ------
@@ -69,6 +72,7 @@ class SiteModes(FreeModes):
     residual: Array | None = None
     basis: tuple[Array, ...] | None = None
     local_compliance: Mapping[str, float] = field(default_factory=dict)
+    damping: DampingMatrix | None = None
 
     def __post_init__(self) -> None:
         self._check_modes(None)

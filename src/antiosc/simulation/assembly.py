@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz
-from antiosc.simulation.bodies import Placed, place
+from antiosc.simulation.bodies import Placed, first_order_of, place
 from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
 from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
@@ -118,6 +118,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         depth=depth,
         speed=speed,
         pressed=np.zeros(len(laws)),
+        first=first_order_of(bodies.values()),
     )
     return Assembly(scene, bodies, spans, columns, B, r, G, laws, notes, system, lasting)
 

@@ -7,7 +7,7 @@ space; bodies that know no directions (a `RigidMass`, a model made by hand) have
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +19,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.first_order import FirstOrder, SideBySide
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
@@ -113,6 +114,7 @@ class Placed:
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
     modes : its form in free modes, if it has another one than this; it has the fields.
+    first : its first-order modes, where its damping couples the free ones.
     """
 
     name: str
@@ -133,6 +135,7 @@ class Placed:
     patch_radius: float | None = None
     modes: ModalBody | SiteModes | None = None
     axes: dict[str, Array] = field(default_factory=dict)
+    first: FirstOrder | None = None
 
     def columns_of(self, site: str) -> tuple[int, ...]:
         """The columns of a site; () of an obstacle."""
@@ -166,6 +169,12 @@ class Placed:
             return False
         size = float(np.abs(carried).max(initial=0.0))
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
+
+
+def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
+    """First-order modes of all bodies side by side, if one has them."""
+    parts = [(body.omega, body.decay, body.first) for body in bodies]
+    return None if all(first is None for _, _, first in parts) else SideBySide(parts)
 
 
 def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:
@@ -222,6 +231,7 @@ def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, star
         local_compliance={"": asked.local_compliance},
         patch_radius=asked.patch_radius,
         modes=modes,
+        first=modes.first_order,
     )
 
 
@@ -245,6 +255,7 @@ def _several(name: str, body: SiteModes | AntiOscillators, modes: SiteModes) -> 
         start=np.zeros(modes.omega.size),
         local_compliance=modes.local_compliance,
         modes=modes,
+        first=modes.first_order,
     )
 
 

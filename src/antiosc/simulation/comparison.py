@@ -44,6 +44,11 @@ def compared(
         solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest, driven)
         found = solver.run(duration, max_contacts, max_steps)
         return Converged(found, longest, 0.0, 0.0, duration)
+    if system.first is not None:
+        raise InputError(
+            f"{method} knows damping of each mode alone, not one that couples them (a "
+            "DampingMatrix, dampers): use method='exact' or 'DOP853'."
+        )
     kind = SCENE_STEPS[method]
 
     def one(h: float) -> Run:

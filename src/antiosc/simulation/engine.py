@@ -221,6 +221,7 @@ def _check(answer: int) -> None:
 
 def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Run, march.Solution]:
     """The run of the options, or the finest of several, and what is known of its errors."""
+    system = system.marched
     given = system.packed
     p, (m, size) = len(system.laws), system.beta.shape
     key = (p, m, size, given.bodies)

@@ -28,6 +28,7 @@ from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_history import BodyHistory, ContactHistory, Record
 from antiosc.simulation.scene_states import (
     blocks,
+    braked,
     forces,
     largest_rotation,
     located,
@@ -370,7 +371,9 @@ class History(HistoryResults):
         columns = q @ a.B + acting @ a.r
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
         load = a.load(time) - force @ a.system.beta
-        accelerations = load - a.system.omega**2 * q - 2 * a.system.decay * v
+        accelerations = load - a.system.omega**2 * q
+        if a.system.damped:
+            accelerations -= braked(self.run, a.system, a.load, *located(self.run, time))
         found = {}
         for name, body in a.bodies.items():
             j, k = a.spans[name], a.columns[name]

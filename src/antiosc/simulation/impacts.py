@@ -16,7 +16,6 @@ from antiosc.contact.compiled import is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import freed
-from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.impactors import RigidMass, Sphere
 from antiosc.simulation.two_bodies import LAW, Pair, pair
 
@@ -42,13 +41,18 @@ class Impact(NamedTuple):
 
     def group(self) -> tuple[Any, ...] | None:
         """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
-        if not is_compiled(self.contact) or has_dampers(self.model) or has_dampers(self.impactor):
+        if not is_compiled(self.contact) or _coupled(self.model) or _coupled(self.impactor):
             return None
         still = isinstance(self.gravity, int | float) and self.gravity == 0
         rigid = still and type(self.impactor) in (RigidMass, Sphere)
         moving = self.initial_velocity
         speed = moving if isinstance(moving, int | float) else id(moving)
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
+
+
+def _coupled(body: LinearBody) -> bool:
+    """Whether damping couples the modes of a body."""
+    return type(body) not in (RigidMass, Sphere) and body.modal().damping is not None
 
 
 class Rows:

@@ -9,12 +9,11 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
+from antiosc.base.errors import AccuracyError
 from antiosc.contact import ContactLaw
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.comparison import METHODS, compared
 from antiosc.simulation.convergence import Converged, converge, stopped
-from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.given_step import checked_step, stepped
@@ -54,12 +53,6 @@ def integrate(
         SceneHistory, assembly, duration, tol, method, step, max_contacts, max_steps
     )
     tell_rotation(*history.largest_rotation())
-    if damped := [name for name, body in scene.bodies.items() if has_dampers(body)]:
-        warn(
-            f"the damping ratios of {damped[0]!r} neglect how its dampers couple its modes, with an"
-            f" error that a scene does not know; simulate states it for one site.",
-            AccuracyWarning,
-        )
     verdict.tell()
     check_range(history, doubts)
     return history

@@ -32,7 +32,11 @@ def balance(assembly: Assembly, run: Run) -> Energy:
         part = part_of(run, first, last)
         if np.any(a.system.loads):
             work[between] = _work(a, part, q, v)
-        if np.any(a.system.decay):
+        if a.system.first is not None:
+            pushed = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
+            held = np.diff(kinetic[nodes] + modal[nodes])
+            braked[between] = work[between] - pushed - held
+        elif a.system.damped:
             braked[between] = _braked(a, part, q, v)
     acting = a.pushes(run.time)
     felt = acting - run.force @ a.G
@@ -61,7 +65,7 @@ def gained(a: Assembly, run: Run) -> float:
     doubted = run.gained > 0.1 * GAIN * run.highest
     if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED):
         return 0.0
-    if system.decay.any() or (a.scene.loads and a.r.any()):
+    if system.damped or (a.scene.loads and a.r.any()):
         energy = balance(a, run)
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
@@ -93,9 +97,9 @@ def _in_flight(
     `work`, `lost` (n - 1,) from node to node. In flight the motion is exact and the steps are long:
     there both follow from the balance.
     """
-    if not (np.any(work) or np.any(a.system.decay)):
+    if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
-    damped = np.any(a.system.decay)
+    damped = a.system.damped
     pressed = np.any(run.force != 0.0, axis=1)
     still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
     flight = np.repeat(still, 2)
@@ -149,6 +153,8 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     time, force, system = run.time, run.force, a.system
     span = np.diff(time)[:, None]
     load = a.load(time)
+    if system.first is not None:
+        return np.asarray(np.diff(path_work(load, q), axis=0).sum(axis=1))
     given = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta
     change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
     elastic = system.omega > 0

@@ -130,9 +130,10 @@ class ContactHistory(Brief):
         run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
         record, held = record_of(run)
         system, (m, size) = a.system, a.system.beta.shape
+        lost = (~system.undamped).astype(float)  # of a mode it counts alone whether it is damped
         arrays = [
             np.ascontiguousarray(each)
-            for each in (system.omega, system.decay, system.beta, system.loads)
+            for each in (system.omega, lost, system.beta, system.loads)
         ]
         *modes, loads = map(march.address, arrays)
         bodies = march.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)

@@ -100,10 +100,33 @@ def states(
 
     `load_at`: times (n,) -> modal loads (n, J), linear over each step.
     """
-    q, v = starts(run, system, load_at, step)
+    q, v = marched_states(run, system, load_at, step, since)
+    return _free(system, q, v)
+
+
+def marched_states(
+    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
+) -> tuple[Array, Array]:
+    """Those of `states` in the modes that the march integrates, (n, I)."""
+    q, v = _starts(run, system, load_at, step)
     if run.time.size < 3:
         return q, v
     return _moved(run, system, load_at, step, since, q, v)
+
+
+def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
+    """The states of the free modes from those of the march's."""
+    return (q, v) if system.first is None else system.first.motion(q, v)[:2]
+
+
+def braked(
+    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
+) -> Array:
+    """What the damping takes from the accelerations of the free modes (n, J), at these times."""
+    q, v = marched_states(run, system, load_at, step, since)
+    if system.first is None:
+        return 2 * system.decay * v
+    return system.first.motion(q, v)[2]
 
 
 def starts(
@@ -113,13 +136,19 @@ def starts(
 
     From those that the run has kept, by the exact motion over the steps in between.
     """
+    return _free(system, *_starts(run, system, load_at, step))
+
+
+def _starts(
+    run: Run, system: System, load_at: Callable[[Array], Array], step: Index
+) -> tuple[Array, Array]:
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
-    q, v = (np.empty((step.size, system.omega.size)) for _ in range(2))
+    q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
     kept, which = np.unique(step // run.every, return_inverse=True)
     beyond = step % run.every
-    most = max(BLOCK // max(system.omega.size, 1), 1)
+    most = max(BLOCK // max(run.states.shape[2], 1), 1)
     for begin in range(0, kept.size, most):
         here = np.flatnonzero((which >= begin) & (which < begin + most))
         x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
@@ -145,6 +174,7 @@ def _moved(
     v: Array,
 ) -> tuple[Array, Array]:
     """The states at times since the starts of steps, from those there."""
+    whole, system = system, system.marched
     P, W, S, J0, J1, J2 = march.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
     start, middle = run.time[2 * step], run.time[2 * step + 1]
@@ -152,13 +182,21 @@ def _moved(
     long = np.where(h > 0, h, 1.0)[:, None]
     at = load_at(start)
     slope = (load_at(middle) - at) / (0.5 * long)
-    a = f0 @ system.beta - at
-    b = ((4 * f1 - 3 * f0 - f2) / long) @ system.beta - slope
-    c = (4 * (f0 - 2 * f1 + f2) / long**2) @ system.beta
-    return (
-        P * q + S * v - a * J0 - b * J1 - c * J2,
-        W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1,
-    )
+    bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
+    if whole.first is not None:
+        at, slope = whole.first.rows(at), whole.first.rows(slope)
+    size = system.omega.size
+    a = bends[0] @ system.beta - at[:, :size]
+    b = bends[1] @ system.beta - slope[:, :size]
+    c = bends[2] @ system.beta
+    moved = P * q + S * v - a * J0 - b * J1 - c * J2
+    sped = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
+    if system.gamma is None:
+        return moved, sped
+    x, y, z = (each @ system.gamma for each in bends)
+    x, y = x - at[:, size:], y - slope[:, size:]
+    way, rate = x * J0 + y * J1 + z * J2, x * S + y * J0 + z * J1
+    return moved - rate, sped + system.omega**2 * way + 2 * system.decay * rate
 
 
 def node_states(
@@ -176,15 +214,16 @@ def node_states(
     size = system.omega.size
     nodes = 2 * (last - first) + 1
     memory.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
-    q, v = (np.empty((nodes, size)) for _ in range(2))
-    q[::2], v[::2] = starts(run, system, load_at, np.arange(first, last + 1))
+    marched = system.marched.omega.size
+    q, v = (np.empty((nodes, marched)) for _ in range(2))
+    q[::2], v[::2] = _starts(run, system, load_at, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         at = 2 * (steps - first)
         q[at + 1], v[at + 1] = _moved(run, system, load_at, steps, since, q[at], v[at])
-    return q, v
+    return _free(system, q, v)
 
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
@@ -220,7 +259,7 @@ def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) ->
     moved, _ = states(run, system, load_at, at, within)
     depth[new] = moved @ system.beta.T - between(time[new], system.breaks, system.offsets)
     begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
-    q, v = starts(run, system, load_at, begins)
+    q, v = _starts(run, system, load_at, begins)
     on = np.flatnonzero(beyond)
     q[on], v[on] = _moved(run, system, load_at, begins[on], beyond[on], q[on], v[on])
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import addressof
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw
+from antiosc.models.first_order import SideBySide
 from antiosc.simulation.laws import packed, raise_error
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ class System:
     mass : (p,) inertia behind each contact [kg], roughly.
     depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
     pressed : (p,) forces [N] at the start: a contact with one is closed.
+    first : first-order modes of all bodies, where damping couples modes of one.
+    gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
     """
 
     omega: Array
@@ -58,6 +61,40 @@ class System:
     speed: Array
     pressed: Array
     given: float = 0.0
+    first: SideBySide | None = None
+    gamma: Array | None = None
+
+    @property
+    def damped(self) -> bool:
+        """Whether a mode has damping."""
+        return self.first is not None or bool(self.decay.any())
+
+    @property
+    def undamped(self) -> NDArray[np.bool_]:
+        """Which modes (J,) have no damping."""
+        return self.decay == 0 if self.first is None else self.first.undamped
+
+    @cached_property
+    def marched(self) -> System:
+        """The system in the modes that the march integrates: first-order ones where damping
+        couples the modes. Its loads are those on both, (K, 2 I)."""
+        first = self.first
+        if first is None:
+            return self
+        size = first.omega.size
+        rows = first.rows(self.beta)
+        q, v = first.state(self.q, self.v)
+        return replace(
+            self,
+            omega=first.omega,
+            decay=first.decay,
+            beta=np.ascontiguousarray(rows[:, :size]),
+            gamma=np.ascontiguousarray(rows[:, size:]),
+            loads=first.rows(self.loads),
+            q=q,
+            v=v,
+            first=None,
+        )
 
     @property
     def slowest(self) -> Array:
@@ -68,13 +105,21 @@ class System:
         """
         return SLOWEST * self.speed
 
+    def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
+        free, rate = self.beta @ q, self.beta @ v
+        if self.gamma is None:
+            return free, rate
+        return free + self.gamma @ v, rate - self.gamma @ (self.omega**2 * q + 2 * self.decay * v)
+
     @cached_property
     def packed(self) -> Given:
         """The system as the march takes it."""
         return Given(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "packed"}
+        left = ("packed", "marched")
+        return {name: value for name, value in self.__dict__.items() if name not in left}
 
 
 class Given:
@@ -89,6 +134,10 @@ class Given:
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
         self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
+        gamma = None if s.gamma is None else march.address(s.gamma)
+        if s.gamma is not None:
+            self.bodies += s.gamma.tobytes()
+            self.gamma = s.gamma  # it lasts as long as the block
         at = [march.address(self.block)]
         for each in parts[:-1]:
             at.append(at[-1] + 8 * each.size)
@@ -102,7 +151,7 @@ class Given:
         for contact, (law, _), slip, tangents, *scales in each_contact:
             contact.__init__(law, *slip, *tangents, *scales)
         self.system = march.System(
-            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
         )
 
     def failed(self) -> None:

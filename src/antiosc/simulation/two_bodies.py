@@ -19,7 +19,7 @@ from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, freed, side_by_side
-from antiosc.simulation.bodies import of_one_site
+from antiosc.simulation.bodies import first_order_of, of_one_site
 from antiosc.simulation.expected import expected_impact
 from antiosc.simulation.scene_parts import of_two
 from antiosc.simulation.system import System
@@ -145,6 +145,7 @@ def pose(
         depth=np.array([depth]),
         speed=np.array([speed]),
         pressed=np.zeros(1),
+        first=first_order_of(bodies.values()),
     )
     scene = of_two(model, impactor, contact, gap, gravity)
     parts = side_by_side(bodies)

@@ -21,7 +21,6 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
     at_one_site,
@@ -33,6 +32,7 @@ from antiosc.fem.extraction.oscillators import (
 from antiosc.fem.extraction.site_shapes import shapes_of_models
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.sites import Sites
+from antiosc.fem.structure.dissipation import refuse_dampers
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
@@ -189,7 +189,7 @@ def _refined(
         known = lumped(structure, static, modes)
         elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
         kept = at_one_site(static, elastic, n)
-        assert remainder is not None  # there is a band
+        assert callable(remainder)  # there is a band, and no damper
         bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
         if bound >= error[i]:
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass, field
 from typing import Any
@@ -149,6 +149,7 @@ class RunData:
 def of_model(model: Any) -> RunData:
     """A model alone: forces on its sites, their motions."""
     body = place("model", model, None)
+    _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
     count = body.B.shape[1]
@@ -173,6 +174,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     if duration is None:
         duration = LASTING * assemble(scene, 1.0).lasting
     assembly = assemble(scene, duration)
+    _refuse_coupled(assembly.bodies)
     start(assembly)
     found, _ = exactly(assembly, duration, tol, None, *_MAX)
     if message := inexact(found, tol, _MAX[1], lambda: gained(assembly, found.run)):
@@ -189,6 +191,15 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
         shift[:, columns].copy(), np.concatenate((contacts, sites)),
         contact_variables + site_variables, [], starts, parameters,
     )  # fmt: skip
+
+
+def _refuse_coupled(bodies: Mapping[str, Placed]) -> None:
+    for name, body in bodies.items():
+        if body.first is not None:
+            raise InputError(
+                f"an exported file does not take damping that couples the modes of {name!r} (a "
+                "DampingMatrix, dampers): give the model damping ratios, Damping(ratio=...)."
+            )
 
 
 def _linear(body: Placed) -> System:

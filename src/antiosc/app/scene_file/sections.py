@@ -80,7 +80,7 @@ _STRUCTURE: dict[str, Section] = {
         "named", FAMILIES, "the material, of all cells or of named groups of them", alone=True
     ),
     "supports": Section("list", "Support", "displacements that are fixed"),
-    "attached": Section("list", "PointMass Spring", "point masses and springs"),
+    "attached": Section("list", "PointMass Spring Damper", "point masses, springs and dampers"),
     "structure": Section(
         "table",
         "Structure",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -24,6 +24,7 @@ from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.mpi import on_root
+from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.member import Member
 from antiosc.models.motion import Inertia
@@ -50,9 +51,10 @@ class Added:
 
         self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
 
-    def dampers(self) -> list[tuple[Sparse, Array]]:
-        """(functionals of q, their damping (j, j)) of all dampers."""
-        return [(G, one.c) for one, G in self._elastic if one.c is not None]
+    def dissipation(self) -> list[Dissipation]:
+        """Dashpots and Maxwell branches, of q."""
+        found = [Dissipation(G, one.c) for one, G in self._elastic if one.c is not None]
+        return found + [Dissipation(G, k, t) for one, G in self._elastic for k, t in one.branches]
 
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
@@ -183,9 +185,34 @@ class AssembledMatrices(StructureMatrices):
             f"{self.rigid_modes.shape[1]} rigid-body modes"
         )
 
-    def dampers(self) -> list[tuple[Sparse, Array]]:
-        """(functionals of the rows of this rank, damping (j, j)) of all dampers."""
-        return [(G[:, self.share.rows], c) for G, c in self.added.dampers()]
+    def dissipation(self) -> list[Dissipation]:
+        """Dashpots, Maxwell branches and layers that relax, of joints and parts."""
+        rows = self.share.rows
+        found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
+        for member in self.layout.members.values():
+            T = self.T[member.rows]
+            for one in member.part.dissipation():
+                if one.matrix is not None:
+                    raise InputError(
+                        "a part of an assembly has a layer that relaxes (prony=): it is taken of a "
+                        "structure of one mesh alone."
+                    )
+                found.append(replace(one, G=(one.G @ T)[:, rows]))
+        return found
+
+    @property
+    def lossy(self) -> bool:
+        """Whether a material of a part has a loss factor."""
+        return any(member.part.lossy for member in self.layout.members.values())
+
+    def loss_stiffness(self, V: Array) -> Array | None:
+        """Σ η VᵀKV of the materials of all parts; None where none has a loss factor."""
+        parts = [member for member in self.layout.members.values() if member.part.lossy]
+        if not parts:
+            return None
+        q = self.share.whole(V)
+        own = [member.part.loss_stiffness(self.T[member.rows] @ q) for member in parts]
+        return np.asarray(np.sum([each for each in own if each is not None], axis=0))
 
     # -- from u to the parts
 

@@ -35,6 +35,20 @@ def _by_components(what: str, given: Any) -> dict[str, float]:
     return {name: positive(f"the {what} of {name}", value) for name, value in given.items()}
 
 
+def _branches(_: str, given: Any) -> tuple[tuple[dict[str, float], float], ...]:
+    """Stiffnesses by components and relaxation times."""
+    if not isinstance(given, list | tuple) or any(
+        not isinstance(one, list | tuple) or len(one) != 2 for one in given
+    ):
+        raise InputError(
+            f"branches must list pairs ({{'z': 1e6}}, relaxation time in s); got {shown(given)}."
+        )
+    return tuple(
+        (_by_components("stiffness of a branch", own), positive("a relaxation time", tau, "s"))
+        for own, tau in given
+    )
+
+
 @dataclass(frozen=True)
 class Bushing(Between):
     """Springs and dampers between two ends (CBUSH).
@@ -53,8 +67,10 @@ class Bushing(Between):
     name : str, optional
         What messages call the joint.
     damping : dict, optional
-        Component -> N s/m or N m s/rad of a damper. Models take dampers as damping ratios of their
-        free modes; `extract` refuses those that couple the modes.
+        Component -> N s/m or N m s/rad of a damper. Models have it exactly, however strong it is.
+    branches : sequence of (dict, float), optional
+        Maxwell branches beside both: component -> stiffness, and the relaxation time, s. The
+        complex stiffness at ω is k + iωc + Σ k_b iωτ/(1 + iωτ).
     """
 
     stiffness: Mapping[str, float] = field(
@@ -63,10 +79,13 @@ class Bushing(Between):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
     damping: Mapping[str, float] = field(default_factory=dict, metadata=checked_by(_by_components))
+    branches: Sequence[tuple[Mapping[str, float], float]] = field(
+        default=(), metadata=checked_by(_branches)
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.stiffness and not self.damping:
+        if not self.stiffness and not self.damping and not self.branches:
             raise InputError(
                 f"a Bushing needs a stiffness, as {{'z': 1e6}}, or a damping; got "
                 f"{shown(self.stiffness)}."
@@ -75,7 +94,11 @@ class Bushing(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """k (b − a)² of each component."""
         a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
-        names = list(dict.fromkeys([*self.stiffness, *self.damping]))
+        names = list(
+            dict.fromkeys(
+                [*self.stiffness, *self.damping, *(n for b, _ in self.branches for n in b)]
+            )
+        )
         found = []
         if "axial" in names:
             line = b.point - a.point
@@ -112,11 +135,12 @@ class Bushing(Between):
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
         order = (["axial"] if "axial" in names else []) + others
-        k, c = (
+        k, c, *more = (
             np.diag([given.get(name, 0.0) for name in order])
-            for given in (self.stiffness, self.damping)
+            for given in (self.stiffness, self.damping, *(own for own, _ in self.branches))
         )
-        return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None)]
+        branches = [(own, tau) for own, (_, tau) in zip(more, self.branches, strict=True)]
+        return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
 
 def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:

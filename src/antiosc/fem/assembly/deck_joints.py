@@ -12,7 +12,7 @@ from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.node_constraints import NodeConstraints
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.linalg.solver_choice import Choice
-from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.attachments import Damper, PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 
@@ -22,7 +22,7 @@ def point_name(number: int) -> str:
     return f"point {-number}"
 
 
-def attachments(model: dict[str, Any]) -> list[PointMass | Spring]:
+def attachments(model: dict[str, Any]) -> list[PointMass | Spring | Damper]:
     """Masses and springs of a deck; those on points of no element by the names of these."""
     masses = [PointMass(_where(at), mass, inertia) for at, mass, inertia in model["masses"]]
     return [*masses, *(Spring(_where(at), stiffness) for at, stiffness in model["springs"])]
@@ -37,7 +37,7 @@ def joined(
     numbers: Mapping[str, IntArray],
     model: dict[str, Any],
     supports: Sequence[Support],
-    attached: Sequence[PointMass | Spring],
+    attached: Sequence[PointMass | Spring | Damper],
     solver: Choice,
 ) -> Structure:
     """One structure of the parts; `supports` may name groups of any part."""

@@ -25,7 +25,7 @@ from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn
-from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.attachments import Damper, PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import RawMesh
@@ -51,7 +51,7 @@ def read_model(
     unit: str | float = "m",
     *,
     supports: Sequence[Support] = (),
-    attached: Sequence[PointMass | Spring] = (),
+    attached: Sequence[PointMass | Spring | Damper] = (),
     density: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
@@ -120,8 +120,8 @@ def read_model(
     file = checked_path("path", path)
     read = _reader(file, unit, density, merge, parts, piece, root, timeout)
     more = several("supports", supports, Support, "Support objects")
-    added: list[PointMass | Spring] = several(
-        "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
+    added: list[PointMass | Spring | Damper] = several(
+        "attached", attached, (PointMass, Spring, Damper), "PointMass, Spring and Damper objects"
     )
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
@@ -228,7 +228,7 @@ def _part(
     comm: MPI.Comm,
     solver: Choice,
     more: Sequence[Support],
-    added: Sequence[PointMass | Spring],
+    added: Sequence[PointMass | Spring | Damper],
 ) -> Structure:
     """The structure of the cells of one dimension; joined parts are supported together later."""
     model = _model(raw)

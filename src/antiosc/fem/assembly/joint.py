@@ -88,6 +88,7 @@ class Stiffness:
     rigid : (j, r) orthonormal values of the functionals that are without strain, where they are
         known.
     c : (j, j) damping of the functionals.
+    branches : stiffnesses (j, j) and relaxation times [s] of Maxwell branches.
     """
 
     G: Sparse
@@ -96,6 +97,7 @@ class Stiffness:
     mass: float = 0.0
     rigid: Array | None = None
     c: Array | None = None
+    branches: Sequence[tuple[Array, float]] = ()
 
     @property
     def strains(self) -> Array:

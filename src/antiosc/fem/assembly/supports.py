@@ -16,7 +16,7 @@ from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed
 from antiosc.fem.mesh.entities import largest
-from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.attachments import Damper, PointMass, Spring
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 
@@ -69,9 +69,10 @@ def _nodes(layout: Layout, support: Support) -> Sequence[tuple[Member, IntArray]
     return found
 
 
-def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
-    """What a mass or a grounded spring adds, at each of its places."""
-    values = one.values() if isinstance(one, PointMass) else dict(one.stiffness)
+def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffness]:
+    """What a mass, a grounded spring or a damper adds, at each of its places."""
+    values = one.values() if isinstance(one, PointMass) else _values(one)
+    other = _places(layout, one.to)[0] if isinstance(one, Damper) and one.to is not None else None
     found = []
     for end in _places(layout, one.where):
         given = {name: value for name, value in values.items() if value}
@@ -91,12 +92,26 @@ def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
                 "point does not have: points of solids have no rotations (act on a group or on a "
                 "reference point)."
             )
+        if other is not None:
+            G = (
+                G
+                - scipy.sparse.vstack([other.displacements, other.rotations]).tocsr()[
+                    [(DISPLACEMENTS + ROTATIONS).index(name) for name in names]
+                ]
+            )
         diagonal, zero = np.diag([given[name] for name in names]), np.zeros((len(names),) * 2)
         if isinstance(one, PointMass):
             found.append(Stiffness(G, zero, diagonal, one.mass))
+        elif isinstance(one, Damper):
+            own = {"c": diagonal} if one.tau is None else {"branches": [(diagonal, one.tau)]}
+            found.append(Stiffness(G, zero, zero, **own))
         else:
             found.append(Stiffness(G, diagonal, zero))
     return found
+
+
+def _values(one: Spring | Damper) -> dict[str, float]:
+    return dict(one.stiffness) if isinstance(one, Spring) else one.values
 
 
 def superelement(layout: Layout, one: Condensed) -> Stiffness:

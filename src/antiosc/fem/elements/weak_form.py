@@ -16,8 +16,9 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box, IntArray
-from antiosc.base.checks import poisson, positive
+from antiosc.base.checks import array, nonnegative, poisson, positive, shown
 from antiosc.base.declared import Checked, checked_by
+from antiosc.base.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
@@ -123,11 +124,26 @@ class Family(Protocol):
 Parts = Sequence[tuple[Any, IntArray]]
 
 
+def _checked_prony(name: str, value: Any) -> tuple[tuple[float, float], ...]:
+    """Pairs (ratio, relaxation time) > 0."""
+    pairs = array(name, list(value) if isinstance(value, list | tuple) else value, None)
+    if not pairs.size:
+        return ()
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
+        raise InputError(
+            "prony must list pairs (stiffness over the long-term one, relaxation time in s), all "
+            f"> 0; got {shown(value)}."
+        )
+    return tuple((ratio, tau) for ratio, tau in pairs.tolist())
+
+
 @dataclass(frozen=True)
 class Isotropic(Checked):
     """The constants of a material without directions, as `Family` asks for them.
 
     `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety.
+    `loss` is its loss factor, for damping ratios by modal strain energy; `prony` its stiffness
+    that relaxes, pairs (share of E, time in s): E(t) = E (1 + Σ share exp(-t/time)).
     """
 
     E: float = field(metadata=checked_by(positive, "Pa"))
@@ -135,6 +151,10 @@ class Isotropic(Checked):
     rho: float = field(metadata=checked_by(positive, "kg/m³"))
     yield_strength: float | None = field(
         default=None, kw_only=True, metadata=checked_by(positive, "Pa")
+    )
+    loss: float = field(default=0.0, kw_only=True, metadata=checked_by(nonnegative))
+    prony: Sequence[tuple[float, float]] = field(
+        default=(), kw_only=True, metadata=checked_by(_checked_prony)
     )
 
     def bar_speed(self) -> float:
@@ -158,6 +178,16 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array])
         return function
     rows, columns = shape
     return ufl.as_matrix([[function[columns * i + j] for j in range(columns)] for i in range(rows)])
+
+
+def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
+    """The forms of some cells alone."""
+    inside = compat.cellwise(mesh.dolfinx, 0)
+    inside.x.array[cells] = 1.0
+    return [
+        ufl.Form([one.reconstruct(integrand=inside * one.integrand()) for one in form.integrals()])
+        for form in forms
+    ]
 
 
 def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:

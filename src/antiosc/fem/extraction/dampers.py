@@ -1,126 +1,161 @@
-"""Dampers of a structure in the free modes of its models.
+"""Models of structures with dampers: the same basis for K, M and C.
 
-A damper is C = Gᵀ c G. In the mass-normalised free modes φ_j the matrix D = ΦᵀCΦ takes its place,
-and models have room for its diagonal: modes that decay each for itself, d_j = D_jj/2. In resonance
-mode i carries a share |D_ij| ω_i/|ω_i² − ω_j²| of mode j, by perturbation, and its frequency shifts
-by D_ij² ω_i/|ω_i² − ω_j²| of the width D_ii of its peak. Both are summed over j,
+A model's shapes V span what the sites and the ends of the dampers start: the Krylov space of A⁻¹M
+from A⁻¹[MΦ, Gᵀ] (`antiosc.fem.extraction.krylov`), into which A⁻¹C leads too; a layer that relaxes
+adds A⁻¹CV of each block. K, M and C are projected on V alike: VᵀCV is semidefinite for every number
+of shapes, so that every model is passive.
 
-    κ = max_i Σ_j max(|D_ij|, D_ij²/D_ii) ω_i / |ω_i² − ω_j²|,
+Bound: the model's displacements Vy under unit forces on the sites at the complex frequency s leave
+the residual ρ, the error of the receptance is ρᵀD⁻¹ρ with D = K + sC + s²M. For Re s > 0
 
-the relative error of a peak (Warburton and Soni, *Earthquake Eng. Struct. Dyn.* 5 (1977) 157). It
-is small for light dampers and frequencies that lie apart. A model does not have all modes, and what
-moves at the other end of a damper it may not have at all: the compliance of the dampers' ends
-that its modes leave, G(K + sM)⁻¹Gᵀ − Σ_j Gφ_j(Gφ_j)ᵀ/(ω_j² + s), must be a small share of it all.
+    |xᴴDx| ≥ Re(s̄ xᴴDx)/|s| ≥ Re s/|s| (xᴴKx + |s|² xᴴMx),
+
+since damping gives no energy: ‖ΔH‖ ≤ |s|/Re s max(1, σ/|s|²) ‖ρ‖² in the norm of A⁻¹, A = K + σM.
+The residual lies in the space of the vectors that follow V in the recurrence.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
 
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, InputError
-from antiosc.fem.linalg.algebra import dot
+from antiosc.base.errors import InputError
+from antiosc.fem.extraction.oscillators import Found, Kept
+from antiosc.fem.extraction.ritz_basis import RitzBasis
+from antiosc.fem.extraction.site_shapes import SiteShapes
+from antiosc.fem.structure.dissipation import Dissipation, projected
 from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.models.driving_point import semidefinite
 from antiosc.models.modal import Damping
 
-#: Largest coupling of two free modes by the dampers.
-COUPLING = 0.1
-#: Share of the largest entry of D that rounding leaves of a motion that no damper brakes.
-UNBRAKED = 1e-9
-#: Share of the compliance at the ends of dampers that a model may leave out.
-UNOBSERVED_SHARE = 0.1
-TINY = np.finfo(float).tiny
+#: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
+LEAST_SHARE = 1e-12
+#: Share of the damping of the model by which dampers may brake motions that it has not.
+UNBRAKED = 1e-12
+#: Frequencies at which the residual is found at once.
+AT_ONCE = 64
 
 
-def refuse_dampers(structure: Structure, what: str) -> None:
-    """InputError for a structure with dampers, which `what` does not take."""
-    if structure.matrices.dampers():
-        raise InputError(
-            f"{what} does not take the dampers of an assembly: leave them out, or use extract."
-        )
+@dataclass(frozen=True)
+class Reached:
+    """The bound on the relative error of the receptance that a damped model has in its band."""
+
+    error: float
+    bottom: float
 
 
-def damped(
-    structure: Structure, model: AntiOscillators, given: Damping | None = None
-) -> AntiOscillators:
-    """The model with the damping `given`, or that of the structure's dampers in its free modes.
-
-    Raises
-    ------
-    AccuracyError
-        The dampers couple the modes too much.
-    InputError
-        A damper brakes a rigid-body motion; a model without shapes.
-    """
-    if given is not None:
-        return replace(model, damping=given)
-    dampers = structure.matrices.dampers()
-    if not dampers:
-        return model
-    if model.shapes is None:
-        raise InputError("the dampers of an assembly need the shapes of the model: shapes=True.")
-    G = scipy.sparse.vstack([one for one, _ in dampers]).tocsr()
-    c = scipy.linalg.block_diag(*(own for _, own in dampers))
-    body = model.site_modes() if model.sites else model.modal()
-    assert body.shape is not None
-    phi = body.field(body.shape.T).T
-    moved = np.asarray(structure.comm.allreduce(G @ phi))
-    _check_seen(structure, G, c, moved, body.omega)
-    D = moved.T @ c @ moved
-    rigid = body.omega == 0
-    if np.abs(D[rigid]).max(initial=0.0) > UNBRAKED * np.abs(D).max(initial=0.0):
-        raise InputError(
-            "a damper brakes a rigid-body motion, which has no frequency for a damping ratio: put "
-            "a spring beside it that holds the motion."
-        )
-    D, omega = D[~rigid][:, ~rigid], body.omega[~rigid]
-    converged = min(model.info.converged or 0, model.n)
-    reliable = omega <= np.append(0.0, model.omega)[converged]
-    coupling = _coupling(D[reliable][:, reliable], omega[reliable])
-    if coupling > COUPLING:
-        raise AccuracyError(
-            f"the dampers couple the free modes by {coupling:.2g} (limit {COUPLING:g}): a damping "
-            "ratio for each mode does not describe them; take weaker dampers, or damping ratios of "
-            "the model, Damping(ratio=...)."
-        )
-    ratio = D.diagonal() / (2 * omega)
-    ends = np.asarray(structure.comm.allreduce(G @ model.shapes))
-    info = replace(
-        model.info,
-        damper_coupling=coupling,
-        dampers={"ends": ends.tolist(), "damping": c.tolist()},
+def every_mode(known: Found, n: int) -> Kept:
+    """The n lowest of all modes found, whether the sites see them or the dampers alone."""
+    order = np.argsort(known.poles, kind="stable")
+    order = order[known.poles[order] > 0][:n]
+    P = known.P[order].copy()
+    if P.shape[1] == 1:
+        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
+        P = np.where(np.abs(P) < least, least, P)
+    lost = np.delete(known.P, order, axis=0)
+    return Kept(
+        m0=semidefinite(known.m0 + lost.T @ lost),
+        P=P,
+        omega=known.modes.omega[order],
+        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
+        phi=known.modes.phi[:, order],
+        unobservable=0,
+        merged=0,
     )
-    return replace(model, info=info, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 
-def _check_seen(structure: Structure, G: Any, c: Array, moved: Array, omega: Array) -> None:
-    """AccuracyError where the model leaves out too much of the motion of the dampers' ends."""
-    factor, load = structure.factorize(), G.T.toarray()
-    whole = dot(structure.comm, load, factor.solve_block(load))
-    seen = (moved / (omega**2 + structure.shift)) @ moved.T
-    root = np.sqrt(c.diagonal())
-    whole, seen = (root[:, None] * one * root for one in (whole, seen))
-    share = 1 - np.trace(seen) / np.trace(whole)
-    if share > UNOBSERVED_SHARE:
-        raise AccuracyError(
-            f"the model leaves out {share:.0%} of the compliance at the ends of the dampers (limit "
-            f"{UNOBSERVED_SHARE:.0%}): raise n, or extract these ends as sites too, "
-            "extract(structure, {name: Site, ...})."
-        )
+def with_damping(
+    structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
+) -> AntiOscillators:
+    """The model with the damping of the structure; InputError where it brakes a motion that the
+    model does not have."""
+    shapes = model.shapes
+    assert shapes is not None
+    V = (
+        shapes
+        if model.sites
+        else np.column_stack([shapes[:, :1], shapes[:, 1:] / np.sqrt(model.m)])
+    )
+    if model.hidden is not None:
+        V = np.column_stack([V, model.hidden])
+    elif static.nodal.size:
+        left = np.trace(projected(structure, terms, static.nodal).matrix)
+        whole = np.trace(projected(structure, terms, V).matrix)
+        if left > UNBRAKED * whole:
+            raise InputError(
+                "a damper brakes a rigid-body motion that the site does not see, and that matrices "
+                "without coordinates do not tell: give them a map with coordinates."
+            )
+    return _with_losses(structure, model, projected(structure, terms, V) if terms else None)
 
 
-def _coupling(D: Array, omega: Array) -> float:
-    """κ of the modes (module)."""
-    x = omega**2
-    apart = np.abs(x[:, None] - x)
-    np.fill_diagonal(apart, np.inf)
-    own = np.maximum(D.diagonal(), UNBRAKED * np.abs(D).max(initial=0.0))
-    moved = np.abs(D) * np.maximum(1.0, np.abs(D) / np.maximum(own, TINY)[:, None])
-    ratio = moved * omega[:, None] / np.maximum(apart, TINY)
-    return float(ratio.sum(axis=1).max(initial=0.0))
+def _with_losses(
+    structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
+) -> AntiOscillators:
+    """The model with this damping and the loss factors of the materials, by modal strain energy.
+
+    ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
+    (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
+    """
+    body = model.site_modes() if model.sites else model.modal()
+    assert body.basis is not None
+    assert body.shape is not None
+    losses = structure.matrices.loss_stiffness(np.column_stack(body.basis))
+    if losses is None:
+        return replace(model, damping=damping)
+    phi = body.amplitudes(body.shape.T)
+    elastic = body.omega > 0
+    ratio = np.einsum("ja,ab,jb->j", phi, losses, phi)[elastic] / (2 * body.omega[elastic] ** 2)
+    ratio = np.maximum(ratio, 0.0)
+    if damping is None:
+        return replace(model, damping=Damping(ratio=ratio.tolist()))
+    # in the coordinates of the matrix: q of what moves, by the inverse of the modes
+    amplitude = phi.T.copy()
+    if not model.sites:
+        amplitude[1 : 1 + model.n] *= np.sqrt(model.m)[:, None]
+    modes = np.linalg.pinv(amplitude)[elastic]
+    own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
+    factor = np.vstack([damping.factor, own])
+    return replace(model, damping=of_factors(factor, damping.factors))
+
+
+def band_error(
+    structure: Structure,
+    static: SiteShapes,
+    basis: RitzBasis,
+    c: Array,
+    n: int,
+    band: float,
+    terms: Sequence[Dissipation],
+) -> Reached:
+    """The bound of the module for the first n vectors; c = VᵀMΦ of all."""
+    p, k = len(static.kept), basis.steps
+    shift = structure.shift
+    K, M = np.zeros((p + k, p + k)), np.zeros((p + k, p + k))
+    M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
+    M[p:, p:] = basis.H_whole()
+    K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
+    damping = projected(structure, terms, np.column_stack([static.phi, basis.vectors]))
+    own = slice(0, p + n)
+    theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
+    poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
+    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
+    omega = np.conj(driving_point.samples(band, lowest))
+    load, root = np.eye(p + k)[:, :p], np.linalg.cholesky(K + shift * M)
+    inverse = np.linalg.inv(root)
+    worst = 0.0
+    for at in np.array_split(omega, -(-omega.size // AT_ONCE)):
+        s = 1j * at
+        D = K + s[:, None, None] ** 2 * M + damping.stiffness(at)
+        y = np.linalg.solve(D[:, own, own], load[None, own])
+        rest = driving_point.spectral_norms(inverse @ (load - D[:, :, own] @ y))
+        Z = driving_point.spectral_norms(np.linalg.inv(y[:, :p]))
+        coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
+        worst = max(worst, float(np.max(coercive * rest**2 * Z)))
+    return Reached(worst, float(abs(omega[0])))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, overload
 
 from antiosc.base.checks import flag, within_range
 from antiosc.base.errors import finite_element_packages
 from antiosc.base.threads import one_thread
 from antiosc.fem import mpi
-from antiosc.fem.extraction.dampers import damped, refuse_dampers
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP
 from antiosc.fem.extraction.site_models import UNNAMED, Columns, models_of
 from antiosc.fem.extraction.wish import (
@@ -23,6 +23,7 @@ from antiosc.fem.extraction.wish import (
 )
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Site
+from antiosc.fem.structure.dissipation import refuse_dampers
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
@@ -168,7 +169,8 @@ def extract(
         )
         if len(groups) > width:
             log.info("extracted %d of %d sites", len(models), len(groups))
-    models = [damped(structure, model, given) for model in models]
+    if given is not None:
+        models = [replace(model, damping=given) for model in models]
     return models if isinstance(site, list | tuple) else models[0]
 
 

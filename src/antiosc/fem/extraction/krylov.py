@@ -36,10 +36,12 @@ import numpy as np
 
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.progress import doing
+from antiosc.fem.extraction.dampers import Reached, band_error
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.site_shapes import SiteShapes
-from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.structure.dissipation import Dissipation, ends
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 
@@ -57,7 +59,14 @@ class Lanczos:
     `load` are the next right-hand sides (rows, k), and `advance` takes their solutions.
     """
 
-    def __init__(self, structure: Structure, static: SiteShapes, room: int = BASIS_STEP) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        static: SiteShapes,
+        room: int = BASIS_STEP,
+        terms: Sequence[Dissipation] = (),
+    ) -> None:
+        self._structure, self._terms = structure, terms
         self._comm, self._shift, self._static = structure.comm, structure.shift, static
         self._basis = RitzBasis(structure, static, room)
         #: how many of the basis vectors T has been applied to
@@ -66,6 +75,11 @@ class Lanczos:
         #: lengths of what was dropped of TΦ and of TV
         self._dropped = np.zeros(2)
         self.load = static.m_phi
+        #: how many of the loads are inertia, the others those of damping
+        self._inertial = static.m_phi.shape[1]
+        forces = ends(terms)
+        if forces is not None:
+            self.load = np.hstack([self.load, forces])
 
     @property
     def steps(self) -> int:
@@ -80,13 +94,17 @@ class Lanczos:
     def advance(self, solutions: Array) -> None:
         """Make the next basis vectors and the next `load` from A⁻¹ load."""
         first = self.steps
-        for w, load in zip(solutions.T, self.load.T, strict=True):
-            added, length = self._basis.add(w, load)
+        for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
+            size = float(dot(self._comm, w, load)) if i >= self._inertial else 0.0
+            added, length = self._basis.add(w, load, size)
             if not added:
                 self._dropped[int(self.applied >= 0)] += length
         self.applied = first
         self.load = self._basis.project()
         new = self._basis.vectors[:, first:]
+        relaxing = [multiply(one.matrix, new) for one in self._terms if one.matrix is not None]
+        self._inertial = self.load.shape[1]
+        self.load = np.hstack([self.load, *relaxing])
         self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
@@ -125,6 +143,10 @@ class Lanczos:
 
         return bound
 
+    def damped_error(self, n: int, band: float) -> Reached:
+        """The bound on the error of the receptance with damping (`dampers.band_error`)."""
+        return band_error(self._structure, self._static, self._basis, self._c, n, band, self._terms)
+
     def error(self, n: int, band: float) -> float:
         """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""
         m0, P, poles = self.parameters(n)
@@ -144,7 +166,8 @@ def by_krylov(
     tol: float,
     band: float | None,
     accuracy: float,
-) -> list[tuple[Modes, Remainder | None]]:
+    terms: Sequence[Dissipation] = (),
+) -> list[tuple[Modes, Remainder | Reached | None]]:
     """(Ritz pairs, with a band the bound of their truncation error) of each model.
 
     Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
@@ -153,10 +176,10 @@ def by_krylov(
     Each step solves one block of right-hand sides.
     """
     runs = [
-        Lanczos(structure, static, n + len(static.kept) if band is None else BASIS_STEP)
+        Lanczos(structure, static, n + len(static.kept) if band is None else BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
-    done: dict[int, tuple[Modes, Remainder | None]] = {}
+    done: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
     if band is None:
         done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
     with doing("extracting anti-oscillators", structure.comm.rank) as further:
@@ -171,12 +194,31 @@ def by_krylov(
             for i, own in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 before = runs[i].steps
                 runs[i].advance(own)
-                kept = _finished(runs[i], before, counts[i], tol, band, accuracy)
+                bound: Remainder | Reached | None = None
+                if terms:
+                    kept, bound = _enough(runs[i], counts[i], band, accuracy)
+                else:
+                    kept = _finished(runs[i], before, counts[i], tol, band, accuracy)
+                    bound = None if band is None or kept is None else runs[i].remainder(kept)
                 if kept is not None:
-                    done[i] = runs[i].modes(kept), None if band is None else runs[i].remainder(kept)
+                    done[i] = runs[i].modes(kept), bound
                     runs[i].release()
             log.debug("Krylov step: %d of %d models done", len(done), len(runs))
     return [done[i] for i in range(len(runs))]
+
+
+def _enough(
+    run: Lanczos, n: int, band: float | None, accuracy: float
+) -> tuple[int | None, Reached | None]:
+    """How many vectors of a damped model to keep, or None to continue, and their bound."""
+    if band is None:
+        return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
+    tried = min(run.steps if run.exhausted else run.applied, n)
+    if not tried:
+        return None, None
+    found = run.damped_error(tried, band)
+    enough = tried == n or run.exhausted or found.error <= accuracy
+    return (tried if enough else None), found
 
 
 def _finished(

@@ -69,8 +69,10 @@ class RitzBasis:
         """V (rows of this rank, steps)."""
         return self._V[:, self._locked : self._locked + self.steps]
 
-    def add(self, w: Array, load: Array) -> tuple[bool, float]:
+    def add(self, w: Array, load: Array, size: float = 0.0) -> tuple[bool, float]:
         """Orthogonalise w = A⁻¹ load and add it: (whether anything is left of it, its length).
+
+        `size`: what its energy wᵀ load is at least taken to be, where rounding may make it.
 
         Of what is left out the length is an upper bound, since it may be all rounding; it is 0 if
         the space has no more dimensions.
@@ -78,7 +80,7 @@ class RitzBasis:
         k = self._locked + self.steps
         V, F = self._V[:, :k], self._F[:, :k]
         w = self._constrained(w)
-        before = float(dot(self._comm, w, load))
+        before = max(float(dot(self._comm, w, load)), size)
         w = self._constrained(w - V @ dot(self._comm, F, w))
         # f = A w is computed anew: with an update f and w would diverge by a constant factor in
         # each step.
@@ -118,6 +120,11 @@ class RitzBasis:
         H[:, first:], H[first:] = column, column.T
         self.H = (H + H.T) / 2
         return loads
+
+    def H_whole(self) -> Array:
+        """VᵀMV of all vectors, those that `project` has not taken included."""
+        product = dot(self._comm, self.vectors, multiply(self._M, self.vectors))
+        return (product + product.T) / 2
 
     def ritz(self, n: int) -> tuple[Array, Array]:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.

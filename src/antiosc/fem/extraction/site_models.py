@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
+from antiosc.fem.extraction.dampers import Reached, every_mode, with_damping
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
@@ -61,6 +63,10 @@ def models_of(
 ) -> list[AntiOscillators]:
     """The models of groups of sites. `spent`: seconds taken by the factorization for the sites."""
     started = time.perf_counter()
+    terms = structure.matrices.dissipation()
+    if terms and (options.method == "modes" or errors is not None):
+        what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
+        raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
     loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
     statics = shapes_of_models(structure, loads)
     counts = [
@@ -69,17 +75,29 @@ def models_of(
     ]
     if options.method == "krylov":
         found = by_krylov(
-            structure, statics, counts, options.tol, options.band, STEP_AIM * options.accuracy
+            structure,
+            statics,
+            counts,
+            options.tol,
+            options.band,
+            STEP_AIM * options.accuracy,
+            terms,
         )
     else:
         found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
     models: list[AntiOscillators] = []
     for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, options.tol)
+        kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
         one = at_one_site(static, kept, options.n) if UNNAMED in each else None
         band: Band | None = None
-        if options.band is not None and remainder is not None:
+        if options.band is not None and isinstance(remainder, Reached):
+            band = {
+                "bottom": remainder.bottom,
+                "top": options.band,
+                "error_bound": remainder.error,
+            }
+        elif options.band is not None and callable(remainder):
             omega = kept.omega if one is None else one.omega
             bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
             band = {"bottom": lowest, "top": options.band, "error_bound": bound}
@@ -99,6 +117,8 @@ def models_of(
             model = _at_one_site(structure, target, one, len(kept.omega), info)
             if errors is not None:
                 model = errors.added_to(model, target)
+        if terms or structure.matrices.lossy:
+            model = with_damping(structure, model, static, terms)
         mpi.on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models

@@ -20,7 +20,6 @@ from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
-from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
@@ -30,6 +29,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Functional, Site
+from antiosc.fem.structure.dissipation import refuse_dampers
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance

@@ -13,6 +13,7 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+import scipy.sparse
 import scipy.spatial
 from petsc4py import PETSc
 
@@ -27,6 +28,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
+from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
@@ -49,17 +51,35 @@ def _checked_inertia(name: str, value: Any) -> float | tuple[float, ...]:
     return tuple(values.tolist()) if values.ndim else float(values)
 
 
-def _checked_stiffness(_: str, stiffness: Any) -> dict[str, float]:
-    if not isinstance(stiffness, Mapping) or not stiffness:
-        raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
-    for name in stiffness:
-        if name not in COMPONENTS:
+def _by_components(kind: str, name: str, given: Any) -> dict[str, float]:
+    """Values > 0 by components."""
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
+    for component in given:
+        if component not in COMPONENTS:
             raise InputError(
-                f"a Spring acts on {', '.join(COMPONENTS)}; {name!r} is not one of them."
+                f"a {kind} acts on {', '.join(COMPONENTS)}; {component!r} is not one of them."
             )
     return {
-        name: positive(f"the stiffness along {name}", value) for name, value in stiffness.items()
+        component: positive(f"the {name} along {component}", value)
+        for component, value in given.items()
     }
+
+
+def _checked_stiffness(name: str, stiffness: Any) -> dict[str, float]:
+    return _by_components("Spring", name, stiffness)
+
+
+def _checked_damping(name: str, damping: Any) -> dict[str, float]:
+    return _by_components("Damper", name, damping)
+
+
+def _checked_tau(name: str, tau: Any) -> float | None:
+    return None if tau is None else positive(name, tau, "s")
+
+
+def _checked_to(_: str, to: Any) -> tuple[float, ...] | None:
+    return None if to is None else coordinates("to", to)
 
 
 @dataclass(frozen=True)
@@ -109,6 +129,36 @@ class Spring(Checked):
 
 
 @dataclass(frozen=True)
+class Damper(Checked):
+    """A damper from a point of the structure to the ground, or to another point of it.
+
+    Models have it exactly, however strong it is: their damping is a `DampingMatrix`.
+
+    Parameters
+    ----------
+    where : str or sequence of floats
+        As for `PointMass`.
+    damping : dict
+        Component -> damping: of "x", "y", "z" (N s/m), "rx", "ry", "rz" (N m s/rad).
+    to : sequence of floats, optional
+        The other end, m; None: the ground.
+    tau : float, optional
+        The damper is in series with a spring of stiffness damping/tau (N/m), so that it relaxes in
+        this time, s (Maxwell).
+    """
+
+    where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
+    damping: Mapping[str, float] = field(metadata=checked_by(_checked_damping))
+    to: Sequence[float] | None = field(default=None, metadata=checked_by(_checked_to))
+    tau: float | None = field(default=None, metadata=checked_by(_checked_tau))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Component -> damping, or stiffness of what relaxes."""
+        return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
+
+
+@dataclass(frozen=True)
 class Matrices:
     """The matrices of a structure, and data with which attachments change them in place."""
 
@@ -130,6 +180,7 @@ class Added:
     inertia: Array
     #: b of every component on which a spring acts (rows of this rank, k)
     springs: Array
+    dampers: Sequence[Dissipation] = ()
 
 
 @dataclass(frozen=True)
@@ -187,19 +238,16 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
     return added, Stiffener(line, form, parts, own[0], own[1], T)
 
 
-def add_at_points(to: Matrices, one: PointMass | Spring) -> Added:
-    """Add a mass or a spring at its points."""
+def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
+    """Add a mass, a spring or a damper at its points."""
+    if isinstance(one, Damper):
+        return _damped(to, one)
     matrix = to.M if isinstance(one, PointMass) else to.K
     values = one.values() if isinstance(one, PointMass) else one.stiffness
     values = {component: value for component, value in values.items() if value}
     if "z" not in to.form.components and isinstance(one, PointMass):
         values.pop("z", None)  # a plane structure does not move there
-    foreign = [component for component in values if component not in to.form.components]
-    if foreign:
-        raise InputError(
-            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
-            f"components of this structure are {', '.join(to.form.components)}."
-        )
+    _check_components(to, one, values)
     points = _attachment_points(to.mesh, one.where)
     rows = compat.local_size(to.form.space)
     inertia, springs = np.zeros((rows, 3)), []
@@ -215,19 +263,48 @@ def add_at_points(to: Matrices, one: PointMass | Spring) -> Added:
     return Added(mass, inertia, np.column_stack([np.zeros((rows, 0)), *springs]))
 
 
+def _check_components(to: Matrices, one: Any, values: Mapping[str, float]) -> None:
+    foreign = [component for component in values if component not in to.form.components]
+    if foreign:
+        raise InputError(
+            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
+            f"components of this structure are {', '.join(to.form.components)}."
+        )
+
+
+def _damped(to: Matrices, one: Damper) -> Added:
+    """The functionals of a damper, of which K and M know nothing."""
+    _check_components(to, one, one.values)
+    ground = None if one.to is None else _attachment_points(to.mesh, one.to)[0]
+    rows = []
+    for nearest in _attachment_points(to.mesh, one.where):
+        for component in one.values:
+            b = _add_component(to, None, component, nearest, 0.0)
+            if ground is not None:
+                b = b - _add_component(to, None, component, ground, 0.0)
+            rows.append(b)
+    count = len(rows) // len(one.values)
+    c = np.diag(np.tile(list(one.values.values()), count))
+    size = compat.local_size(to.form.space)
+    G = scipy.sparse.csr_matrix(np.array(rows).reshape(len(rows), size))
+    none = np.zeros((size, 0))
+    return Added(0.0, np.zeros((size, 3)), none, [Dissipation(G, c, one.tau)])
+
+
 def _add_component(
-    to: Matrices, matrix: PETSc.Mat, component: str, nearest: ClosestPoint, value: float
+    to: Matrices, matrix: PETSc.Mat | None, component: str, nearest: ClosestPoint, value: float
 ) -> Array:
     """Add value·b bᵀ for one displacement component bᵀu of a point; b (rows of this rank)."""
     path = to.form.components[component]
-    vector = matrix.createVecRight()
+    vector = to.K.createVecRight()
     if to.mesh.comm.rank == nearest.rank:
         dofs = compat.subspace(to.form.space, path).dofmap.cell_dofs(nearest.cell)
         weights = compat.tabulate(to.form.space, path, nearest.X.reshape(1, -1))[0]
         weights = np.where(np.isin(dofs, to.fixed), 0.0, weights)
         rows = compat.global_dofs(to.form.space, dofs)
         add = PETSc.InsertMode.ADD_VALUES
-        matrix.setValues(rows, rows, value * np.outer(weights, weights), addv=add)
+        if matrix is not None:
+            matrix.setValues(rows, rows, value * np.outer(weights, weights), addv=add)
         vector.setValues(rows, weights, addv=add)
     vector.assemble()
     b = np.array(vector.array_r)

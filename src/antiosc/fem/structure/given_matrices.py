@@ -159,10 +159,12 @@ def matrices_of_pair(
     rows: DofMap | None,
     supports: Mapping[int, str | Sequence[str]] | None,
     rigid_modes: ArrayLike | None,
+    C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
     """Checked matrices with their supports and null vectors, and the solver of a regular K.
 
-    `rows`, `supports` and `rigid_modes` as `map` and the others of `Structure.from_matrices`.
+    C is their damping. `rows`, `supports` and `rigid_modes` as `map` and the others of
+    `Structure.from_matrices`.
     """
     K, M, fixed = supported(K, M)
     if supports is not None:
@@ -174,8 +176,24 @@ def matrices_of_pair(
         given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
     modes, shift, factor = null_space.of_matrices(K, M, given)
     parts = K, M, fixed, modes, shift
-    matrices = StructureMatrices(*parts) if rows is None else NodalMatrices(*parts, map=rows)
-    return matrices, factor
+    if C is not None:
+        C = _damping(C, K, fixed)
+    if rows is None:
+        return StructureMatrices(*parts, C=C), factor
+    return NodalMatrices(*parts, C=C, map=rows), factor
+
+
+def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
+    """C without the rows of fixed dofs; InputError for one that is no damping matrix."""
+    if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
+        raise InputError(
+            f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
+            f"{algebra.size(K)}."
+        )
+    entries = _checked("C", C)
+    _check_definite(communicator(C), C, entries.diagonal, "C")
+    first, _ = algebra.row_range(C)
+    return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
 
 
 @dataclass(frozen=True)
@@ -318,8 +336,8 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     )  # fmt: skip
 
 
-def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array) -> None:
-    """Refuse a mass matrix with negative eigenvalues that a few Lanczos steps find."""
+def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M") -> None:
+    """Refuse a matrix with negative eigenvalues that a few Lanczos steps find."""
     first, last = algebra.row_range(M)
     weights = np.zeros(last - first)
     own = diagonal[first:last]
@@ -340,6 +358,6 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array) -> None:
     values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))
     if values[0] < -NEGATIVE * values[-1]:
         raise InputError(
-            "M must be positive semidefinite; scaled to a unit diagonal it has an eigenvalue below "
-            f"{values[0]:.2g}."
+            f"{name} must be positive semidefinite; scaled to a unit diagonal it has an eigenvalue "
+            f"below {values[0]:.2g}."
         )

@@ -16,6 +16,7 @@ from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.linalg.scipy_solvers import solver_for
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.structure import null_space
+from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.null_space import RIGID_FORCE
 from antiosc.io.matrices.dof_map import DofMap
 from antiosc.models.motion import Inertia
@@ -36,6 +37,7 @@ class StructureMatrices:
     rigid_modes : M-orthonormal rigid-body modes that the supports leave (rows of this rank, r).
     first_shift : first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes.
     solver : choice of the solver.
+    C : damping, of given matrices.
     """
 
     K: Matrix
@@ -44,12 +46,18 @@ class StructureMatrices:
     rigid_modes: Array
     first_shift: float
     solver: Choice = "auto"
+    C: Matrix | None = field(default=None, kw_only=True)
 
     #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
     assembled: ClassVar[bool] = False
     #: whether the node and direction of each row are known
     nodal: ClassVar[bool] = False
+
+    @property
+    def lossy(self) -> bool:
+        """Whether a material has a loss factor."""
+        return False
 
     @property
     def plausibility(self) -> dict[str, Any]:
@@ -113,9 +121,13 @@ class StructureMatrices:
         """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         return None
 
-    def dampers(self) -> list[tuple[Any, Array]]:
-        """(functionals of the rows of this rank (j, rows), damping (j, j)) of all dampers."""
-        return []
+    def dissipation(self) -> list[Dissipation]:
+        """Dashpots, Maxwell branches and layers that relax."""
+        return [] if self.C is None else [Dissipation(matrix=self.C)]
+
+    def loss_stiffness(self, V: Array) -> Array | None:
+        """Σ η VᵀKV (k, k) of the materials, for V (rows of this rank, k); None without losses."""
+        return None
 
     def describe(self, dofs: int) -> str:
         """One line: what was modelled and with how many dofs."""

@@ -17,7 +17,7 @@ from antiosc.base.checks import array, several, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem import compat
-from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
+from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure, restricted
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
@@ -26,6 +26,7 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import bounds, warn
 from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.attachments import (
+    Damper,
     Matrices,
     PointMass,
     Spring,
@@ -33,6 +34,7 @@ from antiosc.fem.structure.attachments import (
     add_at_points,
     add_beams,
 )
+from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.member import Member
@@ -60,6 +62,7 @@ class MeshedStructure(StructureMatrices):
         other supports.
     supports : what holds it.
     stiffeners : the beams on the edges of a sheet, by group.
+    dampers : of its attachments; conditions : its fixed dofs, as its forms are assembled with.
     doubts : sentences on what is implausible of its size and its materials.
     """
 
@@ -72,6 +75,8 @@ class MeshedStructure(StructureMatrices):
     supports: Sequence[Support] = field(default=(), kw_only=True)
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
     doubts: tuple[str, ...] = field(default=(), kw_only=True)
+    dampers: Sequence[Dissipation] = field(default=(), kw_only=True)
+    conditions: Any = field(default_factory=dict, kw_only=True)
 
     meshed: ClassVar[bool] = True
 
@@ -199,6 +204,45 @@ class MeshedStructure(StructureMatrices):
             part[cells] = number
         return part
 
+    @property
+    def lossy(self) -> bool:
+        """Whether a material has a loss factor."""
+        return any(getattr(material, "loss", 0.0) for material, _ in self.parts)
+
+    def dissipation(self) -> list[Dissipation]:
+        """Its dampers, and the layers of materials that relax."""
+        return [*self.dampers, *self._layers]
+
+    @cached_property
+    def _layers(self) -> list[Dissipation]:
+        return [
+            Dissipation(matrix=K, factor=ratio, tau=tau)
+            for material, K in self._stiffnesses("prony")
+            for ratio, tau in material.prony
+        ]
+
+    @cached_property
+    def _losses(self) -> list[tuple[Any, PETSc.Mat]]:
+        return self._stiffnesses("loss")
+
+    def loss_stiffness(self, V: Array) -> Array | None:
+        """Σ η VᵀKV of the materials; None where none has a loss factor."""
+        if not self.lossy:
+            return None
+        own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
+        return np.asarray(sum(own))
+
+    def _stiffnesses(self, name: str) -> list[tuple[Any, PETSc.Mat]]:
+        """(material, its share of K) of the materials in which `name` is set."""
+        found = []
+        for material, cells in self.parts:
+            if getattr(material, name, None):
+                own = restricted(self.form.stiffness, self.mesh, cells)
+                found.append(
+                    (material, compat.assemble(own, self.form.space, self.conditions, 0.0))
+                )
+        return found
+
     def describe(self, dofs: int) -> str:
         """One line: what was modelled and with how many dofs."""
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
@@ -214,7 +258,7 @@ def assembled(
     supports: Sequence[Support],
     *,
     order: int,
-    attached: Sequence[PointMass | Spring],
+    attached: Sequence[PointMass | Spring | Damper],
     solver: Choice,
 ) -> MeshedStructure:
     """The structure of a mesh; parameters and errors are those of `Structure`."""
@@ -225,8 +269,8 @@ def assembled(
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
     held = several("supports", supports, Support, "Support(where, fix)")
-    carried: list[PointMass | Spring] = several(
-        "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
+    carried: list[PointMass | Spring | Damper] = several(
+        "attached", attached, (PointMass, Spring, Damper), "PointMass, Spring and Damper objects"
     )
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
@@ -288,6 +332,8 @@ def assembled(
         again=again,
         supports=held,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
+        dampers=[damper for one in added for damper in one.dampers],
+        conditions=conditions,
         doubts=doubts,
     )
 

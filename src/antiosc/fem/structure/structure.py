@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from antiosc.fem.elements.weak_form import Family
     from antiosc.fem.mesh.mesh import Mesh
-    from antiosc.fem.structure.attachments import PointMass, Spring
+    from antiosc.fem.structure.attachments import Damper, PointMass, Spring
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
 
@@ -53,7 +53,7 @@ class Structure(Brief):
         None: a free body.
     order : 1 or 2
         Degree of the displacements.
-    attached : sequence of PointMass and Spring
+    attached : sequence of PointMass, Spring and Damper
         Masses and grounded springs at points of the structure.
     solver : "auto", "direct" or "iterative"
         Solver for K: a Cholesky factor, or, if the memory is not sufficient, conjugate gradients
@@ -102,7 +102,7 @@ class Structure(Brief):
         supports: Sequence[Support] = (),
         *,
         order: int = 2,
-        attached: Sequence[PointMass | Spring] = (),
+        attached: Sequence[PointMass | Spring | Damper] = (),
         solver: Choice = "auto",
     ) -> None:
         """Assemble the structure of a mesh."""
@@ -122,6 +122,7 @@ class Structure(Brief):
         K: Matrix,
         M: Matrix,
         *,
+        C: Matrix | None = None,
         rigid_modes: ArrayLike | None = None,
         map: Any = None,
         supports: Mapping[int, str | Sequence[str]] | None = None,
@@ -134,6 +135,9 @@ class Structure(Brief):
         K, M : SciPy sparse, dense or PETSc matrix (n, n)
             Symmetric; K positive semidefinite, M too. SI units. Penalties on K's diagonal, 1e14
             times the rest of their rows or more, become supports.
+        C : matrix (n, n), optional
+            Damping [N s/m], symmetric and positive semidefinite, however strong: models take it
+            as a `DampingMatrix`.
         rigid_modes : array_like (n, r), optional
             A basis of K's null space; found by itself where K is singular.
         map : array_like or path, optional
@@ -154,7 +158,8 @@ class Structure(Brief):
         if map is not None and algebra.communicator(pair[0]).size > 1:
             raise InputError("matrices with a map must be on one rank, not spread over several.")
         rows = dof_map(map, None, algebra.size(pair[0]))
-        return cls._of_pair(pair, rows, supports, rigid_modes, started)
+        damping = None if C is None else copied("C", C, backend)
+        return cls._of_pair(pair, rows, supports, rigid_modes, started, damping)
 
     @classmethod
     @collective(ALONE)
@@ -206,8 +211,9 @@ class Structure(Brief):
         supports: Mapping[int, str | Sequence[str]] | None,
         rigid_modes: ArrayLike | None,
         started: float,
+        damping: Matrix | None = None,
     ) -> Structure:
-        matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes)
+        matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
         self = object.__new__(Structure)
         self._hold(matrices, started)
         if factor is not None:  # it has shown that K is regular

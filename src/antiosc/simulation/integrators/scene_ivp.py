@@ -56,7 +56,7 @@ class SceneIVP(SceneMethod):
             )
         super().__init__(system, laws, max_step, driven)
         self.name, self.rtol = method, rtol
-        self.size = system.omega.size
+        self.size = self.system.omega.size
         self.sliding = np.zeros(self.p, dtype=bool)
         self.turning = np.full(self.p, -1.0)  # the way in which the indentation turns next
         self.evaluations, self.most = 0, 0
@@ -70,7 +70,7 @@ class SceneIVP(SceneMethod):
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
         answer, idle = march.DONE, 0
         self.most = EVALUATIONS * max_steps
-        depth = s.beta @ begin[0] - self.acting(t)[1] - s.R @ force
+        depth = s.free_rows(*begin)[0] - self.acting(t)[1] - s.R @ force
         pieces = [Piece(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
@@ -124,7 +124,8 @@ class SceneIVP(SceneMethod):
         """Indentations without contact forces, their rates, and the forces, (m,) each."""
         s, n, p = self.system, self.size, self.p
         _, gap, drift = self.acting(t)
-        free, rate = s.beta @ y[:n] - gap, s.beta @ y[n : 2 * n] - drift
+        free, rate = s.free_rows(y[:n], y[n : 2 * n])
+        free, rate = free - gap, rate - drift
         force = np.zeros(len(free))
         if not self.contacts.active:
             return free, rate, force
@@ -164,7 +165,11 @@ class SceneIVP(SceneMethod):
                 self._elongation(c, change)[:] = speed - slip * self._way(c, z, rate)
         v = y[n : 2 * n]
         change[:n] = v
-        change[n : 2 * n] = load - force @ s.beta - s.omega**2 * y[:n] - 2 * s.decay * v
+        change[n : 2 * n] = load[:n] - force @ s.beta - s.omega**2 * y[:n] - 2 * s.decay * v
+        if s.gamma is not None:  # first-order modes (csrc/antiosc_march.h)
+            drive = load[n:] - force @ s.gamma
+            change[:n] += drive
+            change[n : 2 * n] -= 2 * s.decay * drive
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:

@@ -55,6 +55,7 @@ class SceneMethod(ABC):
     def __init__(
         self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
     ) -> None:
+        system = system.marched
         self.system, self.laws, self.step, self.driven = system, laws, step, driven
         self.contacts = JointContacts(system, laws)
         self.p, self.still = len(laws), np.zeros(len(system.beta))
@@ -77,7 +78,7 @@ class SceneMethod(ABC):
         s, contacts = self.system, self.contacts
         force = np.zeros((1, len(s.beta)))
         force[0, : self.p] = s.pressed
-        depth = s.beta @ s.q - s.offsets[0] - force @ s.R
+        depth = s.free_rows(s.q, s.v)[0] - s.offsets[0] - force @ s.R
         pieces = [Piece(np.zeros(1), force, depth, np.stack((s.q, s.v))[None])]
         for c in contacts.active:
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
@@ -155,7 +156,8 @@ class SceneMethod(ABC):
         """Close the contacts that touch at t: those that reach it first, within rounding."""
         s, p = self.system, self.p
         _, gap, drift = self.acting(t)
-        free, rate = s.beta @ q - gap, s.beta @ v - drift
+        free, rate = s.free_rows(q, v)
+        free, rate = free - gap, rate - drift
         beyond, coming = (free - origins)[:p], rate[:p] > 0
         if not coming.any():
             coming[:] = True

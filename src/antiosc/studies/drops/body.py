@@ -170,9 +170,9 @@ def _rigid(part: RigidBody, corner: float | None) -> FreeBody:
 
 def _elastic(structure: Structure, count: int, damping: Any, corner: float | None) -> FreeBody:
     """The free modes of a structure and the points of its hull."""
-    from antiosc.fem.extraction.dampers import refuse_dampers
     from antiosc.fem.extraction.eigenmodes import ModeSolver
     from antiosc.fem.fields import source
+    from antiosc.fem.structure.dissipation import refuse_dampers
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")

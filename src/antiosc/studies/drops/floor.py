@@ -98,8 +98,14 @@ class Floor:
             if e > 1:
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
-        if self.model is not None:
-            checked_body("model", self.model)
+        coupled = (
+            self.model is not None and checked_body("model", self.model).modal().damping is not None
+        )
+        if coupled:
+            raise InputError(
+                "a floor's model takes no damping that couples its modes (a DampingMatrix, "
+                "dampers): give it damping ratios, Damping(ratio=...)."
+            )
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:

@@ -148,6 +148,11 @@ def derived(
 
 def _refuse(found: Recorded) -> None:
     s = found.system
+    if s.first is not None:
+        raise InputError(
+            "a gradient does not take damping that couples the modes (a DampingMatrix, dampers): "
+            "take it of a model with damping ratios."
+        )
     if np.any(s.pressed > 0):
         raise InputError(
             "a scene whose contacts are closed at the start has no gradients yet: begin it with"

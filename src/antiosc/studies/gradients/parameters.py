@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.modal import ModalBody
+from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.impactors import Impactor, RigidMass, Sphere
 
@@ -92,7 +92,7 @@ def by_model(model: AntiOscillators, modes: ModalBody, by: ByModes) -> Values:
     square, site, load, start, v, g, decay = (
         each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
     )
-    if model.damping is not None:
+    if isinstance(model.damping, Damping):
         square = square + decay * _decay_slopes(model, modes.omega)[hidden:]
     by_phi = np.zeros_like(phi)
     by_phi[0] = site
@@ -127,8 +127,8 @@ def by_model(model: AntiOscillators, modes: ModalBody, by: ByModes) -> Values:
 
 def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
     """Derivatives (J,) of the decays of free modes by their omega^2."""
-    assert model.damping is not None
     d = model.damping
+    assert isinstance(d, Damping)
     ratio = d.decay(omega) - d.alpha / 2 - d.beta * omega**2 / 2  # ratio_j omega_j
     slope = np.divide(ratio, 2 * omega**2, out=np.zeros_like(omega), where=omega > 0)
     return np.asarray(slope + d.beta / 2)

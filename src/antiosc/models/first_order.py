@@ -1,0 +1,307 @@
+"""First-order modes: a body whose damping couples its free modes, as pairs of poles.
+
+In the free modes q of the body without damping, with rates v, factors D = L0' L0 and G_k = L_k' L_k
+of its damping, and the states xi_k = L_k z_k of its branches,
+
+    q' = v,   v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,   xi_k' = (L_k q - xi_k)/tau_k,
+
+or y' = A y + e f. With J = [[D, 1, 0], [1, 0, 0], [0, 0, tau]] both J and J A are symmetric and
+J e = (1, 0, 0): the eigenvectors Y of A are orthogonal in J, and with Y'JY = 1 the receptance is
+sum Y_q Y_q'/(s - lambda). Two conjugate poles, or a slower real one of positive and a faster one of
+negative Y'JY, are one mode of real numbers (a, b),
+
+    a' = b + c_b f,      b' = -w^2 a - 2 d b + (c_a - 2 d c_b) f,      u = c_a a + c_b b,
+
+that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
+responses are those of an oscillator; c_b = 0 for an undamped one. With T = [[2 d, 1], [1, 0]] of
+all modes and S the shapes (c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A
+real pole without a partner has one without a share.
+
+P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
+Eng. Struct. Dyn.* 14 (1986) 217.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from antiosc.base._types import Array, ComplexArray, Numbers
+from antiosc.base.errors import AccuracyError
+from antiosc.models.damping_matrix import DampingMatrix, along, of_factors
+
+#: Share of the largest damping of a mode below which a mode has none.
+UNDAMPED = 1e-24
+#: The same, of a combination of rigid-body motions.
+UNBRAKED = 1e-12
+#: Poles closer than this, relatively, are one repeated pole.
+REPEATED = 1e-10
+#: Errors of the receptance, relative: one that serves, and the largest.
+EXACT, INEXACT = 1e-7, 1e-4
+#: Relative change of a damping whose poles fall together.
+NUDGE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FirstOrder:
+    """The first-order modes of a body.
+
+    Attributes
+    ----------
+    omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
+    at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
+    brake : (J, 2 I) what the damping takes from their accelerations.
+    inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
+    """
+
+    omega: Array
+    decay: Array
+    at_q: Array
+    at_v: Array
+    brake: Array
+    inverse: Array
+
+    def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
+        """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        s = 1j * omega[..., None]
+        size = self.omega.size
+        ca, cb = self.at_q[:, :size].T @ b, self.at_q[:, size:].T @ b
+        over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
+        rest = ca - 2 * self.decay[:, None] * cb
+        a = over[..., None] * (cb * s[..., None] + ca)
+        rate = over[..., None] * (rest * s[..., None] - (self.omega**2)[:, None] * cb)
+        return np.asarray(ca.T @ a + cb.T @ rate)
+
+
+@dataclass(eq=False)
+class SideBySide:
+    """The modes of several bodies, of which some have first-order modes.
+
+    Attributes
+    ----------
+    parts : omega and decay of the free modes of each body, and its first-order modes.
+    omega, decay : (I,) of the modes that are integrated, body by body.
+    """
+
+    parts: Sequence[tuple[Array, Array, FirstOrder | None]]
+
+    def __post_init__(self) -> None:
+        own = [
+            (w, d) if first is None else (first.omega, first.decay) for w, d, first in self.parts
+        ]
+        self.omega = np.concatenate([w for w, _ in own])
+        self.decay = np.concatenate([d for _, d in own])
+        self.free = sum(w.size for w, _, _ in self.parts)
+
+    def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
+        """Free modes, integrated modes, decay and first-order modes of each body."""
+        j = i = 0
+        for w, d, first in self.parts:
+            size = w.size if first is None else first.omega.size
+            yield slice(j, j + w.size), slice(i, i + size), d, first
+            j, i = j + w.size, i + size
+
+    def rows(self, values: Array) -> Array:
+        """(n, 2 I) of values (n, J) on the displacements of the free modes."""
+        size = self.omega.size
+        found = np.zeros((len(values), 2, size))
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[:, 0, own] = values[:, free]
+            else:
+                found[:, :, own] = (values[:, free] @ first.at_q).reshape(len(values), 2, -1)
+        return found.reshape(len(values), 2 * size)
+
+    def state(self, q: Array, v: Array) -> Array:
+        """(2, I) of displacements and velocities (J,) of the free modes."""
+        found = np.zeros((2, self.omega.size))
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[0, own], found[1, own] = q[free], v[free]
+            elif q[free].any() or v[free].any():
+                state = np.concatenate((q[free], v[free]))
+                found[:, own] = (first.inverse @ state).reshape(2, -1)
+        return found
+
+    def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
+        """Displacements and velocities of the free modes (n, J), and what brakes them."""
+        q, v, brake = (np.empty((len(a), self.free)) for _ in range(3))
+        for free, own, d, first in self._spans():
+            if first is None:
+                q[:, free], v[:, free], brake[:, free] = a[:, own], b[:, own], 2 * d * b[:, own]
+                continue
+            both = np.hstack([a[:, own], b[:, own]])
+            q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
+            brake[:, free] = both @ first.brake.T
+        return q, v, brake
+
+    @property
+    def undamped(self) -> Any:
+        """Which free modes (J,) have no damping."""
+        own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f in self.parts]
+        return np.concatenate(own)
+
+
+def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    """The first-order modes of free modes (J,) with this damping in them.
+
+    A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
+    leaves no such modes.
+    """
+    least, best = np.inf, None
+    for change in (0.0, NUDGE, -NUDGE):
+        root = np.sqrt(1 + change)
+        nudged = of_factors(root * damping.factor, [(root * L, tau) for L, tau in damping.factors])
+        with np.errstate(all="ignore"):
+            found = _found(omega, nudged)
+            off = _inexact(found, omega, damping)
+        if off < least:
+            least, best = off, found
+        if least <= EXACT:
+            break
+    if best is None or least > INEXACT:
+        raise AccuracyError(
+            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}):"
+            " rounding does not tell their poles apart; change the damping by a per cent."
+        )
+    return best
+
+
+def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    J = omega.size
+    turn = np.eye(J)
+    rigid = np.flatnonzero(omega == 0)
+    slow = damping.matrix + sum((t * G for G, t in damping.branches), np.zeros(1))
+    values, turn[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
+    own = np.sum((damping.factor @ turn) ** 2, axis=0)
+    own += sum((tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J))
+    touched = own > UNDAMPED * own.max(initial=0.0)
+    touched[rigid] = values > UNBRAKED * own.max(initial=0.0)
+    coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
+    w, d, S, JS, braked = _modes(omega[coupled], along(damping, turn[:, coupled]))
+    k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
+    first = np.concatenate((np.arange(free), both + np.arange(free)))
+    second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
+    states, dual = np.zeros((2 * J, 2 * both)), np.zeros((2 * J, 2 * both))
+    for half in range(2):  # of undamped modes a is the displacement, b its rate
+        states[half * J + alone, first[half * free : (half + 1) * free]] = 1.0
+        dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
+        states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
+        dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
+    brake = np.zeros((J, 2 * both))
+    brake[np.ix_(coupled, second)] = braked
+    whole = scipy.linalg.block_diag(turn, turn)
+    w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
+    states, dual = whole @ states, whole @ dual
+    upper, lower = np.split(dual.T, 2)  # T^-1 of them
+    inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
+    return FirstOrder(w, d, states[:J], states[J:], turn @ brake, inverse)
+
+
+def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
+    """w, d (I,), S and J S with relaxed branches (2 k, 2 I), `brake` of modes that are all damped.
+
+    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
+    skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
+    """
+    k, moving = omega.size, np.flatnonzero(omega)
+    L = np.vstack([np.zeros((0, k)), *(own for own, _ in damping.factors)])
+    tau = np.concatenate([np.zeros(0), *(np.full(len(own), t) for own, t in damping.factors)])
+    e = moving.size
+    q, v, y = slice(0, e), slice(e, e + k), slice(e + k, e + k + tau.size)
+    A = np.zeros((y.stop, y.stop))
+    A[q, v] = np.diag(omega)[moving]
+    A[v, q], A[v, v], A[v, y] = -A[q, v].T, -damping.matrix, -L.T
+    A[y, v], A[y, y] = L, -np.diag(1 / tau)
+    sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
+    poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
+    poles, Z = poles.astype(complex), Z.astype(complex)
+    Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
+    Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
+    Y[moving] = Z[q] / omega[moving, None]
+    Y[2 * k :] = L @ Y[:k] - Z[y]
+    found: list[tuple[float, float, Array, Array]] = []
+    plus: list[tuple[float, Array]] = []
+    minus: list[tuple[float, Array]] = []
+    for group in _groups(poles):
+        pole = poles[group].mean()
+        gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
+        if pole.imag > 0:
+            root = scipy.linalg.sqrtm(gram) if len(group) > 1 else np.sqrt(gram)
+            for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
+                turned = column * np.sqrt(2j * z.imag)
+                rate, real = turned.imag / z.imag, min(float(z.real), 0.0)
+                found.append((abs(z), -real, turned.real - real * rate, rate))
+        elif pole.imag == 0:
+            values, vectors = np.linalg.eigh(gram.real)
+            own = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
+            for value, column in zip(values, own.T, strict=True):
+                (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
+    for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
+        column = np.zeros(len(Y))
+        column[j], column[2 * k :] = 1.0, L[:, j]
+        brake = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
+        plus.append((0.0, column / np.sqrt(brake)))
+    found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
+    w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
+    shapes = [one[2] for one in found] + [one[3] for one in found]
+    S = np.array(shapes).reshape(2 * w.size, len(Y)).T
+    relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
+    JS = np.vstack([relaxed, S[:k]])  # xi = L q
+    brake = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
+    return w, d, S[: 2 * k], JS, brake
+
+
+def _groups(poles: Any) -> list[list[int]]:
+    """Indices of equal poles; real and complex ones apart."""
+    groups: list[list[int]] = []
+    for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
+        for group in reversed(groups[-8:]):
+            near = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
+            if near and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
+
+
+def _pairs(
+    plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
+) -> list[tuple[float, float, Array, Array]]:
+    """(w, d, c_a, c_b) of real poles: each negative one with the nearest slower positive one."""
+    found: list[tuple[float, float, Array, Array]] = []
+    rest = sorted(plus, key=lambda one: one[0])  # the fastest first
+
+    def add(slow: float, fast: float, one: Array, other: Array) -> None:
+        root = np.sqrt(slow - fast)
+        sign = -1.0 if one @ other < 0 else 1.0
+        rate = (one - sign * other) * root / (slow - fast)
+        found.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
+
+    for fast, column in sorted(minus, key=lambda one: -one[0]):  # the slowest first
+        slower = next((i for i, one in enumerate(rest) if one[0] > fast), None)
+        if slower is None:
+            add(fast / 2, fast, np.zeros(column.size), column)
+        else:
+            slow, own = rest.pop(slower)
+            add(slow, fast, own, column)
+    for slow, column in rest:
+        add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
+    return found
+
+
+def _inexact(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
+    """Error of the receptance of the modes at a real s, relative; inf where it is no number."""
+    positive = modes.omega[modes.omega > 0]
+    s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
+    at = np.array(-1j * s)
+    exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
+    found = modes.receptance(np.eye(omega.size), at).real
+    scale = np.sqrt(exact.diagonal())
+    off = float(np.abs((found - exact) / np.outer(scale, scale)).max(initial=0.0))
+    return off if np.isfinite(off) else np.inf

@@ -1,0 +1,147 @@
+"""Damping that couples the modes of a model, against direct solves of the matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base.errors import InputError
+from antiosc.models.first_order import first_order
+
+OMEGA = np.geomspace(0.05, 60.0, 40)
+
+
+def psd(rng: np.random.Generator, n: int, rank: int) -> np.ndarray:
+    L = rng.normal(size=(rank, n))
+    return L.T @ L
+
+
+def drawn(rng: np.random.Generator, k0: float | None = None) -> ao.AntiOscillators:
+    """A random model of one site, with dashpots and up to two branches."""
+    n = int(rng.integers(0, 7))
+    C = psd(rng, n + 1, int(rng.integers(0, n + 2))) * 10 ** rng.uniform(-3, 1.5)
+    branches = [
+        (psd(rng, n + 1, int(rng.integers(1, 3))), 10 ** rng.uniform(-2, 1))
+        for _ in range(int(rng.integers(0, 3)))
+    ]
+    return ao.AntiOscillators(
+        m0=0.2,
+        k0=float(rng.choice([0.0, 3.0])) if k0 is None else k0,
+        m=rng.uniform(0.1, 1.0, n),
+        omega=np.sort(rng.uniform(1.0, 10.0, n)),
+        damping=ao.DampingMatrix(C, branches),
+    )
+
+
+def matrices(model: ao.AntiOscillators) -> tuple[np.ndarray, np.ndarray]:
+    """K and M in the displacement of the site and the amplitudes of unit mass."""
+    P = np.sqrt(model.m)
+    M = np.eye(model.n + 1)
+    M[0, 0], M[0, 1:], M[1:, 0] = model.m_st, P, P
+    return np.diag(np.append(model.k0, model.omega**2)), M
+
+
+def direct(model: ao.AntiOscillators, omega: np.ndarray) -> np.ndarray:
+    K, M = matrices(model)
+    Z = K - omega[:, None, None] ** 2 * M + model.damping.stiffness(omega)
+    return np.linalg.inv(Z)[:, 0, 0]
+
+
+def test_first_order_modes_have_the_receptance_of_the_matrices():
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        model = drawn(rng)
+        exact = direct(model, OMEGA)
+        np.testing.assert_allclose(model.modal().receptance(OMEGA), exact, rtol=1e-6)
+
+
+def test_truncated_models_and_all_others_are_passive():
+    rng = np.random.default_rng(2)
+    for _ in range(15):
+        model = drawn(rng)
+        for n in range(model.n + 1):
+            H = model.truncated(n).modal().receptance(OMEGA)
+            assert (H.imag <= 1e-12 * np.abs(H)).all()  # Re Z/(i omega) >= 0
+
+
+@pytest.mark.parametrize("c", [2.0, 2.0 * (1 + 1e-12), 50.0, 1e-9])
+def test_critical_and_strong_damping_of_one_oscillator(c):
+    model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[], damping=ao.DampingMatrix([[c]]))
+    exact = 1 / (1 - OMEGA**2 + 1j * OMEGA * c)
+    np.testing.assert_allclose(model.modal().receptance(OMEGA), exact, rtol=1e-6)
+
+
+def test_repeated_frequencies_stay_apart():
+    """Two equal anti-oscillators with different damping are not merged into one."""
+    C = np.diag([0.1, 0.2, 0.0, 0.3])
+    model = ao.AntiOscillators(
+        m0=1.0, k0=2.0, m=[1.0, 2.0, 2.0], omega=[1.0, 1.0, 3.0], damping=ao.DampingMatrix(C)
+    )
+    np.testing.assert_allclose(model.modal().receptance(OMEGA), direct(model, OMEGA), rtol=1e-8)
+
+
+def test_a_massless_site_with_a_damper_gets_a_little_mass():
+    model = ao.AntiOscillators(
+        m0=0.0, k0=2.0, m=[1.0], omega=[2.0], damping=ao.DampingMatrix(np.diag([3.0, 0.1]))
+    )
+    low = OMEGA[OMEGA < 10]
+    np.testing.assert_allclose(model.modal().receptance(low), direct(model, low), rtol=1e-5)
+
+
+def test_states_go_to_first_order_modes_and_back():
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        body = drawn(rng).modal()
+        found = first_order(body.omega, body.damping)
+        x = rng.normal(size=2 * body.omega.size)
+        both = np.vstack([found.at_q, found.at_v])
+        if not body.damping.branches:  # whose states are not in x
+            np.testing.assert_allclose(both @ (found.inverse @ x), x, rtol=1e-6, atol=1e-7)
+
+
+def test_several_sites_and_files(tmp_path):
+    rng = np.random.default_rng(5)
+    N, p = 4, 2
+    P = rng.normal(size=(p, N))
+    k0, m0 = psd(rng, p, 3), psd(rng, p, 3)
+    omega = np.array([3.0, 1.0, 2.0, 4.0])  # sorted by the model, with the matrix
+    given = ao.DampingMatrix(psd(rng, p + N, 2), [(psd(rng, p + N, 1), 0.3)])
+    model = ao.AntiOscillators(m0=m0, k0=k0, P=P, omega=omega, sites=("a", "b"), damping=given)
+    K, M = np.diag(np.append(np.zeros(p), omega**2)), np.eye(p + N)
+    K[:p, :p], M[:p, :p], M[:p, p:], M[p:, :p] = k0, m0 + P @ P.T, P, P.T
+    Z = K - OMEGA[:, None, None] ** 2 * M + given.stiffness(OMEGA)
+    exact = np.linalg.inv(Z)[:, :p, :p]
+    model.save(tmp_path / "model.npz")
+    for one in (model, ao.AntiOscillators.load(tmp_path / "model.npz")):
+        np.testing.assert_allclose(one.site_modes().receptance(OMEGA), exact, rtol=1e-7)
+
+
+def test_what_adds_energy_or_does_not_fit_is_refused():
+    with pytest.raises(InputError, match="semidefinite"):
+        ao.DampingMatrix([[1.0, 2.0], [2.0, 1.0]])
+    with pytest.raises(InputError, match="semidefinite"):
+        ao.DampingMatrix(np.eye(2), [(np.array([[0.0, 1.0], [1.0, 1.0]]), 1.0)])
+    with pytest.raises(InputError, match="tau"):
+        ao.DampingMatrix(np.eye(1), [(np.eye(1), 0.0)])
+    model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[1.0], omega=[2.0])
+    with pytest.raises(InputError, match="2 coordinates"):
+        replace(model, damping=ao.DampingMatrix(np.eye(3)))
+
+
+def test_the_soil_cone_is_static_as_the_half_space_and_radiates():
+    """4 G r/(1 - nu), 8 G r/(2 - nu): the exact stiffnesses of a disk; rho c A of plane waves."""
+    r, G, rho = 0.5, 60e6, 1800.0
+    for nu in (0.0, 0.25, 0.45):
+        up, side = ao.soil_cone(r, G, nu, rho), ao.soil_cone(r, G, nu, rho, "horizontal")
+        assert up.stiffness == pytest.approx(4 * G * r / (1 - nu))
+        assert side.stiffness == pytest.approx(8 * G * r / (2 - nu))
+        assert side.damping == pytest.approx(np.sqrt(G * rho) * np.pi * r**2)
+        assert (up.mass > 0) == (nu > 1 / 3)
+    model = ao.soil_cone(r, G, 0.25, rho).model(mass=300.0)
+    w = np.array([200.0])
+    cone = ao.soil_cone(r, G, 0.25, rho)
+    exact = 1 / (cone.stiffness - 300 * w**2 + 1j * w * cone.damping)
+    np.testing.assert_allclose(model.modal().receptance(w), exact, rtol=1e-9)

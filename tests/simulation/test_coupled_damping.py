@@ -1,0 +1,133 @@
+"""Impacts on bodies whose damping couples their modes, against DOP853 on all their states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import antiosc as ao
+from antiosc.base.errors import InputError
+
+N = 5
+RNG = np.random.default_rng(5)
+OMEGA, MASS = np.sort(RNG.uniform(1e3, 2e4, N)), RNG.uniform(0.02, 0.1, N)
+DASHPOTS = RNG.normal(size=(2, N + 1)) * 8
+SPRINGS, TAU = RNG.normal(size=(1, N + 1)) * 100, 2e-4
+BARE = ao.AntiOscillators(m0=0.02, k0=2e4, m=MASS, omega=OMEGA)
+DAMPED = replace(
+    BARE,
+    damping=ao.DampingMatrix(DASHPOTS.T @ DASHPOTS, [(SPRINGS.T @ SPRINGS, TAU)]),
+)
+BALL, LAW, END = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e7), 4e-3
+SIZE = N + 1
+K, M = np.diag(np.append(BARE.k0, OMEGA**2)), np.eye(SIZE)
+M[0, 0], M[0, 1:], M[1:, 0] = BARE.m_st, np.sqrt(MASS), np.sqrt(MASS)
+
+
+def rates(t: float, y: np.ndarray) -> np.ndarray:
+    """Of the displacements, velocities, the spring of the branch, and the ball."""
+    q, v, xi, ball, speed = y[:SIZE], y[SIZE:-3], y[-3], y[-2], y[-1]
+    force = LAW.stiffness * max(ball - q[0], 0.0) ** 1.5
+    stretch = float(SPRINGS[0] @ q) - xi
+    f = -K @ q - DASHPOTS.T @ (DASHPOTS @ v) - SPRINGS[0] * stretch
+    f[0] += force
+    a = np.linalg.solve(M, f)
+    return np.concatenate([v, a, [stretch / TAU, speed, -force / BALL.mass]])
+
+
+@pytest.fixture(scope="module")
+def exact():
+    start = np.zeros(2 * SIZE + 3)
+    start[-1] = 1.0
+    return solve_ivp(
+        rates, (0, END), start, method="DOP853", rtol=1e-9, atol=1e-13, dense_output=True,
+        max_step=4e-6,
+    ).sol  # fmt: skip
+
+
+def test_force_motion_and_acceleration_are_those_of_all_states(exact):
+    hit = ao.simulate(DAMPED, BALL, LAW, END, tol=1e-6)
+    y = exact(hit.time)
+    force = LAW.stiffness * np.maximum(y[-2] - y[0], 0.0) ** 1.5
+    assert np.abs(hit.force - force).max() < 2e-8 * hit.peak_force
+    body = hit.bodies["structure"]
+    a = np.array([rates(t, s)[SIZE] for t, s in zip(hit.time, y.T, strict=True)])
+    for found, true in ((hit.displacement, y[0]), (body.velocity(), y[SIZE]),
+                        (body.acceleration(), a)):  # fmt: skip
+        assert np.abs(found - true).max() < 1e-6 * np.abs(true).max()
+    bare = ao.simulate(BARE, BALL, LAW, END)
+    assert abs(bare.impulse / hit.impulse - 1) > 5e-3
+
+
+def test_the_energy_that_damping_took_is_that_of_the_dashpots(exact):
+    hit = ao.simulate(DAMPED, BALL, LAW, END, tol=1e-6)
+    t = np.linspace(0, END, 4001)
+    y = exact(t)
+    power = np.sum((DASHPOTS @ y[SIZE:-3]) ** 2, axis=0)
+    stretch = SPRINGS[0] @ y[:SIZE] - y[-3]
+    power = power + stretch**2 / TAU
+    lost = float(np.sum((power[1:] + power[:-1]) / 2 * np.diff(t))) + 0.5 * float(stretch[-1] ** 2)
+    assert hit.energy.dissipated[-1] == pytest.approx(lost, rel=1e-4)
+    assert hit.energy.drift < 1e-6
+
+
+def test_a_matrix_without_coupling_is_the_undamped_body():
+    still = replace(BARE, damping=ao.DampingMatrix(np.zeros((SIZE, SIZE))))
+    one, other = (ao.simulate(m, BALL, LAW, END, tol=1e-6) for m in (BARE, still))
+    assert one.impulse == pytest.approx(other.impulse, rel=1e-9)
+    assert np.abs(other.energy.dissipated).max() < 1e-9
+
+
+def test_scenes_under_gravity_and_loads_agree_with_an_integrator():
+    """Two contacts with friction, a falling damped body, a load: every array of loads counts."""
+    rng = np.random.default_rng(7)
+    L = rng.normal(size=(1, 6)) * 5
+    body = ao.AntiOscillators(
+        m0=np.diag([0.02, 0.03]), k0=np.array([[3e4, -1e4], [-1e4, 2e4]]),
+        P=rng.normal(size=(2, 4)) * 0.1, omega=np.array([1e3, 3e3, 5e3, 9e3]), sites=("a", "b"),
+        damping=ao.DampingMatrix(L.T @ L),
+    )  # fmt: skip
+    scene = ao.Scene(
+        bodies={"part": body, "ball": ao.RigidMass(0.05, 1.0), "other": ao.RigidMass(0.02, 0.5)},
+        contacts=[ao.Contact("part:a", "ball", LAW), ao.Contact("part:b", "other", LAW)],
+        loads=[ao.Load("part:b", [0.0, 1e-3, 2e-3], [0.0, 20.0, 0.0])],
+    )
+    exact = scene.run(3e-3, tol=1e-5)
+    other = scene.run(3e-3, tol=1e-4, method="DOP853")
+    for pair in (("part:a", "ball"), ("part:b", "other")):
+        assert exact[pair].impulse == pytest.approx(other[pair].impulse, rel=2e-5)
+    for site in ("a", "b"):
+        one, two = (each.bodies["part"].displacement(site)[-1] for each in (exact, other))
+        assert one == pytest.approx(two, rel=1e-4)
+
+
+def test_a_body_on_dashpots_alone_comes_to_rest():
+    """Its rigid-body motion is braked: poles at 0 and -c/m."""
+    m, c = 0.5, 40.0
+    model = ao.AntiOscillators(m0=m, k0=0.0, m=[], omega=[], damping=ao.DampingMatrix([[c]]))
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 0.1, tol=1e-6)
+    at = hit.displacement[-1]
+    rest = hit.impulse * (1 - np.exp(-c / m * 0.1)) / c  # of an impulse at t = 0, nearly
+    assert at == pytest.approx(rest, rel=1e-2)
+
+
+def test_many_impacts_are_the_single_ones():
+    many = ao.simulate_many([DAMPED, BARE, DAMPED], BALL, LAW, END)
+    for impulse, model in zip(many.impulse, (DAMPED, BARE, DAMPED), strict=True):
+        assert impulse == pytest.approx(ao.simulate(model, BALL, LAW, END).impulse, rel=1e-3)
+
+
+def test_what_does_not_take_such_damping_says_so(tmp_path):
+    hit = ao.simulate(DAMPED, BALL, LAW, END)
+    for call in (
+        lambda: ao.gradient(hit, "peak_force"),
+        lambda: ao.export(tmp_path / "a.c", DAMPED, BALL, LAW),
+        lambda: ao.export(tmp_path / "a.fmu", DAMPED),
+        lambda: ao.simulate(DAMPED, BALL, LAW, END, method="newmark"),
+        lambda: ao.Floor(model=DAMPED),
+    ):
+        with pytest.raises(InputError, match="DampingMatrix"):
+            call()
