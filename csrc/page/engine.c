@@ -1,9 +1,9 @@
 /* The engine of the live report: an impact of two bodies with one contact, in one call.
  *
- * It is compiled to WebAssembly with the march, see packaging/library.py. It does what
- * antiosc.simulation does in `two_bodies.pose`, `expected`, `refinement` and `ContactHistory`, so
- * that its numbers are those of `simulate`. All pointers are offsets into its memory, which
- * page_take gives out and page_clear takes back; memory that grows makes views of it anew.
+ * It is compiled to WebAssembly with the march, see packaging/library.py, and solves an impact as
+ * aom_batch_solve does, so that its numbers are those of `simulate`; the record of the run stays, for
+ * the chart and the motion. All pointers are offsets into its memory, which page_take gives out and
+ * page_clear takes back; memory that grows makes views of it anew.
  */
 #include "../antiosc_march.c"
 
@@ -43,62 +43,6 @@ static aom_system posed;
 static aom_contact contact;
 static aom_record records[3];
 static aom_solution solution;
-
-/* ---- What is expected: antiosc.simulation.expected ---- */
-
-static double potential(const aom_law *law, double depth, const double *state) {
-    double energy;
-    if (remembers(law->kind))
-        return aom_law_loading_work(law, depth);
-    aom_law_energies(law, 1, &depth, state, &energy);
-    return energy;
-}
-
-/* Indentation, at most `high`, that absorbs an energy and the work of a force, to 10 %. */
-static double deepest(const aom_law *law, double speed, double energy, double push, double high) {
-    double state[AOM_MEMORY] = {0.0}, low = 0.0;
-    aom_law_touch(law, speed, 1, state);
-    double excess = potential(law, high, state) - energy - push * high;
-    if (excess <= 0.0)
-        return high;
-    double wanted = energy + push * high;
-    double guess = high * pow(wanted / (excess + wanted), 0.4);
-    double first = 0.95 * guess, last = smaller(1.04 * guess, high);
-    if (potential(law, last, state) - energy - push * last <= 0.0)
-        low = last;
-    else {
-        low = potential(law, first, state) - energy - push * first <= 0.0 ? first : 0.0;
-        high = last;
-    }
-    for (int i = 0; i < 400 && high > 1.1 * low; i++) {
-        double middle = low > 0.0 ? 0.5 * (low + high) : 0.1 * high;
-        if (potential(law, middle, state) - energy - push * middle > 0.0)
-            high = middle;
-        else
-            low = middle;
-    }
-    return high;
-}
-
-static double expect(double duration) {
-    double speed = 0.0, push = 0.0, gap = posed.offsets[0];
-    for (int j = 0; j < posed.n_modes; j++) {
-        speed += posed.beta[j] * posed.v[j];
-        push += posed.beta[j] * posed.loads[j];
-    }
-    speed = fabs(speed);
-    push = fabs(push) * contact.mass;
-    speed = sqrt(speed * speed + 2.0 * push / contact.mass * gap);
-    if (speed == 0.0 && push == 0.0) {
-        contact.expected_depth = contact.expected_speed = 1e-300;
-        return duration / 16.0;
-    }
-    double farthest = speed * duration + push / contact.mass * duration * duration;
-    double energy = 0.5 * contact.mass * speed * speed;
-    contact.expected_depth = deepest(&contact.law, speed, energy, push, farthest);
-    contact.expected_speed = speed + sqrt(2.0 * push / contact.mass * contact.expected_depth);
-    return smaller(3.0 * contact.expected_depth / contact.expected_speed, duration / 2.0);
-}
 
 /* ---- The run ---- */
 
@@ -153,89 +97,22 @@ static int solve(double duration, double rel_tol, double lasting, double max_ste
     return answer > AOM_LAW_FAILED ? answer : solution.answer;
 }
 
-/* ---- What is read from it: antiosc.simulation.scene_history ---- */
-
-static int64_t step_at(const aom_record *r, double t) {
-    int64_t low = 0, high = r->n_nodes / 2;
-    while (low < high) {
-        int64_t middle = (low + high) / 2;
-        if (r->time[2 * middle] < t)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
-}
-
-static double velocity(const aom_record *r, int64_t step, int j) {
-    return r->states[(2 * step + 1) * posed.n_modes + j];
-}
-
-/* The undamped rigid mode that the contact moves most, or -1. */
-static int freest(void) {
-    int best = -1;
-    for (int j = 0; j < posed.n_modes; j++)
-        if (posed.omega[j] == 0.0 && posed.decay[j] == 0.0 && posed.beta[j] != 0.0 &&
-            (best < 0 || fabs(posed.beta[j]) > fabs(posed.beta[best])))
-            best = j;
-    return best;
-}
-
-static double closing(const aom_record *r, int64_t step) {
-    double speed = 0.0;
-    for (int j = 0; j < posed.n_modes; j++)
-        if (posed.omega[j] == 0.0)
-            speed += posed.beta[j] * velocity(r, step, j);
-    return speed;
-}
-
-static double impulse_of(const aom_record *r, int64_t first, int64_t last, double area) {
-    int j = freest();
-    if (j < 0)
-        return area;
-    double before = velocity(r, first, j), after = velocity(r, last, j);
-    double given = posed.loads[j] * (r->time[2 * last] - r->time[2 * first]);
-    double change = given - (after - before);
-    double size = larger(larger(fabs(before), fabs(after)), fabs(given));
-    return fabs(change) > 1e-6 * size ? change / posed.beta[j] : area;
-}
-
-static void read_contacts(const aom_record *r) {
-    double open = -1.0, start = 0.0, end = 0.0, own = 0.0, most = -1.0, parting = 0.0, approach = 0.0;
-    for (int64_t e = 0; e <= r->n_events; e++) {
-        bool over = e == r->n_events;
-        double t = over ? r->time[r->n_nodes - 1] : r->events[e].time;
-        if (!over && r->events[e].branch != AOM_APART) {
-            open = open < 0.0 ? t : open;
-            continue;
-        }
-        if (open >= 0.0 && t > open) {
-            int64_t span[2] = {step_at(r, open), step_at(r, t)};
-            double pulse[2];
-            aom_pulses(r->time, r->force, 1, 0, 1, span, pulse);
-            double impulse = impulse_of(r, span[0], span[1], pulse[0]);
-            found.impulse += impulse;
-            found.peak = larger(found.peak, pulse[1]);
-            if (found.contacts == 0.0) {
-                found.first = open;
-                approach = closing(r, span[0]);
-            }
-            bool same = found.contacts > 0.0 && open - end < end - start;
-            start = same ? start : open;
-            own = same ? own + impulse : impulse;
-            end = found.last = t;
-            if (own > most) {
-                most = own;
-                found.contact_time = end - start;
-            }
-            found.contacts += 1.0;
-            found.touching = over;
-            parting = closing(r, span[1]);
-        }
-        open = -1.0;
-    }
-    if (found.contacts > 0.0 && !found.touching && approach > 0.0)
-        found.restitution = -parting / approach;
+static int read_contacts(const aom_record *run) {
+    aom_touch *touches = page_take(((size_t)run->n_events + 1) * sizeof *touches);
+    int open, J = posed.n_modes;
+    if (touches == NULL)
+        return AOM_SMALL_MEMORY;
+    int64_t n = aom_touches(run, 0, 0, touches, &open);
+    aom_numbers read = aom_read_contact(&posed, run, 0, open, n, touches, run->states + J, 2 * J);
+    found.peak = read.peak;
+    found.impulse = read.impulse;
+    found.contact_time = read.contact_time;
+    found.restitution = read.restitution;
+    found.contacts = (double)n;
+    found.touching = open;
+    found.first = n ? touches[0].start : 0.0;
+    found.last = n ? touches[n - 1].end : 0.0;
+    return AOM_DONE;
 }
 
 /* The hash of the sources, so that a file tells what it was built from. */
@@ -255,8 +132,10 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     __builtin_memset(q, 0, (size_t)n_modes * sizeof *q);
     found.restitution = NAN;
     few[0] = residual, few[1] = 0.0, few[2] = gap;
-    contact = (aom_contact){.law = {kind, n_params, params, NULL}, .first_tangential = 1};
-    contact.mass = mobility > 0.0 ? 1.0 / mobility : 1.0;
+    aom_impact given = {.n_modes = n_modes, .beta = beta, .load = load, .v = v, .gap = gap,
+                        .law = {kind, n_params, params, NULL}, .duration = duration};
+    given.mass = mobility > 0.0 ? 1.0 / mobility : 1.0;
+    contact = (aom_contact){.law = given.law, .first_tangential = 1, .mass = given.mass};
     posed = (aom_system){.n_modes = n_modes, .n_rows = 1, .n_contacts = 1, .n_breaks = 1,
                          .omega = omega, .decay = decay, .beta = beta, .residual = few,
                          .breaks = few + 1, .loads = load, .offsets = few + 2,
@@ -264,15 +143,20 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     found.answer = aom_law_check(&contact.law);
     if (found.answer != AOM_DONE)
         return &found.answer;
-    found.lasting = expect(duration);
-    contact.slowest = 1e-4 * contact.expected_speed;
+    aom_expected expected = aom_expect(&given);
+    found.lasting = expected.time;
+    contact.expected_depth = expected.depth;
+    contact.expected_speed = expected.speed;
+    contact.slowest = AT_REST * expected.speed;
     found.answer = solve(duration, rel_tol, found.lasting, max_steps);
     const aom_record *best = records + (solution.best > 0 ? solution.best : 0);
     if (found.answer > AOM_LAW_FAILED || best->n_nodes < 3)
         return &found.answer;
     found.force_error = solution.force;
     found.peak_error = solution.peak;
-    read_contacts(best);
+    int read = read_contacts(best);
+    if (read != AOM_DONE)
+        found.answer = read;
     found.n_nodes = (double)best->n_nodes;
     found.time = (double)(size_t)best->time;
     found.force = (double)(size_t)best->force;
@@ -283,7 +167,7 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
 /* q of the last impact at a time [s], and its force behind them, into out [2 n_modes + 1]. */
 EXPORT(page_state) void page_state(double t, double *out) {
     const aom_record *best = records + (solution.best > 0 ? solution.best : 0);
-    int64_t k = step_at(best, t), steps = best->n_nodes / 2;
+    int64_t k = step_from(best, t), steps = best->n_nodes / 2;
     double depth;
     if (k > 0 && (k >= steps || best->time[2 * k] > t))
         k--;
