@@ -23,6 +23,7 @@ PICTURES = {
         "drop": ["drop.png"],
         "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
         "measured_part": ["measured_part.png"],
+        "tip_damper": ["tip_damper.png"],
         "board_on_spacers": ["board_on_spacers_part.png", "board_on_spacers.png"],
         "find_blow": ["find_blow.png"],
         "impact_map": ["bracket_map.png"],

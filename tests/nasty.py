@@ -528,6 +528,7 @@ OWN: dict[str, dict[str, Any]] = {
     "FoundImpact.plot": {"path": "found.png"},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
     "PeakField.write": {"path": "peak.vtu"}, "PeakField.plot": {"path": "peak.png"},
+    "PeakField.surface": {"label": "stress", "moved": lambda: 0 * SELVES["PeakField"]().points},
     "SavedFields.load": {"path": saved_fields},
     "SavedFields.plot": {"path": "fields.png", "time": 0.5}, "SavedFields.at": {"time": 0.5},
     "save_fields": {"history": struck_part},

@@ -164,7 +164,7 @@ def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
 
 
 def test_demos_are_short_and_have_their_pictures(generated):
-    """What a user opens: eight scripts, each of at most 100 lines."""
+    """What a user opens: scripts of at most 100 lines each."""
     scripts = {path.stem: path for path in DEMOS.glob("*.py")}
     assert set(generated.PICTURES["demos"]) == set(scripts) - {"command_line", "compared"}
     long = {name for name, path in scripts.items() if len(path.read_text().splitlines()) > 100}

@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import memory
-from antiosc.simulation import engine, scene_states
+from antiosc.simulation import engine, impacts, scene_states
 from scenes import case_two
 
 TIMES = np.linspace(0.0, 2e-3, 57)
@@ -70,7 +70,7 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     bodies = {f"m{i}": ao.RigidMass(0.01, 1.0) for i in range(60)}
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e7)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
     monkeypatch.setattr(memory, "UNNOTICED", 0)
     monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
@@ -83,6 +83,7 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
         raise MemoryError("Unable to allocate 7 GiB")
 
     monkeypatch.setattr(engine, "Buffers", full)
+    monkeypatch.setattr(impacts._Space, "renew", full)
     monkeypatch.setattr(engine, "_kept", type(engine._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}

@@ -159,6 +159,8 @@ class PeakField(Brief):
         """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
         from antiosc.charts.deformed import Deformed, enlarged
 
+        label = checks.instance("label", label, str, "a text")
+        moved = checks.array("moved", moved, (len(self.points), 3))
         values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
         size = float(np.linalg.norm(moved, axis=1).max())
         factor = enlarged(self.points, size)

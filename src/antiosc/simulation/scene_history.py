@@ -132,8 +132,7 @@ class ContactHistory(Brief):
         system, (m, size) = a.system, a.system.beta.shape
         lost = (~system.undamped).astype(float)  # of a mode it counts alone whether it is damped
         arrays = [
-            np.ascontiguousarray(each)
-            for each in (system.omega, lost, system.beta, system.loads)
+            np.ascontiguousarray(each) for each in (system.omega, lost, system.beta, system.loads)
         ]
         *modes, loads = map(march.address, arrays)
         bodies = march.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)

@@ -12,6 +12,7 @@ from antiosc.app.scene_file import group_names, output, report, result_tables, r
 from antiosc.app.scene_file.exported import export as exported
 from antiosc.app.scene_file.read import read
 from antiosc.app.scene_file.scene import compiled
+from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.progress import say
 
@@ -47,7 +48,7 @@ def guarded(options: Namespace) -> int:
 def _new(options: Namespace) -> int:
     file, part = options.file, options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
-        file, part = f"{Path(file).stem}.toml", file  # the part alone
+        file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
     path, told = template.write(file or "scene.toml", part, options.drop)
     say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
     for sentence in told:
