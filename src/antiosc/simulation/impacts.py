@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import checks, march, memory
 from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError
 from antiosc.contact import ContactLaw
 from antiosc.contact.compiled import is_compiled
 from antiosc.models.body import LinearBody
@@ -50,9 +51,14 @@ class Impact(NamedTuple):
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
-def _coupled(body: LinearBody) -> bool:
-    """Whether damping couples the modes of a body."""
-    return type(body) not in (RigidMass, Sphere) and body.modal().damping is not None
+def _coupled(body: Any) -> bool:
+    """Whether damping couples the modes of a body; False for what is none, which `pair` tells."""
+    if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
+        return False
+    try:
+        return getattr(body.modal(), "damping", None) is not None
+    except AntioscError:
+        return False
 
 
 class Rows:

@@ -51,7 +51,7 @@ POOR = 2.0
 DETERMINED, DETERMINED_PLACE = 0.3, 0.05
 #: Standard deviations of the half-widths of intervals of 95 %: of one number, of a place.
 BAR = {0: 1.96, 1: 1.96, 2: 2.45}
-#: Standard deviation of a place by the interpolation between sites, over their spacing: what 24
+#: Standard deviation of a place by the interpolation between sites, over their spacing: what 17
 #: blows on two meshes showed.
 INTERPOLATION = 0.01
 #: Difference of the costs of two blows that are as probable, per chi².
