@@ -48,6 +48,15 @@ def exact():
     ).sol  # fmt: skip
 
 
+@pytest.mark.parametrize("speed", [0.2, 2.0])
+def test_the_impulse_is_the_momentum_that_the_ball_loses(speed):
+    ball = ao.RigidMass(0.1, speed)
+    hit = ao.simulate(DAMPED, ball, LAW, END)
+    begin, end = hit.bodies["impactor"].velocity()[[0, -1]]
+    assert hit.impulse == pytest.approx(ball.mass * abs(begin - end), rel=1e-9)
+    assert ao.simulate_many(DAMPED, ball, LAW, END).impulse[0] == hit.impulse
+
+
 def test_force_motion_and_acceleration_are_those_of_all_states(exact):
     hit = ao.simulate(DAMPED, BALL, LAW, END, tol=1e-6)
     y = exact(hit.time)

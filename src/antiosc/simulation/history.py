@@ -307,7 +307,8 @@ class History(HistoryResults):
 
         Of bodies whose inertia in space is known.
         """
-        return largest_rotation(self.run, self.assembly.bodies, self.assembly.spans)
+        a = self.assembly
+        return largest_rotation(self.run, a.system, a.bodies, a.spans)
 
     # -- inside
 

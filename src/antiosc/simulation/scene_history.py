@@ -136,7 +136,7 @@ class ContactHistory(Brief):
         ]
         *modes, loads = map(march.address, arrays)
         bodies = march.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)
-        if run.states is not None and run.every == 1:
+        if run.states is not None and run.every == 1 and system.first is None:
             held.append(np.ascontiguousarray(run.states))
             velocities, stride = march.address(held[-1]) + 8 * size, 2 * size
         else:

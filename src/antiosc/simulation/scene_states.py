@@ -266,15 +266,16 @@ def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) ->
 
 
 def largest_rotation(
-    run: Run, bodies: Mapping[str, Placed], parts: Mapping[str, slice]
+    run: Run, system: System, bodies: Mapping[str, Placed], parts: Mapping[str, slice]
 ) -> tuple[str, float]:
     """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
 
     Of bodies whose inertia in space is known.
     """
     assert run.states is not None
+    q, _ = _free(system, run.states[:, 0], run.states[:, 1])
     turned = [
-        (name, float(np.linalg.norm(body.rotation(run.states[:, 0, own]), axis=1).max()))
+        (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
         for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
         if body.inertia is not None and not body.omega.all()
     ]
