@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import floor, isfinite, log10
 
 #: Units that take a prefix, beside those that begin with newtons.
@@ -27,6 +28,11 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     shown = f"{rounded / 10**power:#.{digits}g}".rstrip(".")
     return f"{shown} {PREFIXES[power]}{unit}".rstrip()
+
+
+def place(point: Iterable[float]) -> str:
+    """A place: "(20, 40, 75) mm"."""
+    return f"({', '.join(f'{1e3 * x:.4g}' for x in point)}) mm"
 
 
 def percent(share: float) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
+from antiosc.base.engineering import engineering, place
 from antiosc.fem.recovery.place import Place
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
@@ -64,15 +64,15 @@ class Margin(Brief):
     def sentence(self) -> str:
         """The verdict in one sentence."""
         what, name = CRITERIA[self.criterion]
-        where = f"at {checks.in_words(self.point)}, {self.time:.4g} s"
+        where = f"at {place(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
         used = f"{self.exposure:.3g} of the strength ({name})"
         if self.criterion == "yield":
             used = (
-                f"the largest von Mises stress, {self.value / 1e6:.4g} MPa {where}, is "
-                f"{self.exposure:.3g} of the yield strength {self.strength / 1e6:.4g} MPa"
+                f"the largest von Mises stress, {engineering(self.value, 'Pa')} {where}, is "
+                f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
             )
         else:
             used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"

@@ -253,7 +253,8 @@ part = ao.assemble(
     supports=[ao.Support("ground")],
 )
 model = ao.extract(part, ao.Site((0.2, 0.12, 0.005), (0, 0, -1), part="plate"), n=30)
-print(json.dumps([model.k0, *model.omega[:3], model.damping.ratio[0], model.damping.ratio[2]]))
+moved = model.modal().receptance(0.9 * model.omega[:3])
+print(json.dumps([model.k0, *model.omega[:3], *moved.real, *moved.imag]))
 """
 
 

@@ -20,6 +20,8 @@ from antiosc.simulation.truncation import softest
 TOL, COARSE = 1e-6, 1e-3
 #: Nodes of the curve of the computed case that the page keeps.
 CURVE = 2000
+#: Digits of an exponent.
+RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def of_history(hit: Any, bars: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -66,7 +68,7 @@ def given(law: ContactLaw, striker: dict[str, Any], impactor: Any, speed: float)
             "kind": law.kind,
             "name": type(law).__name__,
             "params": [value for value in values if np.isfinite(value)],
-            "unit": "N/m" if exponent == 1 else f"N/m^{exponent:g}",
+            "unit": "N/m" if exponent == 1 else f"N/m{format(exponent, 'g').translate(RAISED)}",
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,

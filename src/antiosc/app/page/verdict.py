@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from antiosc.base.engineering import engineering, percent, with_bar
+from antiosc.base.engineering import engineering, percent, place, with_bar
 from antiosc.models.body import places_of
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.studies.map_results import ImpactMap
@@ -66,7 +66,7 @@ def of_map(found: ImpactMap) -> Headline:
         numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
         times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
         numbers.append(("contact time", " to ".join(times)))
-        where = _place(found.points[int(np.nanargmax(found.peak_force))])
+        where = place(found.points[int(np.nanargmax(found.peak_force))])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
     worst = float(found.error.max())
     sentences.append(
@@ -80,7 +80,7 @@ def of_map(found: ImpactMap) -> Headline:
 def _struck(hit: Any, structure: Any) -> str:
     part = "a model" if structure is None else structure.describe()
     places = list(places_of(hit.model).values())
-    where = f" at {_place(places[0])}" if len(places) == 1 else ""
+    where = f" at {place(places[0])}" if len(places) == 1 else ""
     return f"{_body(hit.impactor)} strikes {part}{where}."
 
 
@@ -89,11 +89,6 @@ def _body(body: Any) -> str:
     values = ((getattr(body, name, None), unit) for name, unit in STRIKERS.items())
     facts = [engineering(v, unit) for v, unit in values if isinstance(v, float) and v]
     return type(body).__name__ + (f" ({', '.join(facts)})" if facts else "")
-
-
-def _place(point: Any) -> str:
-    """A place: "(20, 40, 75) mm"."""
-    return f"({', '.join(f'{1e3 * x:.4g}' for x in point)}) mm"
 
 
 def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> list[str]:
@@ -108,7 +103,7 @@ def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> lis
     if not fields and worst is not None:
         value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
         told.append(
-            f"The largest von Mises stress is about {value} at {_place(worst['place'])}, {time};"
+            f"The largest von Mises stress is about {value} at {place(worst['place'])}, {time};"
             " the material has no yield_strength to compare it with."
         )
     return told
