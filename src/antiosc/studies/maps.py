@@ -32,8 +32,7 @@ from antiosc.fem.extraction.oscillators import (
 from antiosc.fem.extraction.site_shapes import shapes_of_models
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.sites import Sites
-from antiosc.fem.structure.dissipation import refuse_dampers
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels

@@ -85,14 +85,14 @@ def with_damping(
     if model.hidden is not None:
         V = np.column_stack([V, model.hidden])
     elif static.nodal.size:
-        left = np.trace(projected(structure, terms, static.nodal).matrix)
-        whole = np.trace(projected(structure, terms, V).matrix)
+        left = np.trace(projected(structure.comm, terms, static.nodal).matrix)
+        whole = np.trace(projected(structure.comm, terms, V).matrix)
         if left > UNBRAKED * whole:
             raise InputError(
                 "a damper brakes a rigid-body motion that the site does not see, and that matrices "
                 "without coordinates do not tell: give them a map with coordinates."
             )
-    return _with_losses(structure, model, projected(structure, terms, V) if terms else None)
+    return _with_losses(structure, model, projected(structure.comm, terms, V) if terms else None)
 
 
 def _with_losses(
@@ -141,7 +141,7 @@ def band_error(
     M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
     M[p:, p:] = basis.H_whole()
     K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
-    damping = projected(structure, terms, np.column_stack([static.phi, basis.vectors]))
+    damping = projected(structure.comm, terms, np.column_stack([static.phi, basis.vectors]))
     own = slice(0, p + n)
     theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
     poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)

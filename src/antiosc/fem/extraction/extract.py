@@ -23,8 +23,7 @@ from antiosc.fem.extraction.wish import (
 )
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Site
-from antiosc.fem.structure.dissipation import refuse_dampers
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 

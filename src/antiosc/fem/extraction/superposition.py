@@ -29,8 +29,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Functional, Site
-from antiosc.fem.structure.dissipation import refuse_dampers
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING

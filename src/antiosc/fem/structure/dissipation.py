@@ -9,17 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import Array, Matrix
-from antiosc.base.errors import InputError
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.models.damping_matrix import DampingMatrix, of_factors
-
-if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
 
 #: Eigenvalues of a projected matrix over the largest that are rounding.
 ROUNDING = 1e-14
@@ -67,18 +63,9 @@ def ends(terms: Sequence[Dissipation]) -> Array | None:
     return np.hstack(loads) if loads else None
 
 
-def projected(structure: Structure, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
+def projected(comm: Any, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
     """All damping of the motions V (rows of this rank, k)."""
     none = np.zeros((0, V.shape[1]))
-    found = [(one.projected(structure.comm, V), one.tau) for one in terms]
+    found = [(one.projected(comm, V), one.tau) for one in terms]
     viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
     return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
-
-
-def refuse_dampers(structure: Structure, what: str) -> None:
-    """InputError for a structure with dampers, which `what` does not take."""
-    if structure.matrices.dissipation() or structure.matrices.lossy:
-        raise InputError(
-            f"{what} does not take dampers, nor materials with loss= or prony=: leave them out, or "
-            "use extract."
-        )

@@ -345,3 +345,12 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
     if not structure.matrices.meshed:
         raise InputError(otherwise)
     return cast("MeshedStructure", structure.matrices)
+
+
+def refuse_dampers(structure: Structure, what: str) -> None:
+    """InputError for a structure with dampers, which `what` does not take."""
+    if structure.matrices.dissipation() or structure.matrices.lossy:
+        raise InputError(
+            f"{what} does not take dampers, nor materials with loss= or prony=: leave them out, or "
+            "use extract."
+        )

@@ -172,7 +172,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
     """The free modes of a structure and the points of its hull."""
     from antiosc.fem.extraction.eigenmodes import ModeSolver
     from antiosc.fem.fields import source
-    from antiosc.fem.structure.dissipation import refuse_dampers
+    from antiosc.fem.structure.structure import refuse_dampers
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")
