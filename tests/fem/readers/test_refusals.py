@@ -108,8 +108,8 @@ ABAQUS = {
         BAR + BEAM + "RECT,OFFSET1=.5,OFFSET2=.5\n1\n0,1,0\n" + MATERIAL, None, "directions"),
     "off the middle": (SHEET + SHELL.replace("=M", "=M,OFFSET=UP") + MATERIAL, None, "number"),
     "no orientation": (composite(""), None, "orientation"),
-    "cylindrical axes": (
-        composite(AXES.replace("=O", "=O,SYSTEM=CYLINDRICAL") + "1,0,0,0,1,0\n"),
+    "spherical axes": (
+        composite(AXES.replace("=O", "=O,SYSTEM=SPHERICAL") + "1,0,0,0,1,0\n"),
         None, "RECTANGULAR"),
     "axes without points": (composite(AXES), None, "RECTANGULAR"),
     "no plane": (composite(AXES + "1,0,0,2,0,0\n"), None, "plane"),
