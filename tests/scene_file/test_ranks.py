@@ -52,7 +52,8 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
     assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
     pages = [(tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "two.html")]
-    assert [page.count("<img ") for page in pages] == [9, 9]
+    drawn = [page.count("<img ") for page in pages]
+    assert drawn[0] == drawn[1] > 3
     names = sorted(p.name for p in (tmp_path / "one").iterdir())
     assert sorted(p.name for p in (tmp_path / "two").iterdir()) == names
     assert {"history.csv", "probes.csv", "result.json", "series.pvd"} <= set(names)

@@ -172,7 +172,6 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     sections_and_keys = r"^# (?=\[+[a-z.]+\]+( +#|$)|\w[\w.]* = )"
     text = re.sub(sections_and_keys, "", target.read_text(), flags=re.M)
     assert len(re.findall(r"^\w[\w.]* = ", text, re.M)) > 35
-    text = text.replace('where = "clamp"', "", 1)  # one of two ways to say it
     text = re.sub(r"^(size|refine|unit) = .*", "", text, flags=re.M)  # not of this mesh
     text = text.replace('where = "top"', 'where = "eye"')
     head, _, tail = text.partition("\n[strike]\n")

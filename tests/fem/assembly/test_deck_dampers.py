@@ -66,8 +66,9 @@ def test_a_damper_to_the_ground_gives_its_ratios(case, tmp_path):
     damped = ao.extract(structure(tmp_path, text), TIP, n=6, error=None)
     body = ao.superposition(structure(tmp_path, nastran()), TIP, 4).modal()
     expected = C * body.b**2 / (2 * body.omega)
-    assert damped.damping is not None
     found = damped.modal()
+    assert found.damping is not None
+    ratio = found.damping.matrix.diagonal() / (2 * found.omega)
     np.testing.assert_allclose(found.omega[:2], body.omega[:2], rtol=2e-3)
-    np.testing.assert_allclose(damped.damping.ratio[:2], expected[:2], rtol=1e-2)
+    np.testing.assert_allclose(ratio[:2], expected[:2], rtol=1e-2)
     assert expected[0] > 1e-3
