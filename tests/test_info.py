@@ -40,6 +40,7 @@ def row(text: str, name: str) -> str:
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_nothing_is_missing_after_set_up():
     text = run_info()
     assert "missing" not in text

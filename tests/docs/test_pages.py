@@ -29,10 +29,10 @@ LIGHT = {
 MESHED = {"howto/deck", "howto/drop", "howto/damping"}
 SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
-    *("howto/units",),
+    *("howto/units", "howto/damping", "howto/sweep", "howto/export", "howto/gradient"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
-    *("tutorials/drop", "tutorials/composite", "tutorials/assembly"),
+    *("tutorials/drop", "tutorials/composite", "tutorials/assembly", "tutorials/measured"),
 }
 
 

@@ -230,6 +230,7 @@ def test_a_scene_of_several_contacts(model, tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.slow
 def test_the_c_file_is_the_same_run(model, tmp_path):
     ao.export(tmp_path / "blow.c", model, BALL, LAW, duration=DURATION, tol=1e-6)
     ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6)

@@ -68,6 +68,7 @@ def nearest(part: ao.Structure, point) -> int:
     return int(np.argmin(np.linalg.norm(sites.points - point, axis=1)))
 
 
+@pytest.mark.slow
 def test_the_signals_of_the_model_itself_return_the_blow(part: ao.Structure) -> None:
     kinds = ("acceleration", "velocity", "displacement", "strain")
     ways = (*[(0, 0, 1)] * 3, (1, 0, 0))
@@ -117,6 +118,7 @@ def quick(part: ao.Structure, sensors, signals, **options) -> ao.FoundImpact:
     return ao.find_impact(part, sensors, signals, RATE, where, direction=DOWN, modes=12, **options)
 
 
+@pytest.mark.slow
 def test_one_sensor_on_both_axes_of_symmetry_does_not_tell_the_place(part: ao.Structure) -> None:
     sensors = [ao.Sensor((0.2, 0.15, 0), (0, 0, 1))]
     site = nearest(part, (0.1, 0.1, 0))

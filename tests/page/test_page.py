@@ -184,6 +184,7 @@ def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
     assert browser.run("return document.body.className") == "live flat"
 
 
+@pytest.mark.slow
 def test_only_results_are_reported(tmp_path):
     hit = ao.simulate(MODEL, STRIKER, LAW, DURATION)
     with pytest.raises(ao.InputError):

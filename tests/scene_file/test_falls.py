@@ -52,6 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_fall_is_that_of_drop(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "drop.toml").write_text(SCENE + ASKED)
     assert cli.main(["check", "drop.toml"]) == 0

@@ -39,6 +39,7 @@ def _measurement(tmp_path, monkeypatch):
     np.savetxt("hammer.csv", np.column_stack([f, H.real, H.imag]))
 
 
+@pytest.mark.slow
 def test_a_measurement_is_struck(tmp_path, capsys):
     (tmp_path / "scene.toml").write_text(SCENE)
     assert command(["run", "scene.toml"]) == 0

@@ -74,6 +74,7 @@ def made(tmp_path_factory):
     return folder, *report(folder, BEAM + PROBE)
 
 
+@pytest.mark.slow
 def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     folder, _, page = made
     assert "".join(page.text["pre"]) == BEAM + PROBE

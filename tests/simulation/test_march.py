@@ -43,6 +43,7 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
     sizes = (ctypes.c_size_t * 19)()
     built().part_sizes(sizes)
