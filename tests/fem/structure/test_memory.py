@@ -28,7 +28,7 @@ print(json.dumps((peaks[-1] - peaks[2]) / size))
 
 @pytest.mark.fem
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.mpi)])
-def test_memory_does_not_grow(ranks):
-    for text in run_ranks(ranks, GROWTH, alone=True):
+@pytest.mark.mpi
+def test_memory_does_not_grow():
+    for text in run_ranks(2, GROWTH, alone=True):
         assert json.loads(text) < 1.5
