@@ -373,8 +373,10 @@ class History(HistoryResults):
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
-        if a.system.damped:
+        if a.system.first is not None:
             accelerations -= braked(self.run, a.system, a.load, *located(self.run, time))
+        elif a.system.damped:
+            accelerations -= 2 * a.system.decay * v
         found = {}
         for name, body in a.bodies.items():
             j, k = a.spans[name], a.columns[name]

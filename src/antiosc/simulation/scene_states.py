@@ -122,11 +122,9 @@ def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def braked(
     run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
 ) -> Array:
-    """What the damping takes from the accelerations of the free modes (n, J), at these times."""
-    q, v = marched_states(run, system, load_at, step, since)
-    if system.first is None:
-        return 2 * system.decay * v
-    return system.first.motion(q, v)[2]
+    """What damping that couples them takes from the accelerations of the free modes (n, J)."""
+    assert system.first is not None
+    return system.first.motion(*marched_states(run, system, load_at, step, since))[2]
 
 
 def starts(
