@@ -118,7 +118,7 @@ def episode(
             scene = scene_of(body, posed, bent, which, gaps, floor, gravity)
             history = scene.run(duration, tol=tol)
         looks = np.linspace(0.0, float(history.time[-1]), LOOKS + 1)
-        q = history.at(looks)[BODY].q
+        q = history.states(looks)[0][:, history.assembly.spans[BODY]]
         end, touching = _end(body, history, len(which), looks, q)
         longer = touching and end == history.time[-1] and history.status != 2
         if longer and duration < longest:

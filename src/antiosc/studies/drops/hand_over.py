@@ -38,8 +38,9 @@ def handed_over(
     """The state at a time of the scene, the heights (n,) of its contacts, and the correction."""
     moments, axes = body.principal
     axes = axes @ posed.R.T
-    found = history.at([0.0, t])
-    (q0, q), v = found[BODY].q, found[BODY].v[1]
+    displacements, velocities = history.states([0.0, t])
+    own = history.assembly.spans[BODY]
+    (q0, q), v = displacements[:, own], velocities[1, own]
     moved = (q - q0)[:3] / np.sqrt(body.mass)
     angle = ((q - q0)[3:6] / np.sqrt(moments)) @ axes
     spin = (v[3:6] / np.sqrt(moments)) @ axes
@@ -49,7 +50,8 @@ def handed_over(
     R, corrected = of_equal_energy(body, posed.R, turned(angle) @ start.R, L)
     floor = start.floor
     if floor.size:
-        floor = np.array([found[FLOOR].q[1], found[FLOOR].v[1]])
+        below = history.assembly.spans[FLOOR]
+        floor = np.array([displacements[1, below], velocities[1, below]])
     state = State(
         start.time + t, start.centre + moved, v[:3] / np.sqrt(body.mass), R, L, q[6:], v[6:], floor
     )
