@@ -218,7 +218,8 @@ static void run(const aom_system *system, const aom_options *options) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     source bytes = {data, data + size}, *s = &bytes;
     static double omega[MODES], decay[MODES], beta[ROWS * MODES], residual[ROWS * ROWS];
-    static double breaks[BREAKS], loads[BREAKS * MODES], offsets[BREAKS * ROWS], q[MODES], v[MODES];
+    static double breaks[BREAKS], loads[BREAKS * 2 * MODES], offsets[BREAKS * ROWS];
+    static double q[MODES], v[MODES], gamma[ROWS * MODES];
     static double params[CONTACTS][TABLE];
     static const aom_user_law user = {NULL, 1, 0, user_force, user_touch, user_advance, user_work};
     aom_contact contacts[CONTACTS];
@@ -234,6 +235,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (J > 0 && byte(s) % 2u)
         omega[0] = decay[0] = 0.0;
     numbers(s, beta, m * J, -3.0, 3.0);
+    system.gamma = byte(s) % 3u ? NULL : gamma;
+    if (system.gamma != NULL)
+        numbers(s, gamma, m * J, -1e-4, 1e-4);
     memset(residual, 0, sizeof residual);
     if (byte(s) % 2u)
         for (int i = 0; i < m; i++)
@@ -241,7 +245,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     breaks[0] = 0.0;
     for (int k = 1; k < BREAKS; k++)
         breaks[k] = breaks[k - 1] + number(s, 1e-5, 1e-2);
-    numbers(s, loads, system.n_breaks * J, 0.0, byte(s) % 2u ? 100.0 : 0.0);
+    const int n_loads = system.n_breaks * J * (system.gamma == NULL ? 1 : 2);
+    numbers(s, loads, n_loads, 0.0, byte(s) % 2u ? 100.0 : 0.0);
     numbers(s, offsets, system.n_breaks * m, -1e-5, 1e-3);
     numbers(s, q, J, -1e-5, 1e-5);
     numbers(s, v, J, -3.0, 3.0);
