@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
@@ -14,7 +15,7 @@ from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.flight import Flight, State, Swing, ringing
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation
@@ -262,6 +263,60 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     assert mine[1] > 1.3 * mine[0]
 
 
+CONE = ao.soil_cone(radius=0.4, G=60e6, nu=0.3, rho=1800.0)
+BRANCHES = ao.DampingMatrix([[50.0, 1.0], [1.0, 20.0]], branches=[([[4e6, 1e3], [1e3, 4e5]], 3e-2)])
+
+
+@pytest.mark.parametrize(
+    "soil",
+    [
+        CONE,
+        CONE.model(mass=3.0),
+        ao.AntiOscillators(m0=3.0, k0=1e6, m=[2.0], omega=[900.0], damping=BRANCHES),
+        ao.AntiOscillators(m0=0.01, k0=1e6, m=[0.3], omega=[1500.0]),
+    ],
+    ids=["cone", "footing", "branches", "modes"],
+)
+def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> None:
+    """Three impacts and the flights between: the floor has the state that one integration gives."""
+    height, law = 0.05, ao.Hertz(1e9)
+    ball = ao.Sphere(0.05, 200e9, 0.3, 7800.0)
+    floor = ao.Floor(law=law, model=soil)
+    assert floor.ground is not None
+    fall = ao.drop(ball, height, floor=floor, until=3, tol=1e-5)
+    bodies = {
+        "ball": ao.RigidBody(ball.mass, [1e-3] * 3, {"low": ((0, 0, 0), (0, 0, 1))}),
+        "soil": floor.ground.body,
+    }
+    scene = ao.Scene(
+        bodies,
+        [ao.Contact("ball:low", "soil:top", law)],
+        gravity=(0, 0, -G),
+        motion={"ball": ao.Motion(velocity=(0, 0, -np.sqrt(2 * G * height)))},
+    )
+    first = fall.impacts[0].time
+    hit = scene.run(fall.end.time - first + 1e-4, tol=1e-5)["ball:low", "soil:top"]
+    assert fall.impacts.column("impulse").sum() == pytest.approx(hit.impulse, rel=1e-6)
+    for one in fall.impacts:
+        begin = one.time - first - 1e-6
+        during = (hit.time >= begin) & (hit.time <= begin + one.contact_time + 2e-6)
+        assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
+
+
+def test_modes_ring_whatever_their_damping() -> None:
+    """Weak, nearly critical, critical and over-damped ones, and the bounds of their motion."""
+    omega, t = np.full(5, 3.0), np.linspace(0.0, 4.0, 30)
+    decay = np.array([0.1, 2.9, 3.0, 3.1, 40.0])
+    q0, p0 = np.full(5, 0.2), np.full(5, -4.0)
+    q, p = ringing(omega, decay, q0, p0, t)
+    for j in range(5):
+        A = np.array([[0.0, 1.0], [-(omega[j] ** 2), -2 * decay[j]]])
+        known = np.array([expm(A * s) @ [q0[j], p0[j]] for s in t])
+        np.testing.assert_allclose(np.column_stack((q[:, j], p[:, j])), known, atol=1e-12)
+    later = np.maximum.accumulate(np.abs(q)[::-1])[::-1]
+    assert (Swing(omega, decay, q0, p0).at(t) >= later - 1e-12).all()
+
+
 @pytest.mark.parametrize(
     ("how", "count"), [({"face": "-x"}, 4), ({"edge": "-x+z"}, 2), ({"corner": "+x-y-z"}, 1)]
 )
@@ -340,6 +395,12 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"height": -1.0}, "height"),
         ({"face": "-z", "edge": "-x-z"}, "one of"),
         ({"corner": "-x"}, "corner"),
+        ({"height": 0.0}, "height"),
+        ({"height": np.nan}, "height"),
+        ({"tilt": (1, 2)}, "tilt"),
+        ({"until": 0}, "until"),
+        ({"until": True}, "until"),
+        ({"ensemble": ao.Tilts(1.0), "n": 0}, "n must"),
         ({"floor": ao.Floor()}, "rigid"),
         ({"executor": object()}, "ensemble"),
     ],
@@ -351,6 +412,10 @@ def test_bad_input(change: dict[str, object], word: str) -> None:
 
 
 def test_floors_take_one_law() -> None:
+    with pytest.raises(ao.InputError, match="supports"):
+        ao.Floor(model=ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[]))
+    with pytest.raises(ao.InputError, match="friction"):
+        ao.Floor(friction=-0.1)
     with pytest.raises(ao.InputError, match="one of"):
         ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
     soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), (0.1, 0.1), np.full(2, np.nan))

@@ -15,9 +15,10 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import without_warnings
+from antiosc.simulation.expected import deepest
 from antiosc.simulation.history import SceneHistory
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, FLOOR, arms_of, scene_of
+from antiosc.studies.drops.contact_scene import BODY, arms_of, run, scene_of
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of
 from antiosc.studies.drops.hand_over import handed_over, of_equal_energy
@@ -37,7 +38,8 @@ APART = 0.04
 MOST = 12
 #: Looks at the rotation in an episode.
 LOOKS = 64
-UP = np.array([0.0, 0.0, 1.0])
+#: Relative error of an expected depth.
+DEPTH_ERROR = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +80,9 @@ class Episode:
 
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
-        own = [self.history[f"{BODY}:{k}", FLOOR] for k in range(len(self.which))]
-        keep = self.history.time <= self.duration * (1 + 1e-12)
-        return self.history.time[keep], np.column_stack([c.force[keep] for c in own])
+        run = self.history.run
+        keep = run.time <= self.duration * (1 + 1e-12)
+        return run.time[keep], np.maximum(run.force[keep, : len(self.which)], 0.0)
 
     def impulses(self) -> Array:
         """Normal impulses (sites,) [N s]."""
@@ -116,11 +118,11 @@ def episode(
         gaps = np.array([held.get(i, max(float(heights[i]), 0.0)) for i in which.tolist()])
         with without_warnings():
             scene = scene_of(body, posed, bent, which, gaps, floor, gravity)
-            history = scene.run(duration, tol=tol)
+            history = run(scene, duration, tol)
         looks = np.linspace(0.0, float(history.time[-1]), LOOKS + 1)
         q = history.states(looks)[0][:, history.assembly.spans[BODY]]
-        end, touching = _end(body, history, len(which), looks, q)
-        longer = touching and end == history.time[-1] and history.status != 2
+        end, touching = _end(body, history, looks, q)
+        longer = touching and end == history.time[-1] and not history.status
         if longer and duration < longest:
             duration *= 2
             continue
@@ -146,18 +148,14 @@ def _expected(
     """
     i = int(np.argmin(heights))
     law = law_of(floor, tuple(body.radii[i].tolist()), body.materials[i])
-    arm = arms_of(body, start, np.array([i]))[0]
-    spin, turning = start.spin(body), np.cross(arm, UP)
-    turning = start.R @ np.linalg.solve(body.tensor, start.R.T @ turning)
-    mass = 1 / (1 / body.mass + turning @ np.cross(arm, UP))
-    falling = -float(start.velocity[2] + np.cross(spin, arm)[2])
+    x, y, _ = arms_of(body, start, np.array([i]))[0].tolist()
+    spin, lever = start.spin(body), np.array([y, -x, 0.0])  # of a force that points up
+    turning = start.R @ (body.inverse @ (start.R.T @ lever))
+    mass = 1 / (1 / body.mass + float(turning @ lever))
+    falling = -float(start.velocity[2] + spin @ lever)
     speed = abs(falling) + 1e-6
-    low, high = 0.0, body.extent
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        work = law.potential(middle, law.touch(speed))
-        low, high = (low, middle) if work > 0.5 * mass * speed**2 else (middle, high)
-    time = 3 * high / speed
+    depth = deepest(law, speed, 0.5 * mass * speed**2, 0.0, body.extent, DEPTH_ERROR)
+    time = 3 * depth / speed
     impulse = 2 * mass * max(falling, 0.0)
     angle = spin * time / 2 + turning * impulse * time / 8
     angle *= min(1.0, 0.5 * TURNS / max(float(np.linalg.norm(angle)), 1e-300))
@@ -193,9 +191,7 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(
-    body: FreeBody, history: SceneHistory, count: int, times: Array, q: Array
-) -> tuple[float, bool]:
+def _end(body: FreeBody, history: SceneHistory, times: Array, q: Array) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
     q : (n, 6 + J) modal displacements of the body at times (n,).
@@ -206,7 +202,7 @@ def _end(
     last = float(history.time[-1])
     spans: list[tuple[float, float]] = []
     for start, end in sorted(
-        span for k in range(count) for span in history[f"{BODY}:{k}", FLOOR].contacts
+        span for contact in history.contact_histories for span in contact.contacts
     ):
         if spans and start <= spans[-1][1]:
             spans[-1] = spans[-1][0], max(spans[-1][1], end)

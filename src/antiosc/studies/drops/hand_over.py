@@ -16,8 +16,9 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.simulation.history import SceneHistory
+from antiosc.simulation.scene_states import located, marched_states
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, FLOOR
+from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor
 from antiosc.studies.drops.rotation import turned
@@ -38,8 +39,9 @@ def handed_over(
     """The state at a time of the scene, the heights (n,) of its contacts, and the correction."""
     moments, axes = body.principal
     axes = axes @ posed.R.T
-    displacements, velocities = history.states([0.0, t])
-    own = history.assembly.spans[BODY]
+    a, at = history.assembly, located(history.run, np.array([0.0, t]))
+    own = a.spans[BODY]  # the first of the modes, those of the floor follow
+    displacements, velocities = marched_states(history.run, a.system, a.load, *at)
     (q0, q), v = displacements[:, own], velocities[1, own]
     moved = (q - q0)[:3] / np.sqrt(body.mass)
     angle = ((q - q0)[3:6] / np.sqrt(moments)) @ axes
@@ -48,10 +50,7 @@ def handed_over(
     node = int(np.argmin(np.abs(history.time - t)))
     heights = -history.run.depth[node, : len(which)]
     R, corrected = of_equal_energy(body, posed.R, turned(angle) @ start.R, L)
-    floor = start.floor
-    if floor.size:
-        below = history.assembly.spans[FLOOR]
-        floor = np.array([displacements[1, below], velocities[1, below]])
+    floor = np.array([displacements[1, own.stop :], velocities[1, own.stop :]])
     state = State(
         start.time + t, start.centre + moved, v[:3] / np.sqrt(body.mass), R, L, q[6:], v[6:], floor
     )
@@ -67,11 +66,8 @@ def _fitted(body: FreeBody, state: State, which: IntArray, heights: Array, floor
     R, z = state.R, state.centre[2]
 
     def off(R: Array, z: float) -> Array:
-        own = z + body.points[which] @ R[2] - body.balls[which]
-        own = own + (body.shapes[which] @ R[2]) @ state.q if state.q.size else own
-        if floor.model is not None:
-            own = own + floor.model.modal().b @ state.floor[0]
-        return np.asarray(heights - own)
+        own = replace(state, R=R, centre=np.array([*state.centre[:2], z]))
+        return heights - own.heights(body, floor.ground, which)
 
     held = heights < 0
     if held.sum() > 1:
@@ -93,11 +89,10 @@ def of_equal_energy(body: FreeBody, before: Array, after: Array, L: Array) -> tu
     """
     from scipy.optimize import brentq
 
-    inverse = np.linalg.inv(body.tensor)
-    wanted = float(L @ before @ inverse @ before.T @ L)
+    wanted = float(L @ before @ body.inverse @ before.T @ L)
     if wanted == 0.0:
         return after, 0.0
-    own = after @ inverse @ after.T
+    own = after @ body.inverse @ after.T
 
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = (own / wanted).tolist()
     x0, y0, z = L.tolist()
