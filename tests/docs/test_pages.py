@@ -20,7 +20,15 @@ from paths import BENCHMARKS, DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
+    *(
+        "errors",
+        "howto/contacts",
+        "howto/shaking",
+        "howto/sweep",
+        "howto/chance",
+        "howto/cluster",
+        "howto/export",
+    ),
     *("howto/gradient", "howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
