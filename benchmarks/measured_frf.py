@@ -33,7 +33,7 @@ from antiosc.simulation.measured_errors import pulse_time
 #: Steel.
 E, NU, RHO = 210e9, 0.3, 7850.0
 #: Frequency lines of a measurement.
-LINES = 1600
+LINES = 800
 #: Band times the time of the pulse, from and to: where bars, solids and plates are compared with
 #: the aims, and a low band.
 PRODUCTS = {"bar": (1.0, 3.0), "solid": (1.0, 3.0), "plate": (2.0, 4.0)}

@@ -45,6 +45,11 @@ PLACES, WIDTHS = 40, (0.4, 1.0, 2.5)
 #: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
 #: probability up to which a body counts, and bodies that always do.
 DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
+#: Least square of a rigid-body motion over the mean of the modes, where the lowest line shows none:
+#: without noise 1e-11 to 1e-3 of it fit what the modes do not (benchmarks/measured_frf.py).
+LEAST_MOTION = 0.01
+#: Most of the lowest line that is neither mass nor spring, where it shows which of the two.
+NEITHER = 0.5
 #: Ratio of the weights before and after a round below which the noise is known.
 SETTLED = 1.05
 
@@ -87,7 +92,7 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
         held = _finished(data, weight, replace(modes, rigid=None))
-        if held.cost < best.cost + STANDS**2 * max(best.chi2, 1.0):
+        if _slight(data, best.modes) or held.cost < best.cost + STANDS**2 * max(best.chi2, 1.0):
             best = held
     bodies = [best.modes, *_other_tails(data, best)]
     best = min(
@@ -97,6 +102,28 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
         other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, other, key=_cost)
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
+
+
+def _slight(data: Measured, modes: Modes) -> bool:
+    """Whether the rigid-body motion is too small for a part that moves as a whole."""
+    if modes.rigid is None:
+        return True
+    mean = np.mean(modes.b[: modes.seen] ** 2, axis=0) if modes.seen else 0.0
+    small = np.all(np.sum(modes.rigid**2, axis=1) < LEAST_MOTION * mean)
+    return bool(small) and unclear(data, modes)
+
+
+def unclear(data: Measured, modes: Modes) -> bool:
+    """Whether the lowest line of the driving point that moves most is no mass's and no spring's."""
+    driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
+    H = modes.receptance(data.w[:1], data.pairs)[0]
+    column = max(driving, key=lambda each: abs(H[each]))
+    m = data.pairs[column][0]
+    if modes.rigid is None:
+        alone = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
+    else:
+        alone = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
+    return bool(abs(H[column] - alone) > NEITHER * abs(H[column]))
 
 
 def _cost(fit: Fit) -> float:

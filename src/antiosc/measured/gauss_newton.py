@@ -22,6 +22,8 @@ FLAT = 1e-28
 UNSEEN = 1e-13
 #: Least residual terms at the start of Gauss-Newton over the receptance.
 LIFTED = 1e-3
+#: Least standard deviation over the value that is taken for that of a measurement.
+LEAST_NOISE = 1e-4
 #: Largest damping ratio of a mode.
 MOST_DAMPED = 0.4
 
@@ -153,4 +155,5 @@ def noise(data: Measured, modes: Modes) -> Array:
     starts = [scales + np.log([a, b]) for a, b in ((0.9, 0.01), (0.01, 0.9))]
     runs = [minimize(unlikely, x, method="Nelder-Mead", options={"maxiter": 200}) for x in starts]
     x = min(runs, key=lambda run: float(run.fun)).x
-    return np.asarray(np.sqrt(np.exp(x[0]) * size + np.exp(x[1]) * floor))
+    known = np.exp(x[0]) * size + np.exp(x[1]) * floor
+    return np.asarray(np.sqrt(np.maximum(known, LEAST_NOISE**2 * size)))
