@@ -274,7 +274,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
     random, lines = np.random.default_rng(0), 2 * data.H.size
     found = []
     for _ in range(DRAWS):
-        shift = np.zeros(lines + len(fit.modes.expected()[0]))
+        shift = np.zeros(lines + len(fit.modes.expected()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
         start = lifted(data, fit.modes)
         found.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
