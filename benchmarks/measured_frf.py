@@ -231,7 +231,11 @@ def row(name: str, cases: list[dict[str, Any]]) -> str:
 
 
 def main(
-    parts: int = 100, kinds: Sequence[str] = tuple(KINDS), page: str = "", log: str = ""
+    parts: int = 100,
+    kinds: Sequence[str] = tuple(KINDS),
+    page: str = "",
+    log: str = "",
+    first: int = 0,
 ) -> list[dict[str, Any]]:
     """The parts of each kind at both noises, and a quarter as many with a low band.
 
@@ -241,10 +245,11 @@ def main(
     kinds : of parts
     page : Markdown to write
     log : file to which all cases are appended, JSON lines
+    first : seed of the first part of each kind
     """
     warnings.simplefilter("ignore", ao.AntioscWarning)
     cases = []
-    for seed in range(parts):
+    for seed in range(first, first + parts):
         for kind in kinds:
             one = struck(kind, seed)
             for noise in (0.01, 0.05):
@@ -287,5 +292,6 @@ if __name__ == "__main__":
     parser.add_argument("--parts", type=int, default=100, help="of each kind")
     parser.add_argument("--page", default="", help="Markdown to write")
     parser.add_argument("--log", default="", help="JSON lines of all cases to append to")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first part of each kind")
     given = parser.parse_args()
-    main(given.parts, page=given.page, log=given.log)
+    main(given.parts, page=given.page, log=given.log, first=given.first)

@@ -32,7 +32,7 @@ from antiosc.studies.find.forward import Struck
 from antiosc.studies.find.found import FOUND, UNDETERMINED, UNEXPLAINED, FoundImpact
 from antiosc.studies.find.recording import Recording, recording
 from antiosc.studies.find.scan import Scan, scan
-from antiosc.studies.find.search import most_probable
+from antiosc.studies.find.search import POOR, most_probable
 from antiosc.studies.find.sensor import Sensor, of_shapes
 from antiosc.studies.find.surface import Surface
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
@@ -43,8 +43,6 @@ UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
 MODES = 60
 #: Stiffness of Hertz's law with which a search begins where it is known of none.
 STIFFNESS = 1e9
-#: chi² above which the model does not explain the signals.
-POOR = 2.0
 #: Standard deviations that a determined unknown has at most: of logarithms, and of the place over
 #: the extent of the sites.
 DETERMINED, DETERMINED_PLACE = 0.3, 0.05
