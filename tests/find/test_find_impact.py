@@ -16,6 +16,7 @@ import antiosc as ao
 from antiosc.models.free_modes import residual
 from antiosc.studies.find.find import prepared
 from antiosc.studies.find.forward import StruckPlace
+from antiosc.studies.find.recording import recording
 
 pytestmark = pytest.mark.fem
 
@@ -163,6 +164,23 @@ def test_bad_input(part: ao.Structure, change, word: str) -> None:
     given = {"sensors": SENSORS, "signals": random, "rate": RATE, "direction": DOWN, "modes": 5}
     with pytest.raises(ao.InputError, match=word):
         ao.find_impact(part, **{**given, **change})
+
+
+def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:
+    values = np.random.default_rng(0).standard_normal((64, 2))
+    t = 0.3 + np.arange(64)[:, None] / RATE
+    path = tmp_path / "signals.csv"
+    given = recording(values, 2, RATE, None, None, 3e4)
+    for columns, rate in (([t, values], None), ([values], RATE)):
+        np.savetxt(path, np.hstack(columns), header="a, b", delimiter=",")
+        found = recording(path, 2, rate, None, None, 3e4)
+        assert np.allclose(found.compared, given.compared, rtol=1e-9)
+        assert found.dt == pytest.approx(1 / RATE)
+    with pytest.raises(ao.InputError, match="rate"):
+        recording(path, 2, None, None, None, 3e4)
+    np.savetxt(path, np.hstack([np.exp(99 * t), values]))
+    with pytest.raises(ao.InputError, match="step"):
+        recording(path, 2, None, None, None, 3e4)
 
 
 @pytest.mark.parametrize(

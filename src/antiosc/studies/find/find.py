@@ -8,6 +8,7 @@ of each natural frequency, and of each mode's share in each signal. The bars con
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -78,8 +79,8 @@ class Monitored:
 def find_impact(
     structure: Structure,
     sensors: Sequence[Sensor],
-    signals: ArrayLike,
-    rate: float,
+    signals: ArrayLike | str | os.PathLike[str],
+    rate: float | None = None,
     where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
     unknown: Sequence[str] = ("place", "mass", "velocity", "stiffness"),
     *,
@@ -101,10 +102,11 @@ def find_impact(
     structure : Structure
         With a mesh.
     sensors : sequence of Sensor
-    signals : array_like (n, m)
-        A column for each sensor, in its unit; the record may begin before the blow or after it.
-    rate : float
-        Samples a second [Hz].
+    signals : array_like (n, m), or path
+        A column for each sensor, in its unit; the record may begin before the blow or after it. A
+        file is a table in text, with the times [s] in a column before them or without.
+    rate : float, optional
+        Samples a second [Hz]; not needed for a file with times.
     where, direction, radius
         Where the blow may have been: as for `impact_map`. Among given points the place is one of
         them; on surfaces it lies between the vertices.
@@ -281,9 +283,7 @@ def _told(model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str])
         compared_time=t[::every][: len(data.compared)], measured=data.compared * gain,
         computed=best.signals * gain, band=data.band, points=model.surface.points,
         explained=scanned.explained, others=np.reshape(others, (-1, 3)),
-        info={
-            "sites": len(model.surface.points), "modes": len(model.omega), "runs": model.runs[0]
-        },
+        info={"sites": len(model.surface.points), "modes": len(model.omega)},
     )  # fmt: skip
 
 
