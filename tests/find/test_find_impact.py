@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.models.free_modes import residual
 from antiosc.studies.find.find import prepared
+from antiosc.studies.find.fit import Search
 from antiosc.studies.find.forward import StruckPlace
 from antiosc.studies.find.recording import recording
 
@@ -164,6 +166,12 @@ def test_bad_input(part: ao.Structure, change, word: str) -> None:
     given = {"sensors": SENSORS, "signals": random, "rate": RATE, "direction": DOWN, "modes": 5}
     with pytest.raises(ao.InputError, match=word):
         ao.find_impact(part, **{**given, **change})
+
+
+def test_half_the_error_of_a_mode_is_common_to_all_sensors() -> None:
+    search = Search(SimpleNamespace(rows=np.zeros((4, 7))), ["mass"], 0.01, 0.03)
+    covariance = np.linalg.inv(search.unshared.T @ search.unshared)
+    assert covariance / 0.03**2 == pytest.approx((np.eye(4) + 1) / 2)
 
 
 def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:

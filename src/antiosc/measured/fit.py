@@ -77,18 +77,25 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
     """
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
     modes = _first(data, weight, free, bool(hysteretic), given)
+    kept, least, count = (modes, weight, np.zeros(0)), np.inf, AT_ONCE
     for _ in range(ROUNDS):
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
-        kept = _standing(modes, covariance(normal))
-        modes = modes.with_seen(*(each[: modes.seen][kept] for each in _of_modes(modes)))
-        more = _missing(data, weight, modes)
-        if more is None and kept.all():
+        score = _unlikely(data, weight, modes) + STANDS**2 * modes.seen
+        if score < least:
+            kept, least = (modes, weight, normal), score
+        elif count > 1:  # so many modes at once have led the search astray
+            (modes, weight, normal), count = kept, count // 4
+        standing = _standing(modes, covariance(normal))
+        modes = modes.with_seen(*(each[: modes.seen][standing] for each in _of_modes(modes)))
+        more = _missing(data, weight, modes, count)
+        if more is None and standing.all():
             break
         modes = modes if more is None else more
         if given is None:
             modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+    modes, weight, _ = kept
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
         held = _finished(data, weight, replace(modes, rigid=None))
@@ -227,7 +234,7 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
     return np.asarray(np.any(np.abs(own) > STANDS * spread, axis=1))
 
 
-def _missing(data: Measured, weight: Array, modes: Modes) -> Modes | None:
+def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
     """The body with the modes that the residual shows at driving points; None for no such mode."""
     off = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = modes.jacobian(data.w, data.pairs) * weight[:, :, None]
@@ -251,7 +258,7 @@ def _missing(data: Measured, weight: Array, modes: Modes) -> Modes | None:
             score = np.maximum(score, along / size)
     chosen: list[int] = []
     for i in np.argsort(-score):
-        if score[i] < ADDED or len(chosen) == AT_ONCE:
+        if score[i] < ADDED or len(chosen) == most:
             break
         if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in chosen):
             chosen.append(int(i))

@@ -52,6 +52,9 @@ BAR = {0: 1.96, 1: 1.96, 2: 2.45}
 #: Standard deviation of a place by the interpolation between sites, over their spacing: what 17
 #: blows on two meshes showed.
 INTERPOLATION = 0.01
+#: Relative error that all modes have in common, over `shape_error`: it scales the force, and no
+#: signal shows it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
+COMMON = 0.25
 #: Difference of the costs of two blows that are as probable, per chi².
 AS_PROBABLE = 9.0
 
@@ -243,13 +246,16 @@ def found_in(
     known = {name: value for name, value in known.items() if name not in unknown}
     scanned = scan(data, omega, decay, monitored.rows, monitored.orders, seen.b, expected[0])
     fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
-    return _told(model, scanned, fits, unknown)
+    scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
+    return _told(model, scanned, fits, unknown, scale)
 
 
 # -- what is told
 
 
-def _told(model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str]) -> FoundImpact:
+def _told(
+    model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str], scale: float
+) -> FoundImpact:
     best, data = fits[0], model.data
     blow, hit = best.blow, best.hit
     extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
@@ -260,7 +266,7 @@ def _told(model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str])
     ])  # fmt: skip
     scaled = best.covariance / limits / limits[:, None]
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
-    bars = _bars(best, unknown)
+    bars = _bars(best, scale)
     near = max(3 * bars["place"], 0.05 * extent)
     others = [
         fit.blow.place
@@ -287,8 +293,8 @@ def _told(model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str])
     )  # fmt: skip
 
 
-def _bars(fit: Fit, unknown: Sequence[str]) -> dict[str, float]:
-    """Half-widths of intervals of 95 %."""
+def _bars(fit: Fit, scale: float) -> dict[str, float]:
+    """Half-widths of intervals of 95 %; `scale`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
     along = np.array([name == "place" for name in fit.names])
     d = int(along.sum())
@@ -298,12 +304,12 @@ def _bars(fit: Fit, unknown: Sequence[str]) -> dict[str, float]:
         between = (INTERPOLATION * fit.chart.size) ** 2
         bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + between))
     for name, own in zip(fit.names[d:], variance[d:], strict=True):
-        deviation = float(np.sqrt(own))
+        deviation = float(np.sqrt(own + scale**2 * (name == "velocity")))
         told = name == "start" or deviation < DETERMINED
         bars[name] = BAR[1] * deviation if told else np.inf
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.gains[k]
-        bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g))
+        bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
     return {name: bars.get(name, 0.0) for name in (*UNKNOWN, "start", "peak_force", "impulse")}
 
 
