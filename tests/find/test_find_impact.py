@@ -22,10 +22,10 @@ from antiosc.studies.find.recording import recording
 
 pytestmark = pytest.mark.fem
 
-SIZE, RATE, SAMPLES = (0.4, 0.3), 16e3, 160
+SIZE, RATE, SAMPLES = (0.4, 0.3), 16e3, 128
 POINTS = ((0.07, 0.06, 0), (0.33, 0.08, 0), (0.29, 0.25, 0), (0.11, 0.22, 0))
 SENSORS = [ao.Sensor(point, (0, 0, 1)) for point in POINTS]
-DOWN, MODES = (0, 0, -1), 20
+DOWN, MODES = (0, 0, -1), 14
 BLOW, LAW, START = ao.RigidMass(0.3, 2.0), ao.Hertz(4e7), 4.7e-4
 
 
