@@ -56,6 +56,8 @@ def text(found: Results) -> str:
         pieces.append(lines([*probe_rows(found), *stress_rows(found)]))
     if found.fall is not None:
         pieces += [fall_text(found.fall), lines(fall_rows(found))]
+    if found.found is not None:
+        pieces.append(found.found.summary())
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
     if found.map is not None:
