@@ -40,10 +40,10 @@ DEAR |= {
 DEAR |= {"from_frf", "save_fields", "read_mesh", "read_model", "peak_field", "reactions", "strike"}
 DEAR |= {"export"}
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("plotting.")}
-DEAR |= {"find_impact"}
+DEAR |= {"find_impact", "nearby"}
 DEAR |= {"drop", *(name for name in CALLS if name.startswith(("Fall.", "Drops.", "closed_form.")))}
 #: Parameters that take the caller's own function: what that raises is the caller's.
-OWN_FUNCTIONS = {"make", "run"}
+OWN_FUNCTIONS = {"make", "run", "build"}
 
 QUICK = settings(
     max_examples=3,
