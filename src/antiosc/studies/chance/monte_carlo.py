@@ -18,7 +18,7 @@ from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.executors import as_they_come, check_executor
-from antiosc.studies.chance.inputs import checked, draws
+from antiosc.studies.chance.inputs import checked, draws, value
 from antiosc.studies.chance.sample import Sample
 
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest
@@ -56,8 +56,9 @@ def monte_carlo(
         numbers by name; or one number. Make once, outside, what no input changes: a model above
         all. AntioscErrors that it raises are kept as the failure of that run.
     inputs : dict
-        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats, or
-        a sequence of values that are equally probable (points, models, laws).
+        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a
+        sequence of values that are equally probable (points, models, laws); or an `ImpactMap`: the
+        function is given the model at a site of its surface, drawn by area.
     n : int
         Number of runs.
     seed : int
@@ -106,10 +107,7 @@ def monte_carlo(
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
     """The arguments of run `i`."""
-    return {
-        name: float(drawn[name][i]) if hasattr(what, "ppf") else what[int(drawn[name][i])]
-        for name, what in inputs.items()
-    }
+    return {name: value(what, drawn[name][i]) for name, what in inputs.items()}
 
 
 def _made(
