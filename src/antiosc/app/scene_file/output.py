@@ -160,6 +160,7 @@ def write(found: Results, target: Path) -> list[Path]:
             paths.append(found.worst.write(target / "worst.vtu"))
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
+            shown |= {"monte_carlo": found.sample}
             shown |= {"fall": found.fall, "worst": found.worst, **(found.stresses or {})}
             for name, one in shown.items():
                 if hasattr(one, "plot") and not isinstance(one, SceneHistory):
@@ -182,6 +183,8 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
         tables.append(("fall.csv", result_tables.fall_columns(found.fall)))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
+    if found.sample is not None:
+        tables.append(("monte_carlo.csv", result_tables.run_columns(found.sample)))
     if found.map is not None:
         several = len(found.map.surfaces()) > 1
         table = {"surface": found.map.names.tolist()} if several else {}
@@ -211,6 +214,8 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["worst"] = {found.worst.quantity: float(found.worst.values.max())}
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
+    if found.sample is not None:
+        content["monte_carlo"] = result_tables.sample_columns(found.sample)
     if found.map is not None:
         content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
         content["map"] |= found.map.quantities()

@@ -44,6 +44,11 @@ def uniform(low: float, high: float) -> Any:
     return between(low, high - low)
 
 
+def is_name(name: Any) -> bool:
+    """Whether a function can take an argument of this name: "mass", "impactor.mass"."""
+    return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
+
+
 def checked(inputs: Any) -> dict[str, Any]:
     """The inputs of a study, each a distribution or a sequence of values; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
@@ -51,8 +56,8 @@ def checked(inputs: Any) -> dict[str, Any]:
     if not given:
         raise InputError("inputs is empty: name at least one input and its distribution.")
     for name, what in given.items():
-        if not isinstance(name, str) or not name.isidentifier():
-            raise InputError(f"{name!r} is no name of an argument.")
+        if not is_name(name):
+            raise InputError(f"{checks.shown(name)} is no name of an argument.")
         many = isinstance(what, Sequence | np.ndarray | ImpactMap) and not isinstance(what, str)
         if not (many and len(what)) and not hasattr(what, "ppf"):
             raise InputError(

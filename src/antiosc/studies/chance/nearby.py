@@ -24,6 +24,7 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyError, InputError, finite_element_packages
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
+from antiosc.studies.chance.inputs import is_name
 
 #: Places on an axis of the box [-1, 1]^d at which structures are assembled, in their order.
 PLACES = (0.0, 1.0, -1.0, 0.6, -0.6)
@@ -174,7 +175,7 @@ def nearby(
 
 def _named(ranges: Any) -> dict[str, Any]:
     given = dict(checks.instance("ranges", ranges, Mapping, 'a dict, as {"E": (60e9, 80e9)}'))
-    if not given or not all(isinstance(name, str) and name.isidentifier() for name in given):
+    if not given or not all(map(is_name, given)):
         raise InputError(f"ranges must have names of arguments; got {', '.join(map(str, given))}.")
     return given
 
