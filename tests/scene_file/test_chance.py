@@ -15,7 +15,9 @@ DRAWN = f"[monte_carlo]\nn = 40\nseed = 3\n{SPEED}{LAW}"
 
 def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
     path = written(tmp_path, BEAM + DRAWN + '[output]\nplot = "svg"\n')
-    assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
+    page = tmp_path / "page.html"
+    assert antiosc("monte-carlo", path, "--out", tmp_path / "out", "--report", page) == 0
+    assert "Random values" in page.read_text()
     assert "0.99" in capsys.readouterr().out
     model = objects(path, "run").model
 

@@ -172,6 +172,8 @@ def _sections(found: Results) -> list[tuple[str, list[Block]]]:
         sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
     if found.batch is not None:
         sections.append(("Sweep", [tables.sweep_columns(found)]))
+    if found.sample is not None:
+        sections.append(("Random values", [tables.sample_columns(found.sample)]))
     if found.map is not None:
         sections.append(("Map", [tables.map_rows(found.map)]))
     if hit is not None:
