@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.algebra import dot, multiply, rows
 from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Site
+from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -24,7 +24,7 @@ DEPENDENT = 1e-10
 
 @dataclass(eq=False)
 class Family:
-    """What `build` makes of the values of `names`.
+    """What `build` and `site` make of the values of `names`.
 
     Attributes
     ----------
@@ -40,24 +40,33 @@ class Family:
     shift: float = 0.0
     basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def structure(self, values: Array) -> Structure:
-        """The structure at these values; InputError where it is none, or of another mesh."""
-        made = self.build(**dict(zip(self.names, values.tolist(), strict=True)))
-        found = checks.instance("what build returns", made, Structure, "a Structure")
-        refuse_dampers(found, "nearby")
-        size, modes = rows(found.K), found.rigid_modes.shape[1]
+    def made(self, values: Array) -> tuple[Structure, Functional]:
+        """The structure at these values, and the load of its site.
+
+        InputError where it is none, or of another mesh.
+        """
+        given = dict(zip(self.names, values.tolist(), strict=True))
+        found = self.build(**given)
+        structure = checks.instance("what build returns", found, Structure, "a Structure")
+        refuse_dampers(structure, "nearby")
+        size, modes = rows(structure.K), structure.rigid_modes.shape[1]
         if self.basis.size and (size, modes) != (len(self.basis), self.rigid):
             raise InputError(
                 f"build must return structures of one mesh and one set of supports; got {size} rows"
                 f" and {modes} rigid-body modes after {len(self.basis)} and {self.rigid}."
             )
-        return found
+        return structure, functional(structure, self._site(given))
 
-    def extracted(self, values: Array) -> tuple[Structure, AntiOscillators]:
-        """The structure at these values, and its own model with shapes."""
-        structure = self.structure(values)
-        site = checks.instance("site", self.site, Site, "a Site")
-        return structure, extract(structure, site, self.n)
+    def extracted(self, values: Array) -> tuple[Structure, Functional, AntiOscillators]:
+        """The same, and its own model with shapes."""
+        structure, load = self.made(values)
+        site = self._site(dict(zip(self.names, values.tolist(), strict=True)))
+        return structure, load, extract(structure, site, self.n)
+
+    def _site(self, given: dict[str, float]) -> Site:
+        site = self.site if isinstance(self.site, Site) or not callable(self.site) else None
+        found = self.site(**given) if site is None else site
+        return checks.instance("site", found, Site, "a Site, or a function that returns one")
 
     def extend(self, structure: Structure, model: AntiOscillators) -> None:
         """Add the shapes of a structure to the space."""
@@ -74,11 +83,10 @@ class Family:
         kept = lengths > DEPENDENT * lengths[-1]
         self.basis = every @ (scale[:, None] * turn[:, kept] / np.sqrt(lengths[kept]))
 
-    def projected(self, structure: Structure) -> Array:
+    def projected(self, structure: Structure, load: Functional) -> Array:
         """K, M and the load of the site on the space, 1/compliance of its patch."""
         V, comm = self.basis, structure.comm
         K, M = (dot(comm, V, multiply(matrix, V)) for matrix in (structure.K, structure.M))
-        load = functional(structure, self.site)
         local = load.local_compliance
         own = 1 / local if local else 0.0
         return np.concatenate([K.ravel(), M.ravel(), dot(comm, V, load.b), [own]])

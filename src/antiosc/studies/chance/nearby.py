@@ -75,7 +75,7 @@ class NearbyModels(Brief):
         x = (2 * at - low - high) / (high - low)
         if np.any(np.abs(x) > 1 + 1e-9):
             self.extractions += 1
-            return replace(self._family.extracted(at)[1], shapes=None, hidden=None)
+            return replace(self._family.extracted(at)[2], shapes=None, hidden=None)
         return self._at(x)
 
     def _at(self, x: Array) -> AntiOscillators:
@@ -105,8 +105,8 @@ def nearby(
     build : callable
         A function of the parameters' names that returns a `Structure`; all its structures have the
         same mesh, up to the places of the nodes.
-    site : Site
-        Where they are struck.
+    site : Site, or callable
+        Where they are struck; a function of the same names where it moves with the nodes.
     ranges : dict
         Name -> (low, high), or a distribution: between its quantiles of 0.1 and 99.9 %.
     n : int
@@ -142,9 +142,9 @@ def nearby(
     known: list[tuple[Array, AntiOscillators]] = []
     good, error = 0, np.inf
     for x in tried:
-        structure, model = family.extracted(at(x))
+        structure, load, model = family.extracted(at(x))
         if known:
-            row = family.projected(structure)
+            row = family.projected(structure, load)
             error = _misfit(_model(row, family.rigid, family.shift, n), model)
         known.append((x, model))
         good = good + 1 if error < tol / 2 else 0
@@ -157,8 +157,7 @@ def nearby(
     for degree in range(LEAST_DEGREE, len(PLACES)):
         terms = _terms(low.size, degree)
         for term in terms[len(rows) :]:
-            structure = family.structure(at(np.array([PLACES[k] for k in term])))
-            rows.append(family.projected(structure))
+            rows.append(family.projected(*family.made(at(np.array([PLACES[k] for k in term])))))
         nodes = np.array([[PLACES[k] for k in term] for term in terms])
         found._coefficients = np.linalg.solve(_powers(nodes, terms), np.array(rows))
         found._terms, found.assemblies = terms, len(rows)
