@@ -191,9 +191,9 @@ def test_points_of_a_map_are_drawn_by_their_areas():
         direct=np.zeros(4, bool), skipped=0, names=np.array([""] * 4),
     )  # fmt: skip
     assert found.areas == pytest.approx([4 / 3, 1 / 3, 4 / 3, 1.0])
-    many = ao.monte_carlo(lambda site: site.m_st, {"site": found}, 4000)
-    share = np.bincount(many.inputs["site"]) / 4000
-    assert share == pytest.approx(found.areas / 4, abs=0.03)
+    many = ao.monte_carlo(lambda site: site.m_st, {"site": found}, 1000)
+    share = np.bincount(many.inputs["site"]) / 1000
+    assert share == pytest.approx(found.areas / 4, abs=0.06)
     assert np.array_equal(many.values["value"], many.inputs["site"] + 1.0)
     lines = replace(found, elements=np.array([[0, 1], [1, 2]]))
     assert lines.areas == pytest.approx([0.5, (1 + 5**0.5) / 2, 5**0.5 / 2, 0.0])

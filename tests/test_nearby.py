@@ -14,7 +14,7 @@ SITE = ao.Site(dof=3)
 RANGES = {"soft": (0.8, 1.2), "heavy": (0.7, 1.3)}
 
 
-def chain(soft: float, heavy: float, supported: bool = True, size: int = 40) -> ao.Structure:
+def chain(soft: float, heavy: float, supported: bool = True, size: int = 30) -> ao.Structure:
     """Springs and masses in a row; those of one half depend on the parameters."""
     half = np.arange(size) < size // 2
     k, m = np.where(half, 1e6 * soft**3, 1e6), np.where(half, 0.1, 0.1 * heavy)
@@ -35,6 +35,7 @@ def peak(model: ao.AntiOscillators) -> float:
     return hit.peak_force
 
 
+@pytest.mark.sample(case=1)
 @pytest.mark.parametrize("build", [chain, free])
 def test_models_between_extractions_are_those_of_extractions(build):
     models = ao.nearby(build, SITE, RANGES, n=6, tol=1e-4)
@@ -54,7 +55,7 @@ def test_models_between_extractions_are_those_of_extractions(build):
 
 
 def test_models_go_to_processes_and_are_drawn_from():
-    models = ao.nearby(chain, SITE, {"soft": ao.normal(1.0, 0.03), "heavy": (0.8, 1.2)}, n=6)
+    models = ao.nearby(chain, SITE, {"soft": ao.normal(1.0, 0.03), "heavy": (0.8, 1.2)}, n=4)
     again = pickle.loads(pickle.dumps(models))
     assert np.array_equal(again(soft=1.01, heavy=0.9).omega, models(soft=1.01, heavy=0.9).omega)
 
