@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import platform as platforms
-import struct
 import sys
 from ctypes import (
     POINTER,
@@ -22,17 +21,14 @@ from ctypes import (
     c_ssize_t,
     c_void_p,
 )
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
-
-S = TypeVar("S", bound=Structure)
 
 #: AOM_VERSION that the structures below belong to
 VERSION = 5
@@ -241,24 +237,6 @@ class Model(Structure):
         ("n_outputs", c_int),
         ("outputs", c_void_p),
     ]
-
-
-_CODES = {c_int: "i", c_double: "d", c_int64: "q", c_void_p: "P"}
-
-
-@cache
-def _layout(kind: type[Structure]) -> struct.Struct:
-    """The fields of a structure as `struct` packs them."""
-    parts = [_CODES.get(each[1]) or f"{ctypes.sizeof(each[1])}s" for each in kind._fields_]
-    return struct.Struct("@" + "".join(parts))
-
-
-def filled(kind: type[S], *values: Any) -> S:
-    """A structure of all its values: pointers as numbers, structures as bytes.
-
-    Its constructor takes several times as long.
-    """
-    return kind.from_buffer_copy(_layout(kind).pack(*values))
 
 
 _PACKAGE = Path(__file__).parents[1]

@@ -36,8 +36,9 @@ def expected_impact(
     """
     kernel, own = packed(law)
     at = map(march.address, (beta, v, load))
-    numbers = bytes(kernel), 0.0, gap, mass, duration, 0.0, 0, 0
-    impact = march.filled(march.Impact, beta.size, 0, 0, 0, *at, 0, *numbers)
+    impact = march.Impact(
+        beta.size, 0, None, None, *at, None, kernel, 0.0, gap, mass, duration, 0.0, 0, 0
+    )
     found = march.library.aom_expect(byref(impact))
     raise_error(own)
     depth, speed, time = found.depth, found.speed, found.time

@@ -51,13 +51,11 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
 
 def touching(run: Run, system: System) -> list[int]:
     """The contacts that touched during the run and go on at its end."""
-    last, parted = {}, set()
-    for _, which, piece, _ in run.events.tolist():
-        last[int(which)] = piece
-        if piece == march.APART:
-            parted.add(which)
-    on = [c for c, piece in last.items() if piece != march.APART]
-    return sorted(c for c in on if c in parted or not system.pressed[c])
+    events = run.events.tolist()
+    last = {which: piece for _, which, piece, _ in events}
+    on = sorted(int(c) for c, piece in last.items() if piece != march.APART)
+    parted = {which for _, which, piece, _ in events if piece == march.APART} if on else ()
+    return [c for c in on if c in parted or not system.pressed[c]]
 
 
 def between(t: Array, breaks: Array, values: Array) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from ctypes import addressof
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -135,32 +136,29 @@ class Given:
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
         self.block = s.block
-        if self.block is None or any(each.base is not self.block for each in parts):
+        if self.block is None or not (s.q.base is s.v.base is self.block):  # another start
             self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
         gamma = None if s.gamma is None else march.address(s.gamma)
         if s.gamma is not None:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
-        at = [march.address(self.block)]
-        for each in parts[:-1]:
-            at.append(at[-1] + 8 * each.size)
-        *arrays, q, v = at
+        at = march.address(self.block)
+        *arrays, q, v = accumulate([at, *[8 * each.size for each in parts[:-1]]])
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
-            s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
+            s.speed.tolist(), s.pressed.tolist(), strict=True,
         )  # fmt: skip
         self.contacts = (march.Contact * p)(
             *[
-                march.filled(march.Contact, bytes(law), *slip, *tangents, *scales)
-                for (law, _), slip, tangents, *scales in each_contact
+                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, pressed)
+                for (law, _), slip, tangents, mass, depth, speed, pressed in each_contact
             ]
         )
-        self.system = march.filled(
-            march.System, size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given,
-            gamma or 0,
-        )  # fmt: skip
+        self.system = march.System(
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
+        )
 
     def failed(self) -> None:
         """Raise the error of a law of the user's own."""
