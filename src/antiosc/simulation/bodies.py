@@ -173,6 +173,11 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
+def may_turn(body: Placed | ModalBody) -> bool:
+    """Whether a body may turn, and its inertia in space is known."""
+    return body.inertia is not None and not body.omega.all()
+
+
 def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
     """First-order modes of all bodies side by side, if one has them."""
     parts = [(body.omega, body.decay, body.first, body.begun) for body in bodies]
