@@ -21,6 +21,7 @@ from antiosc_decks.nastran.table import (
     OLDER,
     OLDER_PROPERTIES,
     account_for,
+    fate_of,
     is_other,
 )
 from antiosc_decks.sources import Sources
@@ -156,6 +157,9 @@ def read(
     `root`: the folder of the files that it may include; None: its own, or the one above.
     """
     bulk = bulk_data(Sources(path, name, on_size, root))
+    for entry in bulk.entries:
+        if entry.fault and fate_of(entry.name).kind == "read":
+            raise entry.fault
     found = _nodes(bulk, name)
     found.account = account_for(bulk.entries, name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]

@@ -167,7 +167,7 @@ class Properties(PropertyReader):
         for element, tangent in zip(elements, tangents, strict=True):
             beam = beams.get(int(element), PLAIN)
             own = self.found.elements[element]
-            height = orientation(self.found, own, tangent)
+            height = orientation(self.found, own, tangent) if beam.height is None else beam.height
             offset = 0.0 if beam.moved else offset_along(self.found, own, height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(int(element))

@@ -28,7 +28,9 @@ class Cell(NamedTuple):
 
 
 _SOLID, _SHELL = ("solid", ("PSOLID", "PCOMPS")), ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
-_BEAM = Cell("line", "beam", ("PBAR", "PBARL", "PBEAM", "PBEAML"))
+#: Properties of beams.
+BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND")
+_BEAM = Cell("line", "beam", BEAMS[:4])
 _ROD = Cell("line", "rod", ("PROD",))
 _PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
 #: Nastran lists the middles of the upright edges of solids before those of the top.
@@ -43,6 +45,7 @@ CELLS = {
     **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD4K"), Cell("quad", *_SHELL, theta=6, offset=7)),
     "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
     **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
+    "CBEND": _BEAM._replace(properties=BEAMS[4:]),
     "CROD": _ROD,
     "CTUBE": _ROD._replace(properties=("PTUBE",)),
     "CONROD": _ROD._replace(properties=("PROD",), first=1),
@@ -82,7 +85,7 @@ DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 
 #: Elements without a counterpart; names that begin with C and are in no list are such, too.
 NO_COUNTERPART = (
     *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
-    *("CFAST", "CWELD", "CSEAM", "CBEND", "CBEAM3", "CBUSH2D"),
+    *("CFAST", "CWELD", "CSEAM", "CBEAM3", "CBUSH2D"),
     *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
     *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
     *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
@@ -137,7 +140,7 @@ _REFUSED = {
 }
 #: Properties and materials of elements that are refused; one that is read and names them says so.
 _OF_OTHERS = """
-PFAST PWELD PSEAM PBEND PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
+PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
 PLSOLID PCOMPLS PBCOMP PBMSECT PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN
 MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
