@@ -22,6 +22,7 @@ TEXTS = ("DEQATN",)
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
+_MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
 _SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
@@ -252,7 +253,13 @@ class _Collector:
         last = self.bulk.entries[-1].name if self.bulk.entries else ""
         if last in TEXTS and line[0] in " +*,":
             return
-        name, fields, large, mark, fault = _fields(line, place)
+        name, fields, large, mark = _fields(line)
+        fault = None
+        if name == "GRID" and any(fields[8:]) or any(map(_MARK.match, fields[4:])):
+            fault = place.error(
+                "a line of free fields ends with the mark of the next line, and one of GRID has up "
+                "to 8 fields after its name; write the further ones in a line of their own."
+            )
         if name and name[0] == "=":
             self._copy(words[0].split(",")[0], fields, place)
             return
@@ -313,27 +320,27 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str, MeshError | None]:
-    """(name, four or eight fields, whether they are large, the mark of the continuation, fault)."""
+def _fields(line: str) -> tuple[str, list[str], bool, str]:
+    """(name, four or eight fields, whether they are large, the mark of the continuation).
+
+    A line of free fields may have more of them: those of the lines that would follow.
+    """
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         first, *more = first.split() if first[:1].isalpha() else [first]
         rest = [*more, *rest]  # blanks separate free fields, too
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
-        mark, fault = "".join(rest[count : count + 1]), None
-        if any(rest[count + 1 :]) or _NUMBER.match(mark):
-            fault = place.error(
-                f"a line of free fields has up to {count} after its name, and the mark of "
-                f"the next line; got {len(rest)}: write the further ones in a line of their own."
-            )
-        return first, (rest + [""] * count)[:count], large, mark, fault
+        mark = "".join(rest[count : count + 1])
+        if any(rest[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
+            return first, rest + [""] * (-len(rest) % count), large, ""
+        return first, (rest + [""] * count)[:count], large, mark
     name = line[:8].strip()
     large = "*" in name
     width, count = (16, 4) if large else (8, 8)
     body = line[8 : 8 + width * count].ljust(width * count)
     fields = [body[k * width : (k + 1) * width].strip() for k in range(count)]
-    return name, fields, large, line[72:80], None
+    return name, fields, large, line[72:80]
 
 
 def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:

@@ -145,7 +145,7 @@ def test_a_continuation_before_its_entry_is_refused(tmp_path):
     assert "does not follow its entry" in faults(tmp_path, text)
 
 
-@pytest.mark.parametrize("line", ["+AB,1", "        404, 405", "{},1,2,3,4,5,6,7,8,9"])
+@pytest.mark.parametrize("line", ["+AB,1", "        404, 405", "{},1,2,3,4,5,6,7,8,+A,9"])
 @pytest.mark.parametrize(("name", "read"), [("CAERO7", True), ("SPC1", False)])
 def test_faults_of_entries_that_are_not_read_are_none(tmp_path, line, name, read):
     """Continuations, numbers and fields that do not fit."""
@@ -156,6 +156,13 @@ def test_faults_of_entries_that_are_not_read_are_none(tmp_path, line, name, read
         return
     with pytest.raises(MeshError, match="line 3 of"):
         nastran.read(path, path.name)
+
+
+def test_a_line_of_free_fields_may_be_as_long_as_its_entry(tmp_path):
+    """CORD2C in one line, as the models of pyNastran have it."""
+    (entry,) = bulk(tmp_path, "CORD2C,1,0,0.,0.,0.,0.,0.,1.,0.,1.,0.\n").entries
+    assert entry.real(9) == 1.0
+    assert len(entry.fields) == 16
 
 
 def test_equations_are_texts(tmp_path):
