@@ -53,7 +53,7 @@ class End:
 
 def divide(found: NastranDeck) -> list[End]:
     """Give beams their own ends and tapered beams their pieces; the ends to be joined."""
-    along = {entry.whole(0): BeamProfiles(entry) for entry in found.named(*BEAMS)}
+    along = {entry.number(0): BeamProfiles(entry) for entry in found.named(*BEAMS)}
     tapered = {number for number, one in along.items() if one.tapered}
     ends: list[End] = []
     more: list[Array] = []
@@ -79,12 +79,12 @@ def divide(found: NastranDeck) -> list[End]:
                 ends.append(End(nodes[end], (a, b)[end], held, axes, entry, beside))
             places = [more[n - len(x0)] if n >= len(x0) else x0[n]
                       for x0 in (found.deck.points,) for n in nodes]  # fmt: skip
-            curved = entry.name == "CBEND" and known is not None
-            pieces = PIECES if curved or property_of(entry) in tapered else 1
+            bend = known.entry if known and entry.name == "CBEND" else None
+            pieces = PIECES if bend or property_of(entry) in tapered else 1
             heights: Any = [None] * pieces
-            if curved:
+            if bend:
                 v = _vector(found, entry)
-                inside, heights = arc(entry, known.entry, np.array(places), v, pieces)
+                inside, heights = arc(entry, bend, np.array(places), v, pieces)
                 inner = list(inside)
             else:
                 shares = np.linspace(0, 1, pieces + 1)[1:-1, None]

@@ -25,6 +25,7 @@ _NUMBER = re.compile(r"-?\.?\d")
 _MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
+_SUPER = re.compile(r"SUPER\s*=?\s*(\d+)", re.IGNORECASE)
 _SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
 _SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
@@ -50,6 +51,10 @@ class Entry:
                 raise self.place.error(f"field {k + 2} of {self.name} is empty.")
             return default
         return whole_number(self.text(k), self.place)
+
+    def number(self, k: int) -> int:
+        """The number of a node, a property, … in field k, as no other part of the deck has it."""
+        return self.whole(k) + self.place.scope
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
@@ -239,10 +244,9 @@ class _Collector:
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
-                part = (
-                    any(word.startswith("SUPER") for word in words) and "MASSID" not in line.upper()
-                )
-                self._begin(Entry("BEGIN SUPER" if part else "BEGIN", place), "")
+                part = _SUPER.search(line) if "MASSID" not in line.upper() else None
+                name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
+                self._begin(Entry(name, place, number), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
@@ -255,7 +259,7 @@ class _Collector:
             return
         name, fields, large, mark = _fields(line)
         fault = None
-        if name == "GRID" and any(fields[8:]) or any(map(_MARK.match, fields[4:])):
+        if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
             fault = place.error(
                 "a line of free fields ends with the mark of the next line, and one of GRID has up "
                 "to 8 fields after its name; write the further ones in a line of their own."

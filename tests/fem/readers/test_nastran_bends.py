@@ -38,7 +38,8 @@ def test_a_quarter_ring_bends_as_in_the_textbook(tmp_path):
     I = 1e-6  # noqa: E741
     path = tmp_path / "ring.bdf"
     path.write_text(f"GRID,1,,{R},0.,0.\nGRID,2,,0.,{R},0.\nCBEND,1,1,1,2,-1.,0.,0.,1\n"
-                    f"PBEND,1,1,1.,{I},2.-6,1.-6\nMAT1,1,{E},,.3,7800.\nSPC1,1,123456,2\n")  # fmt: skip
+                    f"PBEND,1,1,1.,{I},2.-6,1.-6\n"
+                    f"MAT1,1,{E},,.3,7800.\nSPC1,1,123456,2\n")  # fmt: skip
     part = ao.read_model(path)
     assert part.mass == pytest.approx(7800 * np.pi / 2 * R, rel=2e-3)
     for direction, factor in (((1.0, 0, 0), np.pi / 4), ((0, 1.0, 0), 3 * np.pi / 4 - 2)):
@@ -83,4 +84,4 @@ def test_the_product_of_inertia_of_a_z():
     fields = ["1", "1", "", "Z", *[""] * 4, "10.", "1.", "22.", "28."]
     ((_, one),) = BeamProfiles(Entry("PBARL", PLACE, fields)).stations
     assert one.profile.mixed == pytest.approx(-3 * 10 * 11 * 25 / 2)
-    assert one.profile.A == pytest.approx(2 * 33 + 22)
+    assert pytest.approx(2 * 33 + 22) == one.profile.A
