@@ -314,8 +314,26 @@ def _older(found: NastranDeck) -> None:
         elif entry.name == "CRIGD1":
             entry.name = "RBE2"
             entry.fields[2:2] = ["123456"]
+        elif entry.name == "CRIGD2":  # pairs of a node and its components
+            words = [entry.text(k) for k in range(len(entry.fields)) if entry.text(k)]
+            pairs = [[*words[:2], c, node] for node, c in zip(words[2::2], words[3::2])]  # noqa: B905
+            more += [Entry("RBE2", entry.place, fields) for fields in pairs]
+        elif entry.name in ("PQUAD1", "PTRIA1"):
+            entry.name, entry.fields = "PSHELL", _plate(entry)
     known = {entry.text(0) for entry in found.named("PSOLID")}
     found.bulk.entries += [entry for number, entry in made.items() if number not in known] + more
+
+
+def _plate(entry: Entry) -> list[str]:
+    """Fields of the PSHELL that a PQUAD1 or PTRIA1 is: I for 12I/T³, T3 for TS/T."""
+    second = entry.real(4)
+    t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
+    if not t:
+        raise entry.place.error(f"{entry.name} needs a thickness, or I, above 0.")
+    shear = repr(entry.real(6) / t) if entry.real(6) else ""
+    ratio = repr(12 * second / t**3) if second else ""
+    words = [entry.text(k) for k in (0, 1, 3, 5, 7)]
+    return [words[0], words[1], repr(t), words[2], ratio, words[3], shear, words[4]]
 
 
 def _rods_of_bars(found: NastranDeck) -> None:

@@ -59,8 +59,8 @@ NEAREST = {
 #: Elements of older versions -> the element and the property that they are now; "" where they name
 #: their material.
 OLDER = {
-    **dict.fromkeys(("CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", "PSHELL")),
-    **dict.fromkeys(("CTRIA2", "CTRMEM"), ("CTRIA3", "PSHELL")),
+    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", "PSHELL")),
+    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", "PSHELL")),
     **dict.fromkeys(("CHEXA1", "CHEXA2"), ("CHEXA", "")),
     **dict.fromkeys(("CIHEX1", "CIHEX2"), ("CHEXA", "PSOLID")),
     "CWEDGE": ("CPENTA", ""),
@@ -94,7 +94,7 @@ NO_COUNTERPART = (
 _READ = """
 GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR
 PGAP PELAS PDAMP PVISC PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD
-NSM NSM1 NSML NSML1 NSMADD PARAM CRIGD1 SEBULK SECONCT SELOC
+NSM NSM1 NSML NSML1 NSMADD PARAM SEBULK SECONCT SELOC
 """
 _HARMLESS = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
@@ -154,7 +154,7 @@ ENTRIES = table(
         *NEAREST,
         *OLDER,
         *OLDER_PROPERTIES,
-        "CRIGD1",
+        *("CRIGD1", "CRIGD2", "PQUAD1", "PTRIA1"),
     ),
     harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
     ignored=_IGNORED.split(),
