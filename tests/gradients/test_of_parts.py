@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -78,6 +79,28 @@ def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.Hi
     g = ao.gradient(hit, "peak_force", part=lambda x: plate(wider=x[0]), x=[0.0])
     ends = [push(plate(wider=s * 1e-4), 1e-8).peak_force for s in (-1, 1)]
     assert g.x[0] == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=0, abs=2e-3 * g.value)
+
+
+def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.History]) -> None:
+    part, hit = struck
+    g = ao.gradient(hit, "impulse", part=part)
+    for by, expected in (("thickness", g.thickness), ("rho", g.rho)):
+        found = ao.design_map(part, hit, "impulse", by=by)
+        assert found.slopes.shape == (24,)
+        assert found.slopes.sum() == pytest.approx(expected, rel=1e-2)
+        assert found.slopes.min() < 0.0 < found.slopes.max() or by == "rho"
+    mass = found.slopes / found.per_mass * RHO  # of each cell
+    assert mass.sum() == pytest.approx(part.mass, rel=1e-9)
+
+
+def test_a_design_map_of_a_solid(tmp_path: Path) -> None:
+    part = bar()
+    hit = blow(part, 1e-4)
+    found = ao.design_map(part, hit, "impulse", by="rho")
+    assert found.slopes.sum() == pytest.approx(ao.gradient(hit, "impulse", part=part).rho, rel=3e-3)
+    with pytest.raises(ao.InputError, match="thickness"):
+        ao.design_map(part, hit, "impulse")
+    assert found.plot(tmp_path / "map.png").stat().st_size > 5000
 
 
 @pytest.mark.slow

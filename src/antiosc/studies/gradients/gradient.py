@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation import engine
 from antiosc.studies.gradients.changes import changed, with_model
-from antiosc.studies.gradients.goals import Seeds, seeds
+from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
 from antiosc.studies.gradients.recorded import Part, Recorded, recorded
 
@@ -83,7 +84,7 @@ class GradientNameError(InputError, AttributeError):
 
 def gradient(
     hit: Any,
-    goal: str,
+    goal: str | Callable[[Sampled], float],
     *,
     contact: tuple[str, str] | None = None,
     time: float | None = None,
@@ -100,10 +101,12 @@ def gradient(
     ----------
     hit : History or SceneHistory
         Of `simulate` or `Scene.run` with method="exact".
-    goal : str
+    goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
-        "displacement" [m] of that end at a `time`.
+        "displacement" [m] of that end at a `time`. Or a function of what the run has at its nodes,
+        arrays `time`, `force`, `displacement`, `velocity`, `impactor_displacement` and
+        `impactor_velocity` (`Sampled`), that returns a number: it is called some 1e4 times.
     contact : (str, str), optional
         Ends of the contact, where a scene has several.
     time : float, optional
@@ -136,13 +139,21 @@ def gradient(
     found, wanted, slopes = derived(hit, goal, contact, time)
     bodies = _bodies(found, wanted, slopes)
     if part is not None:
-        name = _model_name(found)
-        bodies[name] |= _of_part(hit, found, wanted, slopes, name, part, x)
-    return Gradient(goal, wanted.value, bodies, _contacts(found, slopes))
+        body = model_name(found)
+        bodies[body] |= _of_part(hit, found, wanted, slopes, body, part, x)
+    return Gradient(shown_goal(goal), wanted.value, bodies, _contacts(found, slopes))
+
+
+def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
+    """The name of a goal, or of a function."""
+    return goal if isinstance(goal, str) else str(getattr(goal, "__name__", "goal"))
 
 
 def derived(
-    hit: Any, goal: str, contact: tuple[str, str] | None = None, time: float | None = None
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
 ) -> tuple[Recorded, Seeds, engine.Slopes]:
     """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
     found = recorded(hit)
@@ -156,7 +167,7 @@ def derived(
     if answer != march.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
-            f" fastest speed, and {goal} has no derivative there; change an input slightly."
+            f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
     return found, wanted, slopes
 
@@ -244,7 +255,7 @@ def _closing(found: Recorded, part: Part) -> float:
     return float(rows[0] @ found.system.v[part.span]) if len(rows) else 0.0
 
 
-def _model_name(found: Recorded) -> str:
+def model_name(found: Recorded) -> str:
     models = [n for n, each in found.parts.items() if isinstance(each.body, AntiOscillators)]
     if len(models) != 1:
         raise InputError(

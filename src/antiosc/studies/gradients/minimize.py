@@ -17,7 +17,8 @@ from antiosc.base.errors import InputError
 from antiosc.simulation.history import History
 from antiosc.simulation.simulate import simulate
 from antiosc.simulation.two_bodies import pose
-from antiosc.studies.gradients.goals import GOALS
+from antiosc.studies.gradients.changes import changed
+from antiosc.studies.gradients.goals import GOALS, Sampled
 from antiosc.studies.gradients.gradient import derived
 
 #: Change of an input, over its scale, by which the bodies are made anew for a derivative.
@@ -50,7 +51,7 @@ class Optimum(Brief):
 
 def minimize(
     build: Callable[[Array], Sequence[Any]],
-    goal: str,
+    goal: str | Callable[[Sampled], float],
     x0: ArrayLike,
     bounds: Sequence[tuple[float | None, float | None]] | None = None,
     constraints: Any = (),
@@ -64,9 +65,9 @@ def minimize(
     ----------
     build : callable
         Inputs (n,) -> the arguments (model, impactor, contact, duration) of `simulate`.
-    goal : str
-        As of `gradient`: "peak_force", "impulse", "contact_time", "restitution" or
-        "peak_displacement".
+    goal : str or callable
+        As of `gradient`: "peak_force", "impulse", "contact_time", "restitution",
+        "peak_displacement", or a function of the run.
     x0 : array_like, shape (n,)
         Where the search begins; its sizes are the scales of the inputs.
     bounds : sequence of (low, high), optional
@@ -87,7 +88,8 @@ def minimize(
     """
     from scipy import optimize  # loaded where it is used: it takes long
 
-    checks.choice("goal", goal, tuple(GOALS))
+    if not callable(goal):
+        checks.choice("goal", goal, tuple(GOALS))
     start = checks.column("x0", x0)
     if not callable(build) or isinstance(build, type) or not start.size:
         raise InputError("build must be a function of x, and x0 one number or more.")
@@ -112,7 +114,7 @@ def minimize(
 class _Search:
     """The last run, for the value and the derivatives at one place."""
 
-    def __init__(self, build: Callable[[Array], Sequence[Any]], goal: str, scale: Array) -> None:
+    def __init__(self, build: Callable[[Array], Sequence[Any]], goal: Any, scale: Array) -> None:
         self.build, self.goal, self.scale = build, goal, scale
         self.runs, self.at = 0, np.full(scale.size, np.nan)
         self.hit: Any = None
@@ -132,9 +134,9 @@ class _Search:
         for i in range(y.size):
             ends = []
             for sign in (-1, 1):
-                changed = np.array(y)
-                changed[i] += sign * CHANGE
-                ends.append(pose(*self._made(changed)))
+                other = np.array(y)
+                other[i] += sign * CHANGE
+                ends.append(pose(*self._made(other)))
             slopes[i] = changed(self.found, self.wanted, self.by, *ends) / (2 * CHANGE)
         return slopes
 

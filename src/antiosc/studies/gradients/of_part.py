@@ -28,7 +28,7 @@ from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 #: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
 #: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
 CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
-#: Largest relative difference of the part's k0 and frequencies from those of the model.
+#: Largest difference of the part's energy from the model's, per shape of unit energy.
 SAME_PART = 1e-4
 #: Largest relative difference of the static mass of models that `build` gives beside x.
 SAME_MODEL = 1e-2
@@ -64,8 +64,8 @@ class Chain:
             total += float(by @ dot(lower.comm, self.shapes, (b[1] - a[1]) @ motion))
         if self.by_local:
             site = site_of(self.model)
-            a, b = (functional(each, site).local_compliance for each in (lower, upper))
-            total += self.by_local * (b - a)
+            ends = [functional(each, site).local_compliance for each in (lower, upper)]
+            total += self.by_local * (ends[1] - ends[0])
         return total / step
 
     def reduced(self, part: Structure, name: str) -> Array:
@@ -76,16 +76,22 @@ class Chain:
     def _change(self, name: str, lower: Structure, upper: Structure) -> Array:
         return self.reduced(upper, name) - self.reduced(lower, name)
 
+    def matrices(self) -> tuple[Array, Array]:
+        """K_red and M_red (C, C) of the model."""
+        m = self.model
+        K, M = np.diag(np.append(m.k0 + m.k.sum(), m.k)), np.diag(np.append(m.m0, m.m))
+        K[0, 1:] = K[1:, 0] = -m.k
+        return K, M
+
     def check(self, part: Structure) -> None:
-        """InputError unless the model is that of the part."""
-        m, k0 = self.model, self.model.k0
+        """InputError unless the model is that of the part: for one combination of the shapes."""
         fits = self.shapes.shape[0] == part.rows
         if fits:
-            k = m.k
-            expected = np.diag(np.concatenate(([k0 + k.sum()], k)))
-            expected[0, 1:] = expected[1:, 0] = -k
-            off = np.abs(self.reduced(part, "K") - expected).max()
-            fits = bool(off <= SAME_PART * np.abs(expected).max())
+            K, _ = self.matrices()
+            mixed = 1 / np.sqrt(K.diagonal())
+            x = self.shapes @ mixed
+            energy = float(dot(part.comm, x, multiply(part.K, x)))
+            fits = abs(energy - mixed @ K @ mixed) <= SAME_PART * len(K)
         if not fits:
             raise InputError(
                 "part must be the structure from which the model of this run was extracted; its"
@@ -145,9 +151,8 @@ def _varied(
 
     `wanted`: of those names alone.
     """
-    for each in fields(item):
-        name, value = each.name, getattr(item, each.name)
-        if name in IDLE or not each.init or (wanted and name not in wanted):
+    for name, value in values_of(item).items():
+        if wanted and name not in wanted:
             continue
         if is_dataclass(value) and name == "section":
             for inner, step, made in _varied(value):
@@ -165,6 +170,13 @@ def _varied(
         elif isinstance(value, float) and (value or name == "angle"):
             h = TURN if name == "angle" else CHANGE * abs(value)
             yield name, 2 * h, lambda s, n=name, v=value, h=h: replace(item, **{n: v + s * h})  # type: ignore[misc]
+
+
+def values_of(material: Any) -> dict[str, Any]:
+    """The arguments of a material, a section or a layer that K and M depend on."""
+    idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
+    names = {each.name for each in fields(material) if each.init} - idle
+    return {name: getattr(material, name) for name in sorted(names)}
 
 
 def by_shape(
