@@ -144,3 +144,15 @@ def test_attached_masses_belong_to_the_part() -> None:
     heavier = float(g.m @ model.m) + g.m0 * model.m0 - 0.5 * float(g.omega @ model.omega)
     assert abs(g.E * E - stiffer) < 1e-6 * g.value
     assert abs(g.rho * RHO - heavier) > 1e-3 * g.value  # what is left is the attached mass's
+
+
+@pytest.mark.slow
+def test_bars_of_a_part_hold_a_finer_model(struck: tuple[ao.Structure, ao.History]) -> None:
+    part, hit = struck
+    g = ao.gradient(hit, "impulse", part=part, error="estimate")
+    assert g.error is not None
+    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=48)
+    more = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=1e-6)
+    better = ao.gradient(more, "impulse", part=part)
+    for name in ("E", "nu", "rho", "thickness"):
+        assert abs(getattr(g, name) - getattr(better, name)) <= getattr(g.error, name)

@@ -259,7 +259,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
     first, second = _side(found, c), _side(found, c, 1)
     arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}
     for name, own in (("", first), ("impactor_", second)):
-        arrays[f"{name}displacement"] = q @ (found.B @ own) + push @ (found.r @ own)
+        arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ own) + push @ (found.r @ own))
         arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ own))
     to.value = _number(goal, run.time, arrays)
     weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))

@@ -7,7 +7,7 @@ order in the error of the shapes: no solve, and products with two assembled matr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.extraction.extract import extract
+from antiosc.fem.extraction.wish import ErrorOption
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Site
@@ -116,9 +117,9 @@ def chain(
     return Chain(model, m, local, V, motions)
 
 
-def by_part(to: Chain, part: Structure) -> Values:
-    """Derivatives by the numbers of a part's materials: of several {group: derivative}."""
-    to.check(part)
+def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
+    """Derivatives of each chain by the numbers of a part's materials: of several {group: …}."""
+    to[0].check(part)
     if part.made_of is None:
         raise InputError(
             "the materials of an assembly, or of matrices, are not known: give a function of x that"
@@ -127,9 +128,8 @@ def by_part(to: Chain, part: Structure) -> Values:
     mesh, given, options = part.made_of
     several = isinstance(given, dict)
     groups = dict(given) if several else {"": given}
-    found: dict[str, dict[str, Any]] = {}
+    found: list[Values] = [{} for _ in to]
     for group, material in groups.items():
-        slopes: dict[str, list[float]] = {}
         for name, step, made in _varied(material):
             ends = []
             for sign in (-1, 1):
@@ -137,11 +137,13 @@ def by_part(to: Chain, part: Structure) -> Values:
                 with without_warnings():
                     one = other if several else other[""]
                     ends.append(Structure(mesh, one, part.supports, **options))
-            slopes.setdefault(name, []).append(to.slope(ends[0], ends[1], step))
-        for name, values in slopes.items():
-            layered = hasattr(material, "layers")
-            found.setdefault(name, {})[group] = np.array(values) if layered else values[0]
-    return {name: own if several else own[""] for name, own in found.items()}
+            for values, each in zip(found, to, strict=True):
+                slope = each.slope(ends[0], ends[1], step)
+                own = values.setdefault(name, {}) if several else values
+                key = group if several else name
+                layered = hasattr(material, "layers")
+                own[key] = np.append(own.get(key, ()), slope) if layered else slope
+    return found
 
 
 def _varied(
@@ -180,13 +182,16 @@ def values_of(material: Any) -> dict[str, Any]:
 
 
 def by_shape(
-    build: Callable[[Array], Any], x: Array, model: AntiOscillators, change: Callable[..., float]
-) -> Array:
-    """Derivatives (n,) by the arguments of a function that builds the part, or its model.
+    build: Callable[[Array], Any],
+    x: Array,
+    model: AntiOscillators,
+    changes: Sequence[Callable[..., float]],
+) -> list[Values]:
+    """Derivatives x (n,) by the arguments of a function that builds the part, or its model.
 
-    `change(before, after)` is that of the goal between two models, to first order.
+    Each of `changes(before, after)` is that of a goal between two models, to first order.
     """
-    slopes = np.empty(x.size)
+    slopes = np.empty((len(changes), x.size))
     for i in range(x.size):
         h = SMALL * (abs(x[i]) or 1.0)
         ends = [_extracted(build(x + s * h * np.eye(x.size)[i]), model) for s in (-1, 1)]
@@ -195,8 +200,8 @@ def by_shape(
                 "build(x) must give the part, or the model, of this run: its mass at the site is"
                 " another."
             )
-        slopes[i] = change(*ends) / (2 * h)
-    return slopes
+        slopes[:, i] = [change(*ends) / (2 * h) for change in changes]
+    return [{"x": own} for own in slopes]
 
 
 def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
@@ -208,7 +213,8 @@ def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
         if model.info.method == "modes":
             found = extract(part, site_of(model), model.n, "modes")
         else:
-            found = extract(part, site_of(model), model.n)
+            estimated: ErrorOption = None if model.strain_error is None else "estimate"
+            found = extract(part, site_of(model), model.n, error=estimated)
     return replace(found, damping=model.damping)
 
 
