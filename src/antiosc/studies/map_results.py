@@ -45,6 +45,10 @@ class ImpactMap(Brief):
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
+    peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
+        each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
+        no material has a yield_strength.
+    stress_points : (P, 3) where that is [m].
     info : free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None.
     """
@@ -65,6 +69,9 @@ class ImpactMap(Brief):
     restitution: Array | None = None
     impulse: Array | None = None
     peak_deflection: Array | None = None
+    peak_stress: Array | None = None
+    exposure: Array | None = None
+    stress_points: Array | None = None
     info: dict[str, Any] = field(default_factory=dict)
     impactor: LinearBody | None = None
     contact: ContactLaw | None = None
@@ -96,6 +103,8 @@ class ImpactMap(Brief):
             "restitution": self.restitution,
             "impulse": self.impulse,
             "peak_deflection": self.peak_deflection,
+            "peak_stress": self.peak_stress,
+            "exposure": self.exposure,
         }
         return {name: value for name, value in named.items() if value is not None}
 

@@ -40,7 +40,7 @@ QUANTILES = (0.5, 0.9, 0.99)
 #: Units of the quantities of a map.
 MAP_UNITS = {
     **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
-    **{"impulse": "N s", "peak_deflection": "m"},
+    **{"impulse": "N s", "peak_deflection": "m", "peak_stress": "Pa"},
 }
 
 

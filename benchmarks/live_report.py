@@ -1,0 +1,115 @@
+"""The live report: bytes of its pages, time to the first picture, answers to the sliders.
+
+Three pages: the bracket with its stress, the same with 100 000 dofs, and a map of the bracket. Each
+is opened several times in a headless Chromium (whose OpenGL is software), and every slider is moved
+over its range; the least times are told, for other processes only add to them. Needs chromium and
+chromium-driver.
+
+    .venv/bin/python benchmarks/live_report.py --help
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import statistics
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import options
+
+import antiosc as ao
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+from webdriver import Browser  # noqa: E402
+
+ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+POINT, STRIKE = (0.020, 0.040, 0.075), (-0.2, -0.6, -0.8)
+#: Milliseconds of `change` at each place of each slider.
+SLIDE = """
+const took = [];
+for (const input of document.querySelectorAll("#sliders input")) {
+  for (let place = 0; place <= 200; place += 10) {
+    input.value = place;
+    input.dispatchEvent(new Event("input"));
+    took.push(Number(document.documentElement.dataset.took));
+  }
+  document.getElementById("back").click();
+}
+return took;
+"""
+
+
+def main(sizes: tuple[float, ...] = (6e-3, 4.2e-3), repeats: int = 5, out: Path = ROOT / "out") -> None:
+    """Write the pages with elements of these sizes, and print a table."""
+    out.mkdir(parents=True, exist_ok=True)
+    pages = {}
+    for size in sizes:
+        part, striker, contact = bracket(size)
+        model = ao.extract(part, ao.Site(POINT, STRIKE, radius=2e-3, snap=True), n=20)
+        hit = ao.simulate(model, striker, contact, 1e-3)
+        dofs = re.search(r"(\d+) dofs", part.describe())
+        assert dofs
+        name = f"impact, {dofs[1]} dofs"
+        pages[name] = ao.write_report(out / f"live_{dofs[1]}.html", hit, part)
+    part, striker, contact = bracket(sizes[0])
+    found = ao.impact_map(part, ["eye", "front"], striker, contact, 1e-3, radius=2e-3, accuracy=1.0)
+    name = f"map, {len(found)} sites"
+    pages[name] = ao.write_report(out / "live_map.html", found, part)
+    print(f"{'page':24}{'kB':>7}{'data':>7}{'pictures':>9}{'first picture':>15}{'slider, median and largest':>28}")
+    with Browser() as browser:
+        for name, page in pages.items():
+            kb = {kind: size / 1e3 for kind, size in parts(page).items()}
+            row = f"{name:24}{kb['page']:7.0f}{kb['data']:7.0f}{kb['pictures']:9.0f}"
+            ready, took = opened(browser, page, repeats)
+            print(f"{row}{ready:12.0f} ms{statistics.median(took):19.2f}{max(took):6.2f} ms")
+
+
+def bracket(size: float) -> tuple[ao.Structure, ao.Sphere, ao.Hertz]:
+    """The bracket, the sphere that strikes it, and their contact."""
+    mesh = ao.read_mesh(ROOT / "meshes/bracket.geo", size=size, refine=[(POINT, 2e-3)])
+    material = ao.Solid(**ALUMINIUM, yield_strength=240e6)
+    striker = ao.Sphere(radius=10e-3, **STEEL, velocity=2.0)
+    contact = striker.hertz(ALUMINIUM["E"], ALUMINIUM["nu"], radii=(18e-3, float("inf")))
+    return ao.Structure(mesh, material, [ao.Support("clamp")]), striker, contact
+
+
+def parts(page: Path) -> dict[str, int]:
+    """Bytes of a page, of its data and of its pictures."""
+    text = page.read_text("utf-8")
+    data = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+    assert data
+    pictures = sum(map(len, re.findall(r'src="(data:[^"]*)"', text)))
+    return {"page": len(text.encode()), "data": len(data[1]), "pictures": pictures}
+
+
+def opened(browser: Browser, page: Path, repeats: int) -> tuple[float, list[float]]:
+    """Least milliseconds until the first picture, and to answer each slider."""
+    ready, took = [], []
+    for _ in range(repeats):
+        browser.open(page, 1300)
+        ready.append(drawn(browser))
+        took.append(browser.run(SLIDE))
+    return min(ready), [min(each) for each in zip(*took, strict=True)]
+
+
+def drawn(browser: Any) -> float:
+    """Milliseconds from the start of loading until the page has drawn its first picture."""
+    for _ in range(600):
+        told = browser.run("return document.documentElement.dataset.ready")
+        if told:
+            return float(told)
+        time.sleep(0.05)
+    raise SystemExit(f"the page does not start: {browser.said()}")
+
+
+if __name__ == "__main__":
+    parser = options.parser(__doc__, argparse.RawDescriptionHelpFormatter) if hasattr(options, "parser") else argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", type=lambda text: tuple(map(float, text.split(","))), default=(6e-3, 4.2e-3))
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--out", type=Path, default=ROOT / "out")
+    main(**vars(parser.parse_args()))
