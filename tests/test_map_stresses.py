@@ -30,8 +30,8 @@ def struck(supports, **options) -> tuple[ao.Structure, ao.ImpactMap]:
     steel = ao.Solid(**parts.STEEL, **options)
     part = ao.Structure(mesh, steel, [ao.Support("left")] if supports else [])
     found = ao.impact_map(
-        part, POINTS, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=0.02, n=16, modes=30, band=4e4,
-        accuracy=1.0, stress=True,
+        part, POINTS, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=0.02, n=16, modes=30,
+        band=4e4, accuracy=1.0, stress=True,
     )  # fmt: skip
     return part, found
 

@@ -153,5 +153,5 @@ def test_objects_say_in_five_lines_what_they_are(hit, landed, tmp_path):
         assert text.count("\n") <= 4, text
         assert all(len(line) < 120 for line in text.splitlines()), text
         assert one._repr_html_().startswith(f"<b>{type(one).__name__}</b>")
-    assert "1e+06 N/m" in repr(MODEL)
-    assert f"{hit.peak_force:.6g} N" in repr(hit)
+    assert "1.000 MN/m" in repr(MODEL)
+    assert f"{hit.peak_force:.4g} N" in repr(hit)

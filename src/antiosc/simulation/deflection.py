@@ -61,7 +61,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """(Time (S,), modal displacements (S, J), force (S,)) of bodies at rest, one time after another.
+    """Of bodies at rest: (time (S,), modal displacements (S, J), force (S,)), for time after time.
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
     where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.

@@ -81,7 +81,8 @@ def of_map(found: ImpactMap) -> Headline:
 
 def _most_dangerous(found: ImpactMap) -> str:
     """Where a blow stresses the part most, and whether it yields."""
-    assert found.peak_stress is not None and found.stress_points is not None
+    assert found.peak_stress is not None
+    assert found.stress_points is not None
     share = found.exposure
     i = int(np.nanargmax(found.peak_stress if share is None else share))
     told = (
