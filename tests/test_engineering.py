@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 import antiosc as ao
@@ -22,8 +20,8 @@ def test_a_summary_is_in_engineering_units_and_files_in_si(tmp_path):
     told = HIT.summary()
     assert f"{1e3 * HIT.contact_time:.3f} ms" in told
     assert "e-0" not in told.replace(f"{HIT.energy.drift:.1e}", "").split("force error")[0]
-    written = json.loads(HIT.to_json(tmp_path / "hit.json").read_text())
-    assert HIT.contact_time in [written.get("contact_time"), *written.get("numbers", {}).values()]
+    HIT.to_json(tmp_path / "hit.json")
+    assert repr(HIT.contact_time) in (tmp_path / "hit.json").read_text()
 
 
 def test_a_table_has_the_prefix_of_its_largest_value():
