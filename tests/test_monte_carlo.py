@@ -162,6 +162,7 @@ def test_what_cannot_be_drawn_or_kept_is_refused(inputs, run):
         ao.monte_carlo(run, inputs, 5)
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path):
     many = ao.monte_carlo(lambda x, y: x + y, {"x": ao.uniform(0, 1), "y": ao.uniform(0, 2)}, 100)
     assert many.plot(tmp_path / "sample.png").exists()

@@ -166,6 +166,7 @@ def violations(value, rule, place="scene") -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_sound_scenes_keep_the_schema_and_wrong_ones_break_it():
     pytest.importorskip("dolfinx")
     rule = schema()

@@ -184,6 +184,7 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
     pytest.importorskip("dolfinx")

@@ -104,8 +104,9 @@ class PeakField(Brief):
         """
         if self._margin is None:
             raise InputError(
-                f"the {self.quantity} has no margin: ask for peak_field(…, 'von_mises') of "
-                "materials with a yield_strength, or for 'tsai_wu' of layers with a strength."
+                f"no margin for {self.quantity}: the material has no strength; give it one, as in "
+                "Solid(…, yield_strength=250e6) for 'von_mises', or Layer(…, strength=…) for "
+                "'tsai_wu'."
             )
         return self._margin
 

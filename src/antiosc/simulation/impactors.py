@@ -8,7 +8,7 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
-from antiosc.base import checks
+from antiosc.base import checks, plausible
 from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -112,6 +112,7 @@ class Sphere(Body):
             rho=checks.positive("rho", rho, "kg/m^3"),
             velocity=checks.number("velocity", velocity, "m/s"),
         )
+        plausible.tell([plausible.of_sphere(self.radius, self.rho)])
 
     @property
     def mass(self) -> float:

@@ -24,6 +24,8 @@ from antiosc.models.model_info import info_of
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
+#: Endings of tables, which `save` does not write.
+TABLES = {".csv", ".json", ".txt", ".xlsx", ".mat"}
 #: Largest table that is loaded, bytes.
 LARGEST = 2**30
 #: Contacts of which a file lists the times.
@@ -102,6 +104,11 @@ class Results(Brief):
             The file cannot be written.
         """
         target, table = checks.path("path", path), self.columns()
+        if target.suffix.lower() in TABLES:
+            raise InputError(
+                f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
+                f"for a table, or another ending than {target.name} has."
+            )
         header = {
             "format": FORMAT,
             "version": model_file.VERSION,

@@ -154,6 +154,7 @@ def test_at_an_interface_the_larger_of_both_materials_counts():
     np.testing.assert_allclose(peak.values[(x > 0.41) & (x < 0.51)], 10 / 4e9 / 0.01, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
     part = ao.Structure(
         parts.plate((6, 2), (0.3, 0.02), "triangle"),

@@ -57,6 +57,7 @@ POINTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_displacement_of_any_point_in_any_direction(cell, order):
@@ -273,6 +274,7 @@ def test_a_patch_on_a_plane_part_lies_on_its_edge():
     assert result.local_compliance == 0.0
 
 
+@pytest.mark.slow
 def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
     """Half of the patch is missing, which is said; the other face carries nothing."""
     structure = ao.Structure(parts.box((6, 6, 6), (0.1, 0.1, 0.1)), SOLID)
