@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -34,7 +35,7 @@ HELD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody:
+class RigidBody(Given):
     """A rigid body with several sites; it moves in space, its rotations are small.
 
     Parameters
