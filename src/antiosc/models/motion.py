@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
+from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
 
 #: Share of a body's inertia below which it has none about an axis.
@@ -96,7 +96,7 @@ class Inertia(Brief):
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Given):
     """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
 
     Parameters
@@ -138,7 +138,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalState:
+class ModalState(Given):
     """The state in which a body of a scene starts, in its mass-normalised modes.
 
     Parameters

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -34,7 +35,7 @@ HELD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody:
+class RigidBody(Given):
     """A rigid body with several sites; it moves in space, its rotations are small.
 
     Parameters
@@ -171,6 +172,11 @@ class Placed:
             return False
         size = float(np.abs(carried).max(initial=0.0))
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
+
+
+def may_turn(body: Placed | ModalBody) -> bool:
+    """Whether a body may turn, and its inertia in space is known."""
+    return body.inertia is not None and not body.omega.all()
 
 
 def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:

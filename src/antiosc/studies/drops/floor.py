@@ -190,7 +190,9 @@ def constants(material: Any) -> tuple[float, float]:
     """(E [Pa], nu) of a material; InputError for what is none or has directions."""
     found = getattr(material, "constants", None)
     if found is None:
-        raise InputError(f"a material such as Solid(E, nu, rho); got {checks.shown(material)}.")
+        raise InputError(
+            f"material must be a material such as Solid(E, nu, rho); got {checks.shown(material)}."
+        )
     E, nu = found()[:2]
     return float(E), float(nu)
 
