@@ -91,6 +91,22 @@ class ImpactMap(Brief):
             info=ModelInfo(point=self.points[i].tolist(), direction=self.directions[i].tolist()),
         )
 
+    @property
+    def areas(self) -> Array:
+        """(P,) the surface of each site: a third of its triangles [m²], half of its segments [m].
+
+        Of given points, which have no elements, 1 each.
+        """
+        if not len(self.elements):
+            return np.ones(len(self))
+        corners = self.points[self.elements]
+        edges = corners[:, 1:] - corners[:, :1]
+        gram = edges @ edges.transpose(0, 2, 1)
+        corners_of = self.elements.shape[1]
+        size = np.sqrt(np.linalg.det(gram)) / (corners_of - 1)  # of a simplex, /(d!), d = 1 or 2
+        own = np.repeat(size / corners_of, corners_of)
+        return np.asarray(np.bincount(self.elements.ravel(), own, len(self)), dtype=float)
+
     def quantities(self) -> dict[str, Array]:
         """Every scalar of the map by name, as written to files: (P,) each."""
         first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)

@@ -170,8 +170,12 @@ def _sections(found: Results) -> list[tuple[str, list[Block]]]:
     if found.fall is not None:
         blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
         sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
+    if found.found is not None:
+        sections.append(("Blow", [found.found.rows(), found.found.message]))
     if found.batch is not None:
         sections.append(("Sweep", [tables.sweep_columns(found)]))
+    if found.sample is not None:
+        sections.append(("Random values", [tables.sample_columns(found.sample)]))
     if found.map is not None:
         sections.append(("Map", [tables.map_rows(found.map)]))
     if hit is not None:

@@ -34,8 +34,9 @@ SECTION_FORCES = {
     | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
     | dict.fromkeys(("Q1", "Q2"), "N/m"),
 }
-#: Quantities of an ensemble of falls with their units, and quantiles that are told.
+#: Quantities of an ensemble of falls or impacts with their units, and quantiles that are told.
 FALL_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s", "lost": "J"}
+SAMPLE_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 QUANTILES = (0.5, 0.9, 0.99)
 #: Units of the quantities of a map.
 MAP_UNITS = {
@@ -56,8 +57,12 @@ def text(found: Results) -> str:
         pieces.append(lines([*probe_rows(found), *stress_rows(found)]))
     if found.fall is not None:
         pieces += [fall_text(found.fall), lines(fall_rows(found))]
+    if found.found is not None:
+        pieces.append(found.found.summary())
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
+    if found.sample is not None:
+        pieces.append(columns(sample_columns(found.sample)))
     if found.map is not None:
         pieces.append(lines(map_rows(found.map)))
     return "\n\n".join(piece for piece in pieces if piece)
@@ -246,10 +251,26 @@ def fall_columns(fall: Any) -> dict[str, Any]:
     """The impacts of a fall, or quantiles of the largest values of an ensemble of falls."""
     if hasattr(fall, "impacts") and hasattr(fall.impacts, "columns"):
         return dict(fall.impacts.columns())
+    return quantile_columns(fall, FALL_UNITS)
+
+
+def sample_columns(sample: Any) -> dict[str, Any]:
+    """Quantiles of a Monte Carlo study."""
+    return quantile_columns(sample, SAMPLE_UNITS)
+
+
+def run_columns(sample: Any) -> dict[str, Any]:
+    """The inputs and the results of each of its runs."""
+    failed = [sample.failed.get(i, "") for i in range(len(sample))]
+    return {**sample.inputs, **sample.values, "error": failed}
+
+
+def quantile_columns(many: Any, units: Mapping[str, str]) -> dict[str, Any]:
+    """Quantiles of some quantities of an ensemble, with their bars."""
     table: dict[str, Any] = {"quantity": [], "quantile": [], "value": [], "low": [], "high": []}
-    for name, unit in FALL_UNITS.items():
+    for name, unit in units.items():
         for q in QUANTILES:
-            one = fall.quantile(name, q)
+            one = many.quantile(name, q)
             row = (f"{name.replace('_', ' ')} ({unit})", q, one.value, one.low, one.high)
             for column, value in zip(table.values(), row, strict=True):
                 column.append(value)
