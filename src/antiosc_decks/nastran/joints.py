@@ -241,7 +241,7 @@ def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own
 def _gap(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
     """CGAP as linear solutions take it: a spring, closed or open as it is at first."""
     is_open = own.real(1) > 0
-    along = own.real(4) if is_open else own.real(3, None)
+    along = own.real(4) if is_open else own.real(3, 1e8)
     across = 0.0 if is_open else own.real(5, own.real(6) * along)
     spring = Entry("PBUSH", own.place, ["", "K", *(repr(k) for k in (along, across, across))])
     builder.tell_once(f"the contact in CGAP of PGAP {own.text(0)}, which stay "

@@ -162,11 +162,11 @@ def read(
     for entry in bulk.entries:
         if entry.fault and fate_of(entry.name).kind == "read":
             raise entry.fault
+    _refuse_images(bulk)
     parts.scope(bulk.entries)
     found = _nodes(bulk, name)
     found.account = account_for(bulk.entries, name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
-    _refuse_images(found)
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):
             found.converted.append(sentence.format(count, name))
@@ -178,10 +178,10 @@ def read(
     return found
 
 
-def _refuse_images(found: NastranDeck) -> None:
+def _refuse_images(bulk: Bulk) -> None:
     """MeshError where superelements do not divide the deck, but repeat or mirror parts of it."""
-    for entry in found.named("SEBULK"):
-        if entry.text(1).upper() not in ("", "PRIMARY"):
+    for entry in bulk.entries:
+        if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
             raise entry.place.error(
                 f"a superelement of the type {entry.text(1)} is not read; write its elements out."
             )

@@ -196,7 +196,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*ignored, *found.converted, *properties.ignored, *builder.joint_told]
+    builder.ignored += [*ignored, *found.converted, *properties.ignored]
     builder.ignored += found.account.ignored()
     return finished(builder, properties.roles)
 
