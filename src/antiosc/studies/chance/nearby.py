@@ -146,7 +146,7 @@ def nearby(
         if known:
             row = family.projected(structure, load)
             error = _misfit(_model(row, family.rigid, family.shift, n), model)
-        known.append((x, model))
+        known.append((x, replace(model, shapes=None, hidden=None)))
         good = good + 1 if error < tol / 2 else 0
         if good == IN_A_ROW:
             break
@@ -164,6 +164,7 @@ def nearby(
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive
             found.error = max(_misfit(found._at(x), model) for x, model in known)
             if found.error <= tol:
+                family.release()
                 return found
     raise AccuracyError(
         f"models between {found.extractions} extractions and {found.assemblies} assemblies differ"
