@@ -25,7 +25,7 @@ SOFT, THIN = (0.9, 1.1), (0.9, 1.1)
 
 def bracket() -> tuple[Callable[..., Any], ao.Site, dict[str, Any]]:
     """Moduli and density of a solid."""
-    mesh = ao.read_mesh(MESHES / "bracket.msh")
+    mesh = ao.read_mesh(MESHES / "bracket.msh", order=1)
 
     def build(E: float, nu: float, rho: float) -> ao.Structure:
         solid = ao.Solid(E=70e9 * E, nu=nu, rho=2700.0 * rho)
