@@ -65,7 +65,7 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin"),
+    *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
     *("Sample", "Sensitivity", "Quantile", "NearbyModels"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -335,6 +335,11 @@ def struck_part() -> ao.History:
 
 
 @functools.cache
+def design() -> Any:
+    return ao.design_map(part(), struck_part(), "impulse", "rho")
+
+
+@functools.cache
 def surface_map() -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
@@ -464,6 +469,8 @@ OWN: dict[str, dict[str, Any]] = {
         "build": lambda: pushed, "goal": "impulse", "x0": [0.1, 1.0],
         "bounds": [(0.05, 0.2), (0.5, 1.5)], "constraints": (),
     },
+    "design_map": {"hit": struck_part, "goal": "impulse", "by": "rho"},
+    "DesignMap.plot": {"self": design, "path": "design.png"},
     "gradient": {"hit": history, "goal": "impulse", "contact": ("structure", "impactor")},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},

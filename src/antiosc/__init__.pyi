@@ -316,6 +316,10 @@ from antiosc.studies.find.found import (
 from antiosc.studies.find.sensor import (
     Sensor as Sensor,
 )
+from antiosc.studies.gradients.design_map import (
+    DesignMap as DesignMap,
+    design_map as design_map,
+)
 from antiosc.studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,

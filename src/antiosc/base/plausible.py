@@ -190,14 +190,16 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)
     wave = _known(model, "wave_speed")
-    units = f"velocities are in m/s; {1e-3 * speed:g} m/s is probably meant ({speed:g} mm/s)"
-    sentence = ""
+    strained = isinstance(wave, int | float) and 0 < wave < speed / LINEAR
+    if not strained and speed <= FASTEST_BLOW:
+        return ""
     if speed > FASTEST_BLOW:
         sentence = (
             f"the blow of {speed:g} m/s is faster than {FASTEST_BLOW:g} m/s, beyond which every "
-            f"metal yields: {units}."
+            f"metal yields: velocities are in m/s; {1e-3 * speed:g} m/s is probably meant "
+            f"({speed:g} mm/s)."
         )
-    elif isinstance(wave, int | float) and 0 < wave < speed / LINEAR:
+    else:
         sentence = (
             f"the blow of {speed:g} m/s on a material with √(E/ρ) = {wave:.3g} m/s makes stresses "
             f"of about {speed / wave:.2g} E, more than {LINEAR:g} E, up to which a solid is "

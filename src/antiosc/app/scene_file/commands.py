@@ -20,7 +20,8 @@ from antiosc.base.progress import say
 STUDIES = {
     "run": (
         "simulation",
-        "no simulation to run: give [simulate], [run] for a scene of several contacts, or [drop]",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
+        " [find]",
     ),
     "sweep": (
         "batch",

@@ -24,7 +24,7 @@ WITHHELD = {
     ),
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
-FILES = {("Structure.from_files", "map")}
+FILES = {("Structure.from_files", "map"), ("find_impact", "signals")}
 #: Parameters that take an object of a class, beside those whose annotation says it.
 OBJECTS = {("Floor", "material"): "Solid"}
 

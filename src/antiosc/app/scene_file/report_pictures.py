@@ -81,6 +81,9 @@ def pictures(found: Results, one_view: bool = False) -> Iterator[Picture]:
     if found.worst is not None:
         about = "The largest value at each node over all impacts."
         yield _drawn("Largest stress", about, found.worst.plot, ".png")
+    if found.found is not None:
+        about = "Signals in the band that is compared, and the contact force (N) that was found."
+        yield _drawn("Signals and force", about, found.found.plot, ".png")
     if found.batch is not None:
         yield _chart(
             "Sweep",

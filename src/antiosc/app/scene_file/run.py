@@ -31,6 +31,7 @@ DOING = {
     "probe": "motion of the probes",
     **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
     "drop": "computing the fall",
+    "find_impact": "finding the blow",
     "Fall.peak": "peaks of the accelerometers",
     "Fall.worst": "largest stresses",
 }
@@ -38,7 +39,7 @@ DOING = {
 COMMANDS = {
     "run": (
         *("structure", "model", "impactor", "contact", "history", "probes", "stresses"),
-        *("fall", "peaks", "worst"),
+        *("fall", "peaks", "worst", "found"),
     ),
     "sweep": ("structure", "model", "impactor", "batch"),
     "map": ("structure", "impactor", "contact", "map"),
@@ -73,6 +74,7 @@ class Results:
     fall: Any = None
     peaks: Any = None
     worst: Any = None
+    found: Any = None
     warnings: list[str] = field(default_factory=list)
 
 

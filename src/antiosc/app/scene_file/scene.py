@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from antiosc.app.scene_file import chance, fall, impact, largest, struck, studies
+from antiosc.app.scene_file import blow, chance, fall, impact, largest, struck, studies
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.problems import label
 from antiosc.app.scene_file.read import Document
@@ -31,6 +31,7 @@ class Compiled:
     stresses : a call that makes {quantity: its largest values over the run}.
     batch, map, sample : of [sweep], [map] and [monte_carlo].
     fall : of [drop]; `peaks` name -> call, and `worst`, of the fall.
+    found : of [find].
     output : the files that are written.
     warnings : of the objects that were made.
     """
@@ -50,6 +51,7 @@ class Compiled:
     fall: Call | None = None
     peaks: Mapping[str, Call] = field(default_factory=dict)
     worst: Call | None = None
+    found: Call | None = None
     output: Call | None = None
     warnings: list[str] = field(default_factory=list)
 
@@ -67,7 +69,7 @@ class Compiled:
     @property
     def simulation(self) -> Call | None:
         """What `antiosc run` computes."""
-        return self.history or self.fall
+        return self.history or self.fall or self.found
 
     def does(self) -> list[str]:
         """The commands that this scene is for."""
@@ -83,7 +85,8 @@ def compiled(document: Document) -> Compiled:
     source = struck.source(build)
     structure = struck.structure(build, source)
     model = struck.model(build, source, structure)
-    made = impact.impact(build, structure, model)
+    found = blow.blow(build, source, structure)
+    made = {} if "find" in build.data else impact.impact(build, structure, model)
     impactor, contact, history = (made.get(n) for n in ("impactor", "contact", "history"))
     of_probes = structure
     if history is not None and history.name == "strike" and structure is None:
@@ -102,7 +105,7 @@ def compiled(document: Document) -> Compiled:
     build.problems.raise_if_any()
     return Compiled(
         document, structure, model, **made, **fallen, probes=probes, stresses=stresses, batch=batch,
-        map=surface, sample=sample, output=output, warnings=build.told,
+        map=surface, found=found, sample=sample, output=output, warnings=build.told,
     )  # fmt: skip
 
 

@@ -167,6 +167,13 @@ SECTIONS: dict[str, Section] = {
     "worst": Section(
         "table", "Fall.worst", "the largest stress of a fall at every node", given="self"
     ),
+    "sensors": Section("named", "Sensor", "sensors whose signals tell a blow, in their order"),
+    "find": Section(
+        "table",
+        "find_impact",
+        "a blow that is looked for in the signals of sensors, in place of an impact",
+        given="structure sensors impactor contact",
+    ),
     "stress": Section(
         "table",
         "peak_field",
