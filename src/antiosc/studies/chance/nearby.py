@@ -230,7 +230,7 @@ def _misfit(model: AntiOscillators, known: AntiOscillators) -> float:
     """
     if not known.n:
         return abs(model.m_st / known.m_st - 1)
-    last = max(known.info.converged or 1, 1)
+    last = min(max(known.info.converged or 1, 1), known.n)
     s = 1j * np.geomspace(FROM * known.omega[0], known.omega[last - 1], RATES)
     Z, Z_known = model.dynamic_stiffness(s), known.dynamic_stiffness(s)
     local = abs(model.local_compliance - known.local_compliance) * float(abs(Z_known[0]))
