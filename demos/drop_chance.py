@@ -2,7 +2,8 @@
 
 The bracket falls onto concrete. Its free modes are found once; each fall then takes some 25 ms. The
 script prints the force that 5 % of the falls exceed, with the bar of their number, and the share of
-each input in the variance, and draws both.
+each input in the variance, and draws both: with a roll near or below zero the bracket lands on an
+edge or on another corner, which is struck twice as hard; the height hardly matters beside that.
 
     .venv/bin/python demos/drop_chance.py --help
 """

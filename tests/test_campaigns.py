@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.studies.chance import monte_carlo as campaign
 from mpi import ENVIRONMENT
 
 INPUTS = {"x": ao.uniform(0.0, 1.0)}
@@ -90,7 +91,26 @@ def test_what_a_dead_process_took_with_it_is_made_again(tmp_path):
     assert 0 < len(broken.failed) < 500
     whole = ao.monte_carlo(square, INPUTS, 500, store=path)
     assert not whole.failed
-    assert np.array_equal(whole.values["square"], whole.inputs["x"] ** 2)
+    again = ao.monte_carlo(lambda x: "no number", INPUTS, 500, store=path)  # none is made
+    assert np.array_equal(again.values["square"], again.inputs["x"] ** 2)
+
+
+def test_a_large_campaign_is_stored_now_and_then(tmp_path, monkeypatch):
+    """Where it takes long to write the file, but always at the end, even at a bad one."""
+    monkeypatch.setattr(campaign, "AT_ONCE", -1.0)
+    monkeypatch.setattr(campaign, "SHARE", 1e-9)
+    path, calls = tmp_path / "campaign.csv", []
+
+    def run(x):
+        calls.append(len(path.read_text().splitlines()))
+        if len(calls) == 350:
+            raise KeyboardInterrupt
+        return square(x)
+
+    with pytest.raises(KeyboardInterrupt):
+        ao.monte_carlo(run, INPUTS, 400, store=path)
+    assert set(calls) == {1}
+    assert len(path.read_text().splitlines()) == 1 + 300
 
 
 def ran(command: list[str], folder: Path) -> list[float]:

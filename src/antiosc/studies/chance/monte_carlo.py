@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,8 @@ from antiosc.studies.chance.sample import Sample
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest
 #: number of such parts.
 TOGETHER, PARTS = 100, 100
+#: Share of the time that storing may take, where it takes longer than AT_ONCE [s].
+SHARE, AT_ONCE = 0.1, 0.05
 #: Most runs of a study.
 MOST = 10_000_000
 #: What is kept of an impact.
@@ -88,18 +92,15 @@ def monte_carlo(
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, drawn)
-    if path is not None:
-        _store(path, drawn, rows)  # told now if it cannot be written
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
     together = max(TOGETHER, -(-len(todo) // PARTS))
     parts = [todo[k : k + together] for k in range(0, len(todo), together)]
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
-    done = 0
-    with counting("runs", len(todo)) as ready:
+    with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as store_some:
+        done = 0
         for k, found in _made(run, given_of, executor):
             rows.update(zip(parts[k], found, strict=True))
-            if path is not None:
-                _store(path, drawn, rows)
+            store_some()
             done += len(found)
             ready(done)
     return _sample(drawn, [rows[i] for i in range(size)])
@@ -215,6 +216,33 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
         if float(text) != draw[i]:
             raise ValueError(f"run {i} has {name} = {text}, not {draw[i]:.17g}")
     return i, failure or {name: float(x) for name, x in line.items() if x}
+
+
+@contextmanager
+def _storing(
+    path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
+) -> Iterator[Callable[[], None]]:
+    """What stores the rows so far, where it takes little of the time; at the end all, or so far."""
+    if path is None:
+        yield lambda: None
+        return
+    due, pending = 0.0, False
+
+    def store_some() -> None:
+        nonlocal due, pending
+        began = time.monotonic()
+        pending = began < due
+        if not pending:
+            _store(path, drawn, rows)
+            spent = time.monotonic() - began
+            due = began + spent / SHARE if spent > AT_ONCE else 0.0
+
+    store_some()  # an error now if it cannot be written
+    try:
+        yield store_some
+    finally:
+        if pending:
+            _store(path, drawn, rows)
 
 
 def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> None:

@@ -112,8 +112,9 @@ def nearby(
     n : int
         Number of anti-oscillators.
     tol : float
-        Largest relative error of the dynamic stiffness Z(is) at rates of growth s up to the last
-        anti-oscillator, measured at extracted structures within the ranges.
+        Largest relative error of the dynamic stiffness Z(is), measured at extracted structures
+        within the ranges, at rates of growth s up to the last anti-oscillator that has converged
+        (`info.converged`): a larger n takes in more.
 
     Returns
     -------
@@ -146,7 +147,7 @@ def nearby(
         if known:
             row = family.projected(structure, load)
             error = _misfit(_model(row, family.rigid, family.shift, n), model)
-        known.append((x, model))
+        known.append((x, replace(model, shapes=None, hidden=None)))
         good = good + 1 if error < tol / 2 else 0
         if good == IN_A_ROW:
             break
@@ -164,6 +165,7 @@ def nearby(
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive
             found.error = max(_misfit(found._at(x), model) for x, model in known)
             if found.error <= tol:
+                family.release()
                 return found
     raise AccuracyError(
         f"models between {found.extractions} extractions and {found.assemblies} assemblies differ"
@@ -221,13 +223,15 @@ def _model(row: Array, rigid: int, shift: float, n: int) -> AntiOscillators:
 
 
 def _misfit(model: AntiOscillators, known: AntiOscillators) -> float:
-    """Largest relative difference of Z(is), s from below the first to the last anti-oscillator.
+    """Largest relative difference of Z(is), s from below the first to the last one that converged.
 
-    At growing motions Z has no poles, and each anti-oscillator the weight of its mass.
+    At growing motions Z has no poles, and each anti-oscillator the weight of its mass. Those that
+    have not converged represent all higher ones, and are not the same in two reductions.
     """
     if not known.n:
         return abs(model.m_st / known.m_st - 1)
-    s = 1j * np.geomspace(FROM * known.omega[0], known.omega[-1], RATES)
+    last = min(max(known.info.converged or 1, 1), known.n)
+    s = 1j * np.geomspace(FROM * known.omega[0], known.omega[last - 1], RATES)
     Z, Z_known = model.dynamic_stiffness(s), known.dynamic_stiffness(s)
     local = abs(model.local_compliance - known.local_compliance) * float(abs(Z_known[0]))
     return float(np.max(np.abs(Z / Z_known - 1))) + local
