@@ -21,7 +21,7 @@ DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/chance", "howto/cluster", "howto/export"),
-    *("howto/gradient", "howto/report", "api/gradients"),
+    *("howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),

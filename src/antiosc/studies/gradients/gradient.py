@@ -159,7 +159,7 @@ def gradient(
         body = model_name(found)
         models = [turned for _, turned in runs]
         for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
-            own[body] |= values
+            own[body] = own.get(body, {}) | values
     all_of = [
         Gradient(shown_goal(goal), wanted.value, own, _contacts(one, slopes))
         for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)

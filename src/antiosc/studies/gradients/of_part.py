@@ -195,7 +195,8 @@ def by_shape(
     for i in range(x.size):
         h = SMALL * (abs(x[i]) or 1.0)
         ends = [_extracted(build(x + s * h * np.eye(x.size)[i]), model) for s in (-1, 1)]
-        if abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st) > SAME_MODEL * model.m_st:
+        size = np.abs(model.m_st).max()
+        if np.abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st).max() > SAME_MODEL * size:
             raise InputError(
                 "build(x) must give the part, or the model, of this run: its mass at the site is"
                 " another."
