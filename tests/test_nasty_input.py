@@ -38,7 +38,7 @@ DEAR |= {
     "write_report",
 }
 DEAR |= {"from_frf", "save_fields", "read_mesh", "read_model", "peak_field", "reactions", "strike"}
-DEAR |= {"export"}
+DEAR |= {"export", "design_map", "DesignMap.plot"}
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("plotting.")}
 DEAR |= {"find_impact"}
 DEAR |= {"drop", *(name for name in CALLS if name.startswith(("Fall.", "Drops.", "closed_form.")))}

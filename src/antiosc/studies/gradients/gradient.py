@@ -214,8 +214,9 @@ def _of_part(
         slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
         own = dict(zip(known, slopes, strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
-    if not callable(part) or x is None:
-        raise InputError("part must be a Structure, or a function of x that builds one, with x=.")
+    checks.function("part", part, "a Structure, or a function of x that builds one")
+    if x is None:
+        raise InputError("part is a function of x: give the x at which the run was made.")
 
     def change(which: int, *ends: AntiOscillators) -> float:
         before, after = (with_model(hit, name, models[which](each)) for each in ends)

@@ -92,7 +92,7 @@ def minimize(
     """
     from scipy import optimize  # loaded where it is used: it takes long
 
-    if not callable(goal):
+    if not callable(goal) or isinstance(goal, type):
         checks.choice("goal", goal, tuple(GOALS))
     start, tol = checks.column("x0", x0), checks.tolerance(tol)
     if not callable(build) or isinstance(build, type) or not start.size:
