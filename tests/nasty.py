@@ -66,7 +66,7 @@ RESULTS = {
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
     *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
-    *("Sample", "Sensitivity", "Quantile"),
+    *("Sample", "Sensitivity", "Quantile", "NearbyModels"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -273,6 +273,11 @@ def many_falls() -> Any:
 
 def square(x: float) -> float:
     return x * x
+
+
+def two_masses(k: float) -> Any:
+    K = 1e6 * np.array([[k + 1.0, -1.0], [-1.0, 1.0]])
+    return ao.Structure.from_matrices(K, np.eye(2), backend="scipy")
 
 
 def spread() -> Any:
@@ -496,6 +501,10 @@ OWN: dict[str, dict[str, Any]] = {
     "Tilts": {"sigma": 2.0},
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
     "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
+    "nearby": {
+        "build": lambda: two_masses, "site": lambda: ao.Site(dof=1), "n": 1,
+        "ranges": lambda: {"k": (0.9, 1.1)},
+    },
     "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
     "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
     "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},

@@ -278,6 +278,10 @@ from antiosc.studies.chance.inputs import (
 from antiosc.studies.chance.monte_carlo import (
     monte_carlo as monte_carlo,
 )
+from antiosc.studies.chance.nearby import (
+    NearbyModels as NearbyModels,
+    nearby as nearby,
+)
 from antiosc.studies.chance.quantiles import (
     Quantile as Quantile,
 )

@@ -30,6 +30,7 @@ def blow(part: ao.Structure, tol: float) -> ao.History:
     return ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(3e8), 1.5e-3, tol=tol)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_modulus_and_density_against_extracting_again() -> None:
     part = bar()
