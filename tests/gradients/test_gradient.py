@@ -318,3 +318,21 @@ def test_a_function_that_builds_a_model_of_several_sites() -> None:
     g = ao.gradient(run(1.0), "impulse", contact=ends, part=build, x=[1.0])
     expected = [run(1 + s * 1e-4, 1e-9)[ends].impulse for s in (-1, 1)]
     assert g.x[0] == pytest.approx((expected[1] - expected[0]) / 2e-4, rel=2e-3)
+
+
+def test_mass_and_speed_from_peak_and_duration() -> None:
+    """Newton's method on both logarithms: the inverse of a blow on a beam, in some runs."""
+    law, wanted = ao.Hertz(1e9), np.array([0.4, 1.3])
+
+    def run(x: np.ndarray) -> ao.History:
+        return ao.simulate(ao.AntiOscillators(**MODEL), ao.RigidMass(*x), law, 3e-3, tol=1e-6)
+
+    goals = ("peak_force", "contact_time")
+    measured = [getattr(run(wanted), goal) for goal in goals]
+    x = np.array([0.5, 1.0])
+    for _ in range(8):
+        g = [ao.gradient(run(x), goal) for goal in goals]
+        slopes = [[each.mass * x[0] / each.value, each.velocity * x[1] / each.value] for each in g]
+        off = [np.log(m / each.value) for m, each in zip(measured, g, strict=True)]
+        x = x * np.exp(np.clip(np.linalg.solve(slopes, off), -0.3, 0.3))
+    assert x == pytest.approx(wanted, rel=1e-4)
