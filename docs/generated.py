@@ -29,6 +29,7 @@ PICTURES = {
         "find_blow": ["find_blow.png"],
         "impact_map": ["bracket_map.png"],
         "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
+        "guard_thickness": ["guard_thickness.png"],
         "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
     },
     "benchmarks": {

@@ -29,7 +29,7 @@ LIGHT = {
         "howto/cluster",
         "howto/export",
     ),
-    *("howto/gradient", "howto/report", "api/gradients"),
+    *("howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),

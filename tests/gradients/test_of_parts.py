@@ -75,6 +75,7 @@ def test_thickness_against_extracting_again(struck: tuple[ao.Structure, ao.Histo
     assert g.thickness * 2e-3 == pytest.approx(again.x[0], rel=0, abs=2e-3 * g.value)
 
 
+@pytest.mark.slow
 def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.History]) -> None:
     _, hit = struck
     g = ao.gradient(hit, "peak_force", part=lambda x: plate(wider=x[0]), x=[0.0])
@@ -94,6 +95,7 @@ def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.H
     assert mass.sum() == pytest.approx(part.mass, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_design_map_of_a_solid(tmp_path: Path) -> None:
     part = bar()
     hit = blow(part, 1e-4)
@@ -130,6 +132,7 @@ def test_a_part_that_is_not_of_the_model_is_refused(
         ao.gradient(hit, "impulse", part="plate")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_attached_masses_belong_to_the_part() -> None:
     """Scaling E with rho and the attached mass scales K and M: the impulse goes with both."""

@@ -34,4 +34,7 @@ def draw_design(
     draw(figure, axes, unit * corners[:, around], value, label, scale)
     frame(axes, unit * corners.reshape(-1, 3))
     axes.set(xlabel=f"x ({name})", ylabel=f"y ({name})", zlabel=f"z ({name})")
+    if np.ptp(corners[..., 2]) == 0.0:  # a plane part is seen from above
+        axes.view_init(elev=90, azim=-90)
+        axes.set(zticks=[], zlabel="")
     return finished(figure, path)

@@ -117,7 +117,7 @@ def bar(values: Sequence[Any]) -> Any:
     None where it is not known, as of m and omega, of which another model has others.
     """
     if isinstance(values[0], dict):
-        return {n: bar([each.get(n) for each in values]) for n in values[0]}
+        return {n: bar([(each or {}).get(n) for each in values]) for n in values[0]}
     base, finer, *others = (
         None if one is None or np.shape(one) != np.shape(values[0]) else np.asarray(one)
         for one in values

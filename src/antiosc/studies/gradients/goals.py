@@ -53,7 +53,7 @@ def seeds(
     found: Recorded, goal: str | Callable[[Sampled], float], contact: int, time: float | None
 ) -> Seeds:
     """The seeds of a goal by name, or of a function of a run; InputError for an unknown one."""
-    if not callable(goal):
+    if not callable(goal) or isinstance(goal, type):
         checks.choice("goal", goal, (*GOALS, *TIMED))
     if (goal in TIMED) != (time is not None):
         raise InputError(
@@ -282,7 +282,14 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:
-    return checks.number("the goal", goal(Sampled(time=time, **arrays)))
+    run = Sampled(time=time, **arrays)
+    try:
+        value = goal(run)
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            f"the goal must be a function of a run that has time, {', '.join(arrays)}: {error}."
+        ) from error
+    return checks.number("the goal", value)
 
 
 def _slopes(

@@ -159,7 +159,7 @@ def gradient(
         body = model_name(found)
         models = [turned for _, turned in runs]
         for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
-            own[body] |= values
+            own[body] = own.get(body, {}) | values
     all_of = [
         Gradient(shown_goal(goal), wanted.value, own, _contacts(one, slopes))
         for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)
@@ -214,8 +214,9 @@ def _of_part(
         slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
         own = dict(zip(known, slopes, strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
-    if not callable(part) or x is None:
-        raise InputError("part must be a Structure, or a function of x that builds one, with x=.")
+    checks.function("part", part, "a Structure, or a function of x that builds one")
+    if x is None:
+        raise InputError("part is a function of x: give the x at which the run was made.")
 
     def change(which: int, *ends: AntiOscillators) -> float:
         before, after = (with_model(hit, name, models[which](each)) for each in ends)

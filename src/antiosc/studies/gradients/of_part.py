@@ -31,6 +31,8 @@ from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
 #: Largest difference of the part's energy from the model's, per shape of unit energy.
 SAME_PART = 1e-4
+#: Inputs below this have no scale of their own.
+LEAST = 1e-200
 #: Largest relative difference of the static mass of models that `build` gives beside x.
 SAME_MODEL = 1e-2
 #: Numbers of materials, sections and layers that are no parameters of K and M.
@@ -193,9 +195,10 @@ def by_shape(
     """
     slopes = np.empty((len(changes), x.size))
     for i in range(x.size):
-        h = SMALL * (abs(x[i]) or 1.0)
+        h = SMALL * (abs(x[i]) if abs(x[i]) > LEAST else 1.0)
         ends = [_extracted(build(x + s * h * np.eye(x.size)[i]), model) for s in (-1, 1)]
-        if abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st) > SAME_MODEL * model.m_st:
+        size = np.abs(model.m_st).max()
+        if np.abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st).max() > SAME_MODEL * size:
             raise InputError(
                 "build(x) must give the part, or the model, of this run: its mass at the site is"
                 " another."
