@@ -61,6 +61,7 @@ def test_derivatives_are_those_of_differences():
             assert np.allclose(J[:, :, i], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 def test_modes_come_back_and_the_model_has_them(model):
     body = model.modal()
     for omega, b, zeta in zip(OMEGA[:4], B[:4, 0], ZETA[:4], strict=True):

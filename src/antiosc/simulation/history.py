@@ -308,6 +308,8 @@ class History(HistoryResults):
         Of bodies whose inertia in space is known.
         """
         a = self.assembly
+        if not a.turns:
+            return "", 0.0
         return largest_rotation(self.run, a.system, a.bodies, a.spans)
 
     # -- inside

@@ -27,6 +27,11 @@ STUDIES = {
         "batch",
         "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
     ),
+    "monte-carlo": (
+        "sample",
+        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
+        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
+    ),
     "map": ("map", "no [map]; with that line alone all of the surface is struck"),
 }
 

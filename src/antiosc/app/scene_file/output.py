@@ -161,7 +161,7 @@ def write(found: Results, target: Path) -> list[Path]:
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
             shown |= {"fall": found.fall, "worst": found.worst, "found": found.found}
-            shown |= found.stresses or {}
+            shown |= {"monte_carlo": found.sample, **(found.stresses or {})}
             for name, one in shown.items():
                 if hasattr(one, "plot") and not isinstance(one, SceneHistory):
                     paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
@@ -185,6 +185,8 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
         tables.append(("force.csv", {"time (s)": found.found.time, "force (N)": found.found.force}))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
+    if found.sample is not None:
+        tables.append(("monte_carlo.csv", result_tables.run_columns(found.sample)))
     if found.map is not None:
         several = len(found.map.surfaces()) > 1
         table = {"surface": found.map.names.tolist()} if several else {}
@@ -216,6 +218,8 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["found"] = found.found.numbers()
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
+    if found.sample is not None:
+        content["monte_carlo"] = result_tables.sample_columns(found.sample)
     if found.map is not None:
         content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
         content["map"] |= found.map.quantities()

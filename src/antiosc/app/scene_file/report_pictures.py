@@ -90,6 +90,11 @@ def pictures(found: Results, one_view: bool = False) -> Iterator[Picture]:
             "Peak force (N) of each impact, over the first value that varies.",
             partial(_swept, found),
         )
+    if found.sample is not None:
+        about = (
+            "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
+        )
+        yield _drawn("Random values", about, found.sample.plot, ".svg")
     quantities = {} if found.map is None else found.map.quantities()
     for quantity in ("peak_force", "contact_time", "k0"):
         if quantity in quantities:

@@ -27,6 +27,7 @@ DOING = {
     **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
     "simulate_many": "simulating the sweep",
     "impact_map": "mapping the surface",
+    "nearby": "reducing structures nearby",
     "probe": "motion of the probes",
     **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
     "drop": "computing the fall",
@@ -42,6 +43,7 @@ COMMANDS = {
     ),
     "sweep": ("structure", "model", "impactor", "batch"),
     "map": ("structure", "impactor", "contact", "map"),
+    "monte-carlo": ("structure", "impactor", "sample"),
     "dry run": ("structure", "impactor", "contact"),
 }
 
@@ -68,6 +70,7 @@ class Results:
     stresses: Any = None
     batch: Any = None
     map: Any = None
+    sample: Any = None
     fall: Any = None
     peaks: Any = None
     worst: Any = None

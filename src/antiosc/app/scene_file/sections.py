@@ -23,6 +23,7 @@ LAWS = (
     " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
 )
 IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"
+DISTRIBUTIONS = "normal lognormal uniform"
 JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 
 
@@ -144,6 +145,12 @@ SECTIONS: dict[str, Section] = {
         "impact_map",
         "the same impact at many points of the surface",
         given="structure impactor contact",
+    ),
+    "monte_carlo": Section(
+        "table",
+        "monte_carlo",
+        'runs with random values: n, seed, impactor.velocity = {kind = "normal", …}',
+        given="run inputs executor store",
     ),
     "drop": Section(
         "table",
