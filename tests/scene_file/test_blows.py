@@ -70,15 +70,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_blow_is_that_of_find_impact(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "find.toml").write_text(SCENE)
     assert cli.main(["check", "find.toml"]) == 0
+    shell = ao.Shell(210e9, 0.3, 7850.0, 4e-3)
+    mesh = ao.read_mesh("plate.geo", size=0.15, gdim=3)
+    sensors = [
+        ao.Sensor((0.07, 0.06, 0.0), (0, 0, 1)),
+        ao.Sensor((0.33, 0.08, 0.0), (0, 0, 1), "velocity"),
+    ]
+    part = ao.Structure(mesh, shell, [ao.Support("rim")])
     with pytest.warns(ao.AccuracyWarning):  # noise has no blow
-        shell = ao.Shell(210e9, 0.3, 7850.0, 4e-3)
-        mesh = ao.read_mesh("plate.geo", size=0.15, gdim=3)
-        sensors = [
-            ao.Sensor((0.07, 0.06, 0.0), (0, 0, 1)),
-            ao.Sensor((0.33, 0.08, 0.0), (0, 0, 1), "velocity"),
-        ]
         found = ao.find_impact(
-            ao.Structure(mesh, shell, [ao.Support("rim")]), sensors,
+            part, sensors,
             np.loadtxt("signals.csv", delimiter=",")[:, 1:], 16e3,
             [(0.1, 0.1, 0.0), (0.3, 0.2, 0.0)], ["place"], direction=(0, 0, -1), modes=5,
             impactor=ao.RigidMass(0.3, 2.0), contact=ao.Hertz(4e7),

@@ -151,8 +151,7 @@ def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArr
     at = w[:, None]
     # in real numbers and in place: a complex quotient takes twice as long
     stiff, loss = omega**2 - at**2, 2 * zeta * omega * (omega if hysteretic else at)
-    size = stiff**2
-    size += loss**2
+    size = stiff**2 + loss**2
     np.reciprocal(size, out=size)
     D = np.empty(size.shape, dtype=complex)
     np.multiply(stiff, size, out=D.real)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from antiosc.app.scene_file.build import Builder, Call
 from antiosc.app.scene_file.impact import own_laws
 
@@ -30,7 +32,7 @@ def blow(build: Builder, source: str, structure: Call | None) -> Call | None:
     if not build.part("sensors"):
         build.note(("find",), "[find] needs sensors: give [sensors.NAME] in the order of signals.")
     sensors = build.named("sensors")
-    given = {"structure": structure, "sensors": list(sensors.values())}
+    given: dict[str, Any] = {"structure": structure, "sensors": list(sensors.values())}
     if "impactor" in build.data:
         given["impactor"] = build.table("impactor")
     if "contact" in build.data:
