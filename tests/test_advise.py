@@ -119,7 +119,7 @@ def test_a_structure_knows_its_dimensions():
 def test_the_ladder_bears_the_advice_out(tmp_path):
     """The family advised is within 5 % of the solid's force, a smaller one is not."""
     cases = ("strut, large sphere", "strip, large sphere")
-    results = demo("fidelity").main(cases=cases, n=40, fine=0.85, out=tmp_path)
+    results = demo("fidelity").main(cases=cases, n=30, fine=0.6, out=tmp_path)
     strut, strip = (results[name] for name in cases)
     assert strut["advice"].family == "beam"
     assert strut["beam"]["error"] < 0.05
@@ -127,7 +127,7 @@ def test_the_ladder_bears_the_advice_out(tmp_path):
     assert strip["shell"]["error"] < 0.05
     assert strip["beam"]["error"] > 0.15
     for row in (strut["beam"], strut["shell"], strut["plane"]):
-        assert row["first"][0] == pytest.approx(strut["solid"]["first"][0], rel=3e-2)
+        assert row["first"][0] == pytest.approx(strut["solid"]["first"][0], rel=4e-2)
         assert row["compliance"] == pytest.approx(strut["solid"]["compliance"], rel=4e-2)
 
 

@@ -141,6 +141,7 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     assert [name for name in names if name.startswith("mean over")]
 
 
+@pytest.mark.slow
 def test_histories_and_models_plot_themselves(tmp_path):
     hit, model = impact(), case_two(3)[0]
     for one, name in ((hit, "hit.png"), (model, "model.svg")):

@@ -38,6 +38,7 @@ def test_anti_oscillators_against_the_articles_definitions(supports):
     np.testing.assert_allclose(model.m, m[seen][:15], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_pinned_free_beam_is_the_articles():
     """(24)-(27) exactly for Euler-Bernoulli; psi_i = c_i sin(i pi x/L)."""
     beam = UniformBeam.euler_bernoulli(**ARTICLE)

@@ -49,7 +49,7 @@ def case2(demos) -> dict[str, Any]:
     return demos["case2"].main(
         velocities=(0.01, 1.0),
         counts=(4, 6, 9, 12, 15, 20, 30, 45),
-        sweep=(1.5e9, 2.5e9, 4e9, 1e10, 1.55e10),
+        sweep=(1.5e9, 4e9, 1.55e10),
         fe_counts=(5, 8, 9, 12, 15, 20, 30, 40),
     )
 
@@ -213,7 +213,7 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
 
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
-    parts = demos["parts"].main(n1=20, n2=12)
+    parts = demos["parts"].main(n1=20, n2=12, check=False, step=1e-7)
     for beam, plane, solid in (case.values() for case in parts.values()):
         for part in (plane, solid):
             assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)

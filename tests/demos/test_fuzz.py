@@ -22,7 +22,7 @@ def test_random_scenes():
 
 @pytest.mark.slow
 def test_more_random_scenes():
-    result = fuzz.main(scenes=100, seed=4)
+    result = fuzz.main(scenes=50, seed=4)
     assert result["failures"] == []
 
 

@@ -47,6 +47,7 @@ def test_the_trial_job(case: ao.Structure, tmp_path: Path) -> None:
     assert "radius" in fall.summary()
 
 
+@pytest.mark.slow
 def test_the_body_of_a_mesh(case: ao.Structure) -> None:
     """Its points are the corners, its residual compliance is what the modes leave of K^-1."""
     fall = ao.drop(case, 0.1, face="-z", floor=ao.Floor(STEEL), until=0.01, modes=12)

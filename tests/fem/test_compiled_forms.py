@@ -63,6 +63,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.slow
 def test_what_one_mesh_has_compiled_serves_the_next(place):
     """The second form of a mesh has the same signature whether the first was compiled or loaded."""
     sizes = []

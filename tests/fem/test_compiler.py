@@ -53,6 +53,7 @@ def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
     assert tables.get_ffcx_table_values is own
 
 
+@pytest.mark.slow
 def test_no_file_is_left_open(tmp_path):
     """FFCx 0.5 claims a compilation by a file that it would not close."""
     compiler = pytest.importorskip("antiosc.fem.compiled_forms").compiler

@@ -74,6 +74,7 @@ def rattling(law: ao.ContactLaw, rng) -> tuple[System, engine.Run]:
     raise AssertionError("too few touches")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 def test_complex_steps(law: ao.ContactLaw) -> None:
     """A goal of all that a run wrote down, through many touches, by every number of the system."""

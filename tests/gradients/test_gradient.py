@@ -249,3 +249,29 @@ def test_equal_peaks_have_no_gradient() -> None:
     pull = ao.Scene({"wall": ao.Obstacle(), "ball": ball}, [walls], gravity=2000.0)
     with pytest.raises(ao.NotDifferentiableError, match="equal"):
         ao.gradient(pull.run(8e-3, tol=1e-8), "peak_force")
+
+
+def test_a_function_of_the_run() -> None:
+    """Samples at given times are the timed goals; the last velocity is v - impulse/mass."""
+    hit = blow(ao.Hertz(1e9))
+    k = int(np.argmax(hit.run.force)) // 2 * 2 - 3
+    t = float(hit.run.time[k])
+    wanted = {"velocity": 1.0, "mass": 0.5, "k0": 2e5, "stiffness": 1e9}
+
+    def numbers(goal: Any, **options: Any) -> np.ndarray:
+        g = ao.gradient(hit, goal, **options)
+        return np.array([g.value, *(getattr(g, name) * x for name, x in wanted.items())])
+
+    for name in ("force", "displacement"):
+        expected = numbers(name, time=t)
+        found = numbers(lambda run, n=name: getattr(run, n)[k])
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
+    impulse, last = numbers("impulse"), numbers(lambda run: run.impactor_velocity[-1])
+    expected = -impulse / 0.5
+    expected[:3] += (1.0, 1.0, impulse[0] / 0.5)  # v - J/m by J, v and m
+    assert last == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_function_of_the_run_that_returns_no_number() -> None:
+    with pytest.raises(ao.InputError, match="goal"):
+        ao.gradient(blow(ao.Hertz(1e9)), lambda run: float("nan"))

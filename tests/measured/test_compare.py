@@ -14,6 +14,7 @@ def hit() -> ao.History:
     return ao.simulate(model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9), duration=3e-3)
 
 
+@pytest.mark.slow
 def test_shift_and_scale_come_back(hit, tmp_path):
     t = np.linspace(0.0, 2.5e-3, 1001)
     path = tmp_path / "measured.csv"

@@ -76,6 +76,7 @@ def test_a_fall_is_that_of_drop(folder: Path, capsys: pytest.CaptureFixture[str]
     assert page.count("<img") >= 2
 
 
+@pytest.mark.slow
 def test_an_ensemble_has_quantiles(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "many.toml").write_text(f"{SCENE}n = 12\nensemble = {{sigma = 2.0}}\n[output]\n")
     assert cli.main(["run", "many.toml", "--out", "out"]) == 0

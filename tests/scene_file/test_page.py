@@ -31,6 +31,7 @@ def test_the_page_names_every_section():
         assert re.search(rf"\[+{name}\b", PAGE) or name == "title", name
 
 
+@pytest.mark.slow
 def test_the_scene_of_the_page_has_no_mistakes(page, capsys):
     assert antiosc("check", page) == 0
     assert "antiosc run, antiosc sweep, antiosc map" in capsys.readouterr().out

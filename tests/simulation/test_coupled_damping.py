@@ -57,6 +57,7 @@ def test_the_impulse_is_the_momentum_that_the_ball_loses(speed):
     assert ao.simulate_many(DAMPED, ball, LAW, END).impulse[0] == hit.impulse
 
 
+@pytest.mark.slow
 def test_force_motion_and_acceleration_are_those_of_all_states(exact):
     hit = ao.simulate(DAMPED, BALL, LAW, END, tol=1e-6)
     y = exact(hit.time)

@@ -258,6 +258,7 @@ def test_bad_body(make, says):
         make()
 
 
+@pytest.mark.slow
 def test_runs_without_the_finite_element_packages_and_loads_little():
     script = """
 import sys

@@ -74,6 +74,7 @@ def test_estimate_covers_the_truth_in_200_scenes():
     assert factor.max() < 15
 
 
+@pytest.mark.slow
 def test_choice_is_the_smallest_that_meets_the_tolerance():
     model, striker = case_two(60)
     run = struck(striker, ao.Hertz(HERTZ), 8e-3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -425,7 +425,8 @@ def with_model(hit: History, model: Any, **changes: Any) -> History:
     """The same history with the structure's model told more of itself, and other `changes`."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
-    return replace(hit, assembly=replace(hit.assembly, bodies=bodies), **changes)
+    known = partial(tuple, (hit.assembly.scene, bodies))
+    return replace(hit, assembly=replace(hit.assembly, parts=known), **changes)
 
 
 def no_field(model: Any) -> str:

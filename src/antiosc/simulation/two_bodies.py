@@ -87,6 +87,11 @@ def pair(
 ) -> Pair:
     """The bodies of an impact in their modes, with their start and gravity."""
     one, other = checked_body("model", model), checked_body("impactor", impactor)
+    if one.velocity != 0.0:
+        raise InputError(
+            f"the model has a velocity of {one.velocity:g} m/s, which only the impactor may have: "
+            "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
+        )
     structure, striker = one.modal(), other.modal()
     starts = _starts(structure, striker, initial_velocity, other.velocity)
     loads = _loads(structure, striker, gravity)

@@ -28,6 +28,7 @@ from antiosc_decks.nastran.materials import materials_of
 from antiosc_decks.nastran.mesh import (
     NastranDeck,
     constraints,
+    grid_defaults,
     its_property,
     property_of,
     set_groups,
@@ -218,9 +219,9 @@ def _without_autospc(found: NastranDeck) -> bool:
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
-    default = next(iter(found.named("GRDSET")), None)
+    defaults = grid_defaults(found.bulk.entries)
     for row, grid in enumerate(found.grids):
-        permanent = grid.text(6) or (default.text(6) if default else "")
+        permanent = grid.text(6) or defaults.get(grid.place.scope, grid).text(6)
         if permanent:
             _fix(found, builder, np.array([row]), permanent, grid.place)
     moved: list[Place] = []

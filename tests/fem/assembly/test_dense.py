@@ -14,6 +14,7 @@ import every_joint
 pytestmark = pytest.mark.fem
 
 
+@pytest.mark.slow
 def test_every_joint_against_dense_matrices():
     """Tie, Rigid, Mean, Weld, Hinge, Ball, Slider, Bolt, Bushing, Equation, superelement, mass."""
     part = every_joint.assembly()

@@ -192,6 +192,7 @@ def test_a_turned_part_of_an_anisotropic_material_is_the_part():
     assert same == pytest.approx(local, abs=1e-6 * np.abs(stress).max())
 
 
+@pytest.mark.slow
 def test_a_free_assembly_flies_as_a_rigid_body():
     """Thrown, spinning and under gravity: every part moves as the whole does, to rounding."""
     block = ao.Structure(box((0, 0, 0), (0.1, 0.05, 0.05), (2, 1, 1)), STEEL, order=1)

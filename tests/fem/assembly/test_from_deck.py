@@ -27,6 +27,7 @@ def stiffness(structure: ao.Structure, site: ao.Site) -> float:
     return float(1 / (b @ sp.linalg.spsolve(K.tocsc(), b)))
 
 
+@pytest.mark.slow
 def test_a_beam_deck_in_millimetres_is_the_beam_in_metres():
     with pytest.warns(
         ao.AntioscWarning, match=r"not taken: 1 \*CLOAD .line 35.*1 \*PLASTIC .*1 \*S"

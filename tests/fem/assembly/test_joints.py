@@ -43,6 +43,7 @@ def whole() -> ao.Structure:
     return ao.Structure(line((0, 0, 0), (1, 0, 0), 20), BEAM, [CLAMP])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ends", [POINT, pytest.param(("inner:end", "outer:start"), marks=pytest.mark.slow)]
 )

@@ -45,6 +45,7 @@ def plate(folder: Path, halved: bool) -> ao.Structure:
     return ao.read_model(path)
 
 
+@pytest.mark.slow
 def test_triangles_beside_quadrilaterals_stay(tmp_path):
     """As few dofs as quadrilaterals alone; mass, k0 on the seam and the first frequency agree."""
     whole, mixed = plate(tmp_path, False), plate(tmp_path, True)

@@ -187,6 +187,7 @@ TOLD = [
 ]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("make", "words"), TOLD)
 def test_it_is_told_in_one_sentence(make, words):
     with pytest.warns(AntioscWarning, match=words):

@@ -78,6 +78,7 @@ def test_stiffness_of_the_article_supported_beam():
     ).m_st == pytest.approx(0.89, abs=0.01)
 
 
+@pytest.mark.slow
 def test_off_the_nodes():
     """A site within an element: the closed form at that very point."""
     site = 0.3711

@@ -36,6 +36,7 @@ def area(mesh: ao.Mesh, group: str) -> float:
     return compat.integrate(weight * measure(mesh, 4), mesh.dolfinx)
 
 
+@pytest.mark.slow
 def test_plate():
     mesh = ao.read_mesh(FOLDER / "plate.msh")
     assert mesh.gdim == 2

@@ -66,6 +66,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
     return float(np.max(error - 10 * doubt)), model.info["band"]["error_bound"], what
 
 
+@pytest.mark.slow
 def test_bound_over_the_band_holds():
     check_bounds(_extracted, [1, 10, 17, 24], 1 / 4)
 

@@ -43,6 +43,7 @@ def test_every_number_of_shapes_is_passive_and_many_are_exact():
     np.testing.assert_allclose(H, exact, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_random_structures_are_passive_from_the_first_shape():
     for _ in range(5):
         A, B, L = RNG.normal(size=(12, 12)), RNG.normal(size=(12, 12)), RNG.normal(size=(2, 12))

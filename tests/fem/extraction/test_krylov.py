@@ -165,6 +165,7 @@ def test_band_stops_where_the_accuracy_is_reached(steel, method):
     assert model.n < 60
 
 
+@pytest.mark.slow
 def test_fewer_krylov_than_modes_at_equal_error(steel):
     reference = ao.extract(steel, SITE, n=60)
     band = 1.1 * reference.omega[2]

@@ -56,6 +56,7 @@ def test_tangential_directions_that_supports_hold():
     np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
 
 
+@pytest.mark.slow
 def test_tangential_directions_of_an_assembly():
     top = {"top": (2, lambda x: np.isclose(x[2], 0.05)), "foot": (2, lambda x: np.isclose(x[2], 0))}
     under = {"under": (2, lambda x: np.isclose(x[2], 0))}

@@ -40,6 +40,7 @@ def forgotten():
     cholmod.refusal.cache_clear()
 
 
+@pytest.mark.slow
 def test_arrays_of_the_factor_last_as_long_as_they_are_used():
     factor = Cholesky(chain(2000), 1)
     memory = weakref.ref(factor._memory)

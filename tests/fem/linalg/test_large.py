@@ -60,6 +60,7 @@ def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
     np.testing.assert_array_equal(factor.solve(load), part.factorize().solve(load))
 
 
+@pytest.mark.slow
 def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
     part = block(n=(10, 6, 4))
     rows = part.K.getSize()[0]
@@ -123,6 +124,7 @@ def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
         part.factorize()
 
 
+@pytest.mark.slow
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     # Between the general bound and the forecast: the forecast decides, without a word.
     part = block(n=(24, 12, 1))

@@ -176,6 +176,7 @@ def test_script_makes_the_committed_part(part, made):
         np.testing.assert_allclose(new[group], expected, rtol=1e-4, atol=1e-6, err_msg=group[0])
 
 
+@pytest.mark.slow
 def test_script_makes_the_committed_step(tmp_path):
     with opened() as gmsh:
         script("bracket").model()

@@ -68,6 +68,7 @@ def smallest_jacobian(mesh: ao.Mesh) -> float:
     return worst
 
 
+@pytest.mark.slow
 def test_no_cell_of_a_meshed_geometry_is_folded():
     """gmsh alone leaves six of these 1900 cells inside out, at the bracket's fillets."""
     mesh = ao.read_mesh("meshes/bracket.step", size=0.01)

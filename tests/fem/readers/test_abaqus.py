@@ -45,6 +45,7 @@ NODES = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 
 
+@pytest.mark.slow
 def test_sets_are_read_in_any_case_and_spacing():
     mesh = ao.read_mesh(DECKS / "sets.inp")
     assert mesh.cell == "hexahedron"

@@ -130,6 +130,7 @@ def assembly(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_solids_of_an_assembly_share_nodes_and_have_their_names(assembly):
     with pytest.raises(ao.MeshError, match="falls into 2 pieces"):
         ao.read_mesh(assembly, size=8e-3)

@@ -41,6 +41,7 @@ def written(tmp_path_factory) -> dict[str, Path]:
     return {suffix: folder / f"part.{suffix}" for suffix in ("unv", "msh")}
 
 
+@pytest.mark.slow
 def test_a_file_of_gmsh_is_the_mesh_that_it_was(written):
     mesh, other = (ao.read_mesh(written[suffix]) for suffix in ("unv", "msh"))
     assert (mesh.cell, mesh.order, mesh.n_cells) == (other.cell, other.order, other.n_cells)

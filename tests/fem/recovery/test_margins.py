@@ -76,6 +76,7 @@ def test_at_each_strength_the_exposure_is_1(criterion):
             assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
 
 
+@pytest.mark.slow
 def test_plies_of_a_cantilever_fail_in_compression_and_delaminate_in_the_middle():
     """A strip of 0° plies: σ1 = 6 F L/(b h²) at the clamp, τ13 = 3 F/(2 b h) in the middle."""
     b, h, L, F = 0.02, 4e-3, 0.18, 10.0

@@ -99,6 +99,7 @@ def test_reactions_are_those_of_the_unreduced_model(struck):
         )
 
 
+@pytest.mark.slow
 def test_a_part_that_slides_and_a_scene():
     """A guide along x: the reactions along y balance, and those along x are zero."""
     with pytest.warns(ao.AntioscWarning, match="free to move"):

@@ -57,6 +57,7 @@ POINTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_displacement_of_any_point_in_any_direction(cell, order):
@@ -177,7 +178,7 @@ def test_a_probe_reaches_as_far_as_a_snap():
         np.testing.assert_allclose(moved, near, rtol=1e-9)
         far = ao.probe(part, hit, (0.3, 0, 0), quantity, snap=0.11)
         np.testing.assert_allclose(far, near, rtol=1e-9)
-    assert "(0.15, 0.02, 0.04) m" in hit.summary()
+    assert "(150, 20, 40) mm" in hit.summary()
     assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
 
 
@@ -273,6 +274,7 @@ def test_a_patch_on_a_plane_part_lies_on_its_edge():
     assert result.local_compliance == 0.0
 
 
+@pytest.mark.slow
 def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
     """Half of the patch is missing, which is said; the other face carries nothing."""
     structure = ao.Structure(parts.box((6, 6, 6), (0.1, 0.1, 0.1)), SOLID)

@@ -27,6 +27,7 @@ def x() -> np.ndarray:
     return parts.box().dolfinx.geometry.x
 
 
+@pytest.mark.slow
 def test_regions_select_what_functions_of_coordinates_do(x):
     low, high = x.min(axis=0), x.max(axis=0)
     middle = (low + high) / 2

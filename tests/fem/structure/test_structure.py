@@ -111,6 +111,7 @@ def test_a_point_group_holds_a_node():
     np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("supports", "left"),
     [

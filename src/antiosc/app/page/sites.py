@@ -23,6 +23,8 @@ SHOWN = {
     "peak_force": ("peak force", "N"),
     "contact_time": ("contact time", "s"),
     "peak_deflection": ("peak deflection (computed case)", "m"),
+    "peak_stress": ("largest stress in the part (computed case)", "Pa"),
+    "exposure": ("danger: largest stress over yield (computed case)", ""),
     "k0": ("static stiffness", "N/m"),
 }
 

@@ -17,8 +17,8 @@ from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.executors import check_executor, returned
-from antiosc.studies.chance.inputs import checked, draws
+from antiosc.simulation.executors import as_they_come, check_executor
+from antiosc.studies.chance.inputs import checked, draws, value
 from antiosc.studies.chance.sample import Sample
 
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest
@@ -56,8 +56,9 @@ def monte_carlo(
         numbers by name; or one number. Make once, outside, what no input changes: a model above
         all. AntioscErrors that it raises are kept as the failure of that run.
     inputs : dict
-        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats, or
-        a sequence of values that are equally probable (points, models, laws).
+        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a
+        sequence of values that are equally probable (points, models, laws); or an `ImpactMap`: the
+        function is given the model at a site of its surface, drawn by area.
     n : int
         Number of runs.
     seed : int
@@ -95,35 +96,31 @@ def monte_carlo(
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
     done = 0
     with counting("runs", len(todo)) as ready:
-        for part, found in zip(parts, _made(run, given_of, executor), strict=True):
-            rows.update(zip(part, found, strict=True))
+        for k, found in _made(run, given_of, executor):
+            rows.update(zip(parts[k], found, strict=True))
             if path is not None:
                 _store(path, drawn, rows)
-            done += len(part)
+            done += len(found)
             ready(done)
     return _sample(drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
     """The arguments of run `i`."""
-    return {
-        name: float(drawn[name][i]) if hasattr(what, "ppf") else what[int(drawn[name][i])]
-        for name, what in inputs.items()
-    }
+    return {name: value(what, drawn[name][i]) for name, what in inputs.items()}
 
 
 def _made(
     run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
-) -> Iterator[list[Row]]:
-    """The rows of each part, in order; those of a part that the executor lost are failures."""
+) -> Iterator[tuple[int, list[Row]]]:
+    """Parts by their numbers, and their rows; those that the executor lost are failures."""
     if executor is None:
-        yield from (_rows(run, part) for part in given)
+        yield from ((k, _rows(run, part)) for k, part in enumerate(given))
         return
-    found = returned(executor, _rows, [((run, part), {}) for part in given])
-    for part, rows in zip(given, found, strict=True):
+    for k, rows in as_they_come(executor, _rows, [((run, part), {}) for part in given]):
         if isinstance(rows, InputError):
             raise rows
-        yield [str(rows)] * len(part) if isinstance(rows, AntioscError) else rows
+        yield k, [str(rows)] * len(given[k]) if isinstance(rows, AntioscError) else rows
 
 
 def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
