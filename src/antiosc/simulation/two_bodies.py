@@ -140,9 +140,7 @@ def pose(
     law, notes = freed(contact, made.local, "structure", "impactor")
     gap = made.bodies[1][0].gap if gap is None else checks.nonnegative("gap", gap, "m")
     mass = made.mass
-    depth, speed, lasting = expected_impact(
-        law, mass, made.beta, made.v, made.load, gap, duration
-    )
+    depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
     parts = partial(_parts, model, impactor, contact, gap, gravity, made)
     (_, structure, _), (_, striker, _) = made.bodies
     uncoupled = structure.damping is None and striker.damping is None
