@@ -350,6 +350,21 @@ def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> 
         assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
 
 
+def test_friction_on_soil_spins_a_ball() -> None:
+    """It does not change what is pressed, and its impulse turns the ball: 0.4 r w = v0 - v."""
+    given = {"velocity": (0.5, 0.0, 0.0), "until": 1, "tol": 1e-5}
+    peaks, ends = [], []
+    for friction in (0.0, 0.3):
+        floor = ao.Floor(law=ao.Hertz(1e9), model=CONE, friction=friction)
+        fall = ao.drop(ao.Sphere(0.05, 200e9, 0.3, 7800.0), 0.05, floor=floor, **given)
+        peaks.append(fall.peak_force)
+        ends.append((fall.end.velocity[0], fall.impacts[0].spin_after[1]))
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-5)
+    assert ends[0] == (0.5, 0.0)
+    assert ends[1][0] < 0.4
+    assert 0.4 * 0.05 * ends[1][1] == pytest.approx(0.5 - ends[1][0])
+
+
 def test_modes_ring_whatever_their_damping() -> None:
     """Weak, nearly critical, critical and over-damped ones, and the bounds of their motion."""
     omega, t = np.full(5, 3.0), np.linspace(0.0, 4.0, 30)
@@ -445,6 +460,7 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"height": 0.0}, "height"),
         ({"height": np.nan}, "height"),
         ({"tilt": (1, 2)}, "tilt"),
+        ({"spin": (0, 1e6, 0)}, "spin"),
         ({"until": 0}, "until"),
         ({"until": True}, "until"),
         ({"ensemble": ao.Tilts(1.0), "n": 0}, "n must"),

@@ -6,7 +6,7 @@ const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
 const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
-const MANY = 1000; // steps
+const MANY = 20000; // steps times modes
 
 const find = (id) => document.getElementById(id);
 
@@ -123,7 +123,7 @@ class Page {
       duration *= 2;
       hit = strike(rough);
     }
-    this.rough = !resting && hit.n_nodes > MANY;
+    this.rough = !resting && !this.at_start() && hit.n_nodes * hit.modes > MANY;
     if (!this.rough) hit = strike(blow.tol);
     const bars = this.bars(hit, duration);
     this.hit = hit;

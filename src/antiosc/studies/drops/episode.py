@@ -3,9 +3,9 @@
 The points that may touch are sites with a normal and two tangential directions. The scene has the
 body as it is expected to be in the middle of the contact, turned and bent by the first point that
 touches. Where it turns more than the tolerance permits, the scene runs once more, with the change
-of the lever arms and of the spin that the first run shows as given loads and gaps: the error is then
-of the second order in the turn (`turning`). The modal state of the flight is that of the scene at
-its start; at the end, when all has parted, the scene's state becomes a flight again (`hand_over`).
+of the lever arms and of the spin that the first run shows as given loads and gaps: the error is
+then of the second order in the turn (`turning`). The modal state of the flight is that of the scene
+at its start; at the end, when all has parted, the scene's state becomes a flight (`hand_over`).
 """
 
 from __future__ import annotations

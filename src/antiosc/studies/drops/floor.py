@@ -154,10 +154,10 @@ def _ground(own: ModalBody) -> Ground:
     moving = SideBySide([(own.omega, decay, own.first_order, None)])
     body = SiteModes(
         own.omega,
-        -own.b[:, None],
-        ["top"],
-        r=np.array([[own.r]]),
-        directions=np.array([[0.0, 0.0, 1.0]]),
+        np.outer(-own.b, [1.0, 0.0, 0.0]),
+        {"top": (0, 1, 2)},
+        r=np.diag([own.r, 0.0, 0.0]),
+        directions=np.eye(3)[[2, 0, 1]],  # along the floor it stands still
         decay=None if own.damping is not None else decay,
         weight=np.zeros((own.omega.size, 3)),
         damping=own.damping,
