@@ -97,7 +97,7 @@ def modal(model: Parameters) -> ModalBody:
     first = np.ones(model.n, dtype=bool)
     first[1:] = squares[1:] > squares[:-1]
     group = np.cumsum(first)
-    mass = np.bincount(group, weights=model.m)[1:]
+    mass = np.asarray(np.bincount(group, weights=model.m)[1:], dtype=float)
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, squares[first])
     shape = shape[np.append(0, group)]
     residual = np.zeros(model.n + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from antiosc.simulation.scene_states import between
 from antiosc.simulation.system import System
 
 Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
+
+
+def known(scene: SceneParts, bodies: dict[str, Placed]) -> Callable[[], Parts]:
+    """What gives a scene and its bodies that are made already, and can be pickled."""
+    return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
 
 @dataclass(eq=False)
@@ -161,8 +166,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         first=first_order_of(bodies.values()),
     )
     turns = any(map(may_turn, bodies.values()))
-    known = partial(tuple, (scene, bodies))
-    return Assembly(known, G, laws, notes, system, lasting, turns)
+    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns)
 
 
 def side_by_side(

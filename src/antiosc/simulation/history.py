@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.charts.histories import plot_history
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.assembly import Assembly, known
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
@@ -425,8 +425,8 @@ def with_model(hit: History, model: Any, **changes: Any) -> History:
     """The same history with the structure's model told more of itself, and other `changes`."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
-    known = partial(tuple, (hit.assembly.scene, bodies))
-    return replace(hit, assembly=replace(hit.assembly, parts=known), **changes)
+    assembly = replace(hit.assembly, parts=known(hit.assembly.scene, bodies))
+    return replace(hit, assembly=assembly, **changes)
 
 
 def no_field(model: Any) -> str:

@@ -135,8 +135,8 @@ class Given:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
-        self.block = s.block
-        if self.block is None or not (s.q.base is s.v.base is self.block):  # another start
+        self.block: Array = np.zeros(0) if s.block is None else s.block
+        if not (s.q.base is s.v.base is self.block):  # no block, or another start
             self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
         gamma = None if s.gamma is None else march.address(s.gamma)
