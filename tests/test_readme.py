@@ -76,8 +76,8 @@ def same_numbers(said: str) -> None:
         count = 3 if name == "site" else 1
         told = [scale * one for one in told[:count]]
         assert found[:count] == pytest.approx(told, rel=5e-3, abs=1e-4 * (name == "site"))
-    assert "(time integration; mesh: not estimated" in said
-    assert "(time integration; mesh: not estimated" in shown
+    assert "(time integration; truncation, mesh: not estimated" in said
+    assert "(time integration; truncation, mesh: not estimated" in shown
 
 
 @pytest.mark.fem
