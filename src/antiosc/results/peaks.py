@@ -68,9 +68,10 @@ class PeakField(Brief):
         strength is known; None for other quantities, and where no material has a strength.
     mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
         much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
-        0 in sheets and beams, else None.
+        0 in sheets and beams beside them, else None.
     doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
-        support, too large cells; "" otherwise.
+        support, too large cells; of sheets, that their error by the mesh is not estimated; ""
+        otherwise.
     """
 
     quantity: str
@@ -286,6 +287,8 @@ def peak_field(
             share = float(result.mesh_error[k] / result.values[k])
             told = resolution.doubt(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=told)
+        elif result.values.any():
+            result = replace(result, doubt=resolution.not_known(structure, shapes, part))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(

@@ -94,3 +94,14 @@ def test_the_edge_of_a_support_is_told():
     assert "support" in peak.doubt
     assert peak.doubt in peak.summary()
     assert peak.mesh_error.shape == peak.values.shape
+
+
+def test_sheets_tell_that_their_error_is_not_known():
+    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=5e-3)
+    mesh = ao.read_mesh(parts.plate((4, 2), (0.2, 0.1)).dolfinx, gdim=3)
+    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
+    part, hit = held(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), 100.0)
+    peak = ao.peak_field(part, hit, body="part")
+    assert peak.mesh_error is None
+    assert "not estimated" in peak.doubt
+    assert peak.doubt in peak.summary()
