@@ -62,12 +62,15 @@ def of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        low, high = (float(end(found.peak_force)) for end in (np.nanmin, np.nanmax))
+        hardest = found.hardest()
+        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[hardest])
         numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
         times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
         numbers.append(("contact time", " to ".join(times)))
-        where = place(found.points[int(np.nanargmax(found.peak_force))])
+        where = place(found.points[hardest])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
+        if found.doubtful.any():
+            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
     worst = float(found.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"

@@ -213,7 +213,7 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["sweep"] = result_tables.sweep_columns(found)
     if found.map is not None:
         content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
-        content["map"] |= found.map.quantities()
+        content["map"] |= found.map.quantities() | {"doubtful": found.map.doubtful}
     return content
 
 

@@ -271,7 +271,7 @@ def map_rows(found: Any) -> Rows:
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
-            i = own[np.argmax(found.peak_force[own])]
+            i = found.hardest(own)
             place = ", ".join(f"{c:.4g}" for c in found.points[i])
             text += f", at most {found.peak_force[i]:.5g} N at ({place}) m"
         rows.append((name, text))
