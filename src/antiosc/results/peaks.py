@@ -23,6 +23,7 @@ from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search, resolution
+from antiosc.results.contact_yield import contact_yield
 from antiosc.results.fields import counted, shapes_of
 from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
 from antiosc.results.margin import CRITERIA, Margin
@@ -289,6 +290,9 @@ def peak_field(
             result = replace(result, doubt=told)
         elif result.values.any():
             result = replace(result, doubt=resolution.not_known(structure, shapes, part))
+    if result._margin is not None and result._margin.criterion == "yield":
+        told = contact_yield(structure, shapes, history)
+        result = replace(result, _margin=replace(result._margin, contact=told))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
