@@ -22,11 +22,11 @@ import antiosc as ao
 from antiosc.base._types import Array
 
 E, NU, RHO, THICKNESS = 70e9, 0.33, 2700.0, 6e-3
-SIDES, CELLS = (0.4, 0.3), (12, 9)
+SIDES, CELLS = (0.4, 0.3), (8, 6)
 #: Half-sine force: peak [N], duration and start [s]; sampling interval, samples.
-PEAK, LASTING, START, DT, SAMPLES = 500.0, 1.2e-3, 6e-4, 4e-5, 200
+PEAK, LASTING, START, DT, SAMPLES = 500.0, 1.2e-3, 6e-4, 5e-5, 120
 #: Struck and measured nodes, in cells from the corner.
-STRUCK, MEASURED = (8, 4), ((4, 2), (11, 2), (10, 7), (5, 7))
+STRUCK, MEASURED = (5, 3), ((3, 1), (7, 1), (7, 5), (3, 5))
 SIGMA = 0.03
 
 

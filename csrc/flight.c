@@ -32,16 +32,16 @@ static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) 
     int J = st->system.n_modes;
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
     const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-    for (int j = 0; j < J && st->system.gamma != NULL; j++) {
-        double moved[4], gamma = gamma_row(st, i)[j];
-        loaded_by(st, s->response, j, moved);
-        out->depth += beta[j] * moved[0] + gamma * moved[1];
-        out->rate += beta[j] * moved[2] + gamma * moved[3];
-    }
-    for (int j = 0; j < J && st->system.gamma == NULL; j++) {
-        out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
-        out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
-    }
+    for (int j = 0; j < J; j++)
+        if (st->system.gamma == NULL) {
+            out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
+            out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
+        } else {
+            double moved[4], gamma = gamma_row(st, i)[j];
+            loaded_by(st, s->response, j, moved);
+            out->depth += beta[j] * moved[0] + gamma * moved[1];
+            out->rate += beta[j] * moved[2] + gamma * moved[3];
+        }
 }
 
 /* Indentation and rate of a row without contact forces after the times of `count` slots. */
@@ -208,10 +208,11 @@ static bool approaches(const aom_stepper *st, int c) {
     double total = fabs(st->work.drift[c]);
     for (int j = 0; j < J; j++)
         total += fabs(beta[j] * v[j]);
-    for (int j = 0; j < J && st->system.gamma != NULL; j++) {
-        double w2 = st->system.omega[j] * st->system.omega[j], twice = 2.0 * st->system.decay[j];
-        total += fabs(gamma_row(st, c)[j]) * (fabs(w2 * st->x[j]) + fabs(twice * v[j]));
-    }
+    if (st->system.gamma != NULL)
+        for (int j = 0; j < J; j++) {
+            double w = st->system.omega[j], twice = 2.0 * st->system.decay[j];
+            total += fabs(gamma_row(st, c)[j]) * (fabs(w * w * st->x[j]) + fabs(twice * v[j]));
+        }
     return st->rows[c].rate > ROUNDING * total;
 }
 

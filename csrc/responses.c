@@ -311,12 +311,13 @@ static void ready_coupling(aom_stepper *st, slot *s) {
         double total[4] = {0.0, 0.0, 0.0, 0.0};
         if (st->system.gamma != NULL)
             add_coupling(st, s, a, b, total);
-        for (int part = 0; part < 2 && st->system.gamma == NULL; part++)
-            for (int j = st->spans[a].begin[part]; j < st->spans[a].end[part]; j++) {
-                double product = left[j] * right[j];
-                for (int k = 0; k < 4; k++)
-                    total[k] += product * S[(ptrdiff_t)k * J + j];
-            }
+        else
+            for (int part = 0; part < 2; part++)
+                for (int j = st->spans[a].begin[part]; j < st->spans[a].end[part]; j++) {
+                    double product = left[j] * right[j];
+                    for (int k = 0; k < 4; k++)
+                        total[k] += product * S[(ptrdiff_t)k * J + j];
+                }
         for (int k = 0; k < 4; k++)
             s->coupling[k * pairs + n] = total[k];
     }

@@ -351,16 +351,16 @@ static void move(aom_stepper *st, int index, double h) {
     if (st->loaded) {
         const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
         const double *at = st->work.load, *rise = st->work.load_rate;
-        for (int j = 0; j < J && st->system.gamma != NULL; j++) {
-            double moved[4];
-            loaded_by(st, response, j, moved);
-            q[j] += moved[0];
-            v[j] += moved[1];
-        }
-        for (int j = 0; j < J && st->system.gamma == NULL; j++) {
-            q[j] += at[j] * J0[j] + rise[j] * J1[j];
-            v[j] += at[j] * S[j] + rise[j] * J0[j];
-        }
+        for (int j = 0; j < J; j++)
+            if (st->system.gamma == NULL) {
+                q[j] += at[j] * J0[j] + rise[j] * J1[j];
+                v[j] += at[j] * S[j] + rise[j] * J0[j];
+            } else {
+                double moved[4];
+                loaded_by(st, response, j, moved);
+                q[j] += moved[0];
+                v[j] += moved[1];
+            }
         st->now.worked += loads_on(st, h);
     }
     if (st->shifted) /* the moving gaps: loads on sites without mass */

@@ -21,6 +21,7 @@ PICTURES = {
     "demos": {
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "drop": ["drop.png"],
+        "drop_chance": ["drop_chance.png", "drop_chance_shares.png"],
         "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
         "measured_part": ["measured_part.png"],
         "tip_damper": ["tip_damper.png"],
@@ -28,6 +29,7 @@ PICTURES = {
         "find_blow": ["find_blow.png"],
         "impact_map": ["bracket_map.png"],
         "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
+        "guard_thickness": ["guard_thickness.png"],
         "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
     },
     "benchmarks": {

@@ -65,8 +65,8 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin"),
-    *("Sample", "Sensitivity", "Quantile"),
+    *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
+    *("Sample", "Sensitivity", "Quantile", "NearbyModels"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -275,6 +275,11 @@ def square(x: float) -> float:
     return x * x
 
 
+def two_masses(k: float) -> Any:
+    K = 1e6 * np.array([[k + 1.0, -1.0], [-1.0, 1.0]])
+    return ao.Structure.from_matrices(K, np.eye(2), backend="scipy")
+
+
 def spread() -> Any:
     return ao.monte_carlo(square, {"x": ao.normal(0.0, 1.0)}, 60)
 
@@ -327,6 +332,11 @@ def struck_part() -> ao.History:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
         return ao.simulate(ao.extract(part(), place(), 3), sphere(), ao.Linear(1e6), 1e-3)
+
+
+@functools.cache
+def design() -> Any:
+    return ao.design_map(part(), struck_part(), "impulse", "rho")
 
 
 @functools.cache
@@ -459,7 +469,12 @@ OWN: dict[str, dict[str, Any]] = {
         "build": lambda: pushed, "goal": "impulse", "x0": [0.1, 1.0],
         "bounds": [(0.05, 0.2), (0.5, 1.5)], "constraints": (),
     },
-    "gradient": {"hit": history, "goal": "impulse", "contact": ("structure", "impactor")},
+    "design_map": {"part": part, "hit": struck_part, "goal": "impulse", "by": "rho"},
+    "DesignMap.plot": {"self": design, "path": "design.png"},
+    "gradient": {
+        "part": lambda: lambda x: model(), "x": [1.0], "error": "estimate",
+        "hit": history, "goal": "impulse", "contact": ("structure", "impactor"),
+    },
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
     "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},
@@ -486,6 +501,10 @@ OWN: dict[str, dict[str, Any]] = {
     "Tilts": {"sigma": 2.0},
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
     "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
+    "nearby": {
+        "build": lambda: two_masses, "site": lambda: ao.Site(dof=1), "n": 1,
+        "ranges": lambda: {"k": (0.9, 1.1)},
+    },
     "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
     "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
     "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},

@@ -46,6 +46,7 @@ def test_every_public_name_tells_of_a_keyword_that_it_does_not_take():
         (lambda: ao.RigidMass(), r"RigidMass: missing .*'mass'"),
         (lambda: ao.RigidMass(1, 2, 3, 4, 5, 6, 7, 8), "RigidMass: too many positional"),
         (lambda: ao.SavedFields(None), "SavedFields: missing .*'cells'"),
+        (lambda: ao.Sphere(0.01, 210e9, 0.3, 7850.0).hertz(E=70e9), "hertz: missing .*'nu'"),
         (lambda: ao.Flores(stifness=1e9), r"Flores .*'stifness'.*'stiffness'"),
     ],
 )
@@ -64,3 +65,19 @@ def test_other_errors_and_pickles_are_as_before():
         Own()
     assert pickle.loads(pickle.dumps(ao.simulate)) is ao.simulate
     assert inspect.signature(ao.RigidMass).parameters.keys() >= {"mass", "velocity"}
+
+
+def test_bodies_that_are_none_and_exchanged_ones_are_told():
+    ball, law = ao.RigidMass(1.0, 2.0), ao.Hertz(1e9)
+    wall = ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[])
+    with pytest.raises(ao.InputError, match="extract"):
+        ao.simulate(None, ball, law, 1e-3)
+    with pytest.raises(ao.InputError, match="order is simulate"):
+        ao.simulate(ball, wall, law, 1e-3)
+
+
+def test_a_table_is_no_archive(tmp_path):
+    bodies = {"b": ao.RigidMass(1.0, -1.0), "w": ao.Obstacle()}
+    landing = ao.Scene(bodies, [ao.Contact("b", "w", ao.Linear(1e6))]).run(1e-2)
+    with pytest.raises(ao.InputError, match="to_csv"):
+        landing.save(tmp_path / "x.csv")

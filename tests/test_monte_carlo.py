@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 import antiosc as ao
+from antiosc.models.free_modes import SiteModels
 
 WALL = ao.AntiOscillators(m0=1e6, k0=0.0, m=[], omega=[])
 
@@ -167,3 +169,31 @@ def test_pictures(tmp_path):
     many = ao.monte_carlo(lambda x, y: x + y, {"x": ao.uniform(0, 1), "y": ao.uniform(0, 2)}, 100)
     assert many.plot(tmp_path / "sample.png").exists()
     assert many.sensitivity("value").plot(tmp_path / "shares.png").exists()
+
+
+def test_an_index_of_many_values_needs_no_order():
+    """Half of the variance is the value's, which has nothing to do with its number."""
+    rng = np.random.default_rng(5)
+    heights = rng.permutation(np.linspace(0.0, 1.0, 200))
+    inputs = {"height": heights, "x": ao.uniform(0.0, 1.0)}
+    found = ao.monte_carlo(lambda height, x: height + x, inputs, 2000).sensitivity()
+    assert found.quantity == "value"
+    assert found.first == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_points_of_a_map_are_drawn_by_their_areas():
+    """Two triangles of areas 1 and 3: a corner has a third of those that meet in it."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [-3, 0, 0]])
+    sites = SiteModels(*np.outer([0.0, 1.0, 1.0], np.arange(1.0, 5.0)), *np.zeros((2, 4, 0)))
+    found = ao.ImpactMap(
+        points=points, directions=-points, elements=np.array([[0, 1, 2], [0, 2, 3]]), models=sites,
+        local_compliance=np.zeros(4), radius=None, band=1.0, error=np.zeros(4),
+        direct=np.zeros(4, bool), skipped=0, names=np.array([""] * 4),
+    )  # fmt: skip
+    assert found.areas == pytest.approx([4 / 3, 1 / 3, 4 / 3, 1.0])
+    many = ao.monte_carlo(lambda site: site.m_st, {"site": found}, 1000)
+    share = np.bincount(many.inputs["site"]) / 1000
+    assert share == pytest.approx(found.areas / 4, abs=0.06)
+    assert np.array_equal(many.values["value"], many.inputs["site"] + 1.0)
+    lines = replace(found, elements=np.array([[0, 1], [1, 2]]))
+    assert lines.areas == pytest.approx([0.5, (1 + 5**0.5) / 2, 5**0.5 / 2, 0.0])

@@ -31,13 +31,13 @@ DEAR = {
     *("Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"),
     *("assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"),
     *("write_report", "from_frf", "save_fields", "read_mesh", "read_model", "peak_field"),
-    *("reactions", "strike", "export", "find_impact", "drop", "contact_at"),
+    *("reactions", "strike", "export", "find_impact", "drop", "contact_at", "nearby", "design_map"),
     *("StructureModes.write", "History.to_dataframe"),
 }
 ROOMS = ("plotting.", "Fall.", "Drops.", "Sample.", "PeakField.", "SavedFields.", "closed_form.")
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith(ROOMS)}
 #: Parameters that take the caller's own function: what that raises is the caller's.
-OWN_FUNCTIONS = {"make", "run"}
+OWN_FUNCTIONS = {"make", "run", "build"}
 
 QUICK = settings(
     max_examples=3,

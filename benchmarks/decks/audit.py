@@ -28,16 +28,16 @@ def nastran_cards(path: Path) -> Counter[str]:
         line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in _lines(path)
     )
     for line in _followed(path):
-        line = line.split("$")[0].rstrip()
+        line = line.split("$")[0].rstrip().expandtabs(8)
         words = line.upper().replace(",", " ").split()
         if not words:
             continue
-        if words[:2] == ["BEGIN", "BULK"]:
+        if words[:2] == ["BEGIN", "BULK"] and "SUPER" not in words:
             started = True
         elif words[0].startswith("ENDDATA") and started:
             break
         elif started and words[0] == "BEGIN":
-            found["BEGIN SUPER" if words[1].startswith("SUPER") else "BEGIN"] += 1
+            found["BEGIN SUPER" if "SUPER" in line.upper() else "BEGIN"] += 1
         elif started and _named(line):
             name = words[0] if "," in line else line[:8].strip().upper().split()[0]
             name = "DEQATN" if name.startswith("DEQATN") else name.rstrip("*")

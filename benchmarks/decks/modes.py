@@ -33,7 +33,8 @@ def stated(f06: Path) -> tuple[np.ndarray, float]:
     for match in MODE.finditer(text, start):
         if int(match[1]) == 1 and tables[-1]:
             tables.append([])
-        tables[-1].append(float(match[4]))
+        if int(match[1]) == len(tables[-1]) + 1:
+            tables[-1].append(float(match[4]))
     # of superelements, the whole comes last
     found = tables[-1 if "SUPERELEMENT 1" in text else 0]
     mass = MASS.search(text)

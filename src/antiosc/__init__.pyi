@@ -278,6 +278,10 @@ from antiosc.studies.chance.inputs import (
 from antiosc.studies.chance.monte_carlo import (
     monte_carlo as monte_carlo,
 )
+from antiosc.studies.chance.nearby import (
+    NearbyModels as NearbyModels,
+    nearby as nearby,
+)
 from antiosc.studies.chance.quantiles import (
     Quantile as Quantile,
 )
@@ -311,6 +315,10 @@ from antiosc.studies.find.found import (
 )
 from antiosc.studies.find.sensor import (
     Sensor as Sensor,
+)
+from antiosc.studies.gradients.design_map import (
+    DesignMap as DesignMap,
+    design_map as design_map,
 )
 from antiosc.studies.gradients.gradient import (
     Gradient as Gradient,

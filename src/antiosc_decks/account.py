@@ -26,7 +26,6 @@ class Fate(NamedTuple):
     what: str = ""
 
 
-Table = Mapping[str, Fate]
 UNKNOWN = Fate("unknown")
 
 

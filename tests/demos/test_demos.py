@@ -51,3 +51,16 @@ def test_impact_map(tmp_path):
     assert found.peak_force.min() < 0.7 * rigid
     for name in ("bracket_map.vtu", "bracket_map.png"):
         assert (tmp_path / name).stat().st_size > 0
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_drop_chance(tmp_path, capsys):
+    """The tilts and the height explain most of it together; floors hardly differ."""
+    found = demo("drop_chance").main(falls=60, size=15e-3, out=tmp_path)
+    assert found["low"] < found["quantile"] < found["high"]
+    shares = np.array([found[name] for name in ("height", "pitch", "roll", "concrete")])
+    assert np.all(shares < 1.1)
+    for name in ("drop_chance.png", "drop_chance_shares.png"):
+        assert (tmp_path / name).stat().st_size > 0
+    assert "0 of them failed" in capsys.readouterr().out

@@ -41,3 +41,14 @@ def test_stiffened_panel(tmp_path):
     assert numbers["shells, over a stringer"]["k0"] > 3 * numbers["shells, between stringers"]["k0"]
     assert (tmp_path / "stiffened_panel.png").stat().st_size > 0
     assert len(list(tmp_path.glob("*.vtu"))) == 30
+
+
+@pytest.mark.slow
+def test_guard_thickness(tmp_path, capsys):
+    """At equal mass a third less force and more, within 20 runs; bars beside the gradients."""
+    numbers = demo("guard_thickness").main(size=0.1, n=12, out=tmp_path)
+    assert numbers["best"] < 0.7 * numbers["uniform"]
+    assert numbers["runs"] <= 20
+    assert numbers["mass"] == pytest.approx(1.0, rel=1e-6)
+    assert (tmp_path / "guard_thickness.png").stat().st_size > 0
+    assert "bar" in capsys.readouterr().out

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from itertools import product
+from math import cos, sin
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
@@ -14,7 +17,7 @@ from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
-from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.flight import Flight, State, Swing, ringing
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation
@@ -142,26 +145,61 @@ def test_a_rod_clatters(e: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_what_a_hand_over_keeps(friction: float) -> None:
-    """Momentum, angular momentum and energy, in space, with spin, vibration and friction."""
+    """Momentum and angular momentum, in space, with spin and vibration; energy, if none is lost."""
     body = bar()
+    body.decay = np.zeros(2)
     where = setting(ao.Hertz(1e9), friction, impacts=3)
     start = hung(
         body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
     )
     fall = fallen(body, start, where)
-    energy = []
     for one in fall.episodes:
         for state, t in ((one.start, 0.0), (one.end, one.duration)):
             scene = one.history.at([t])[BODY]
             np.testing.assert_allclose(scene.momentum[0], body.mass * state.velocity, atol=1e-9)
             L = scene.angular_momentum()[0]
             np.testing.assert_allclose(L, state.momentum, atol=1e-6 * np.linalg.norm(L))
-            own = sum(state.energies(body, G)[:2])
-            assert own == pytest.approx(float(scene.kinetic[0] + scene.strain[0]), rel=1e-6)
-            energy.append(own)
+            np.testing.assert_allclose(scene.q[0, 6:], state.q, atol=1e-12)
+            np.testing.assert_allclose(scene.v[0, 6:], state.p, atol=1e-9)
     assert len(fall.episodes) >= 3
-    assert energy[-1] < energy[0]
-    assert max(one.corrected for one in fall.episodes) < 0.05
+    energy = fall.energy()[1].sum(axis=1)
+    if friction:
+        assert energy[-1] < energy[0]
+        assert (np.diff(energy) < 1e-6 * energy[0]).all()
+    else:
+        np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
+
+
+def test_a_spinning_block_lands_as_eulers_equations_say() -> None:
+    """The first impact in space, where the body turns by half a degree and its spin with it."""
+    body, k = free_body(block(), 0, None, None), 1e7
+    where = setting(ao.Hertz(k), impacts=1)
+    start = hung(
+        body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
+    )
+    fall = fallen(body, start, where)
+    one, inverse = fall.episodes[0], np.linalg.inv(body.tensor)
+
+    def pressed(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        arms = body.points @ y[3:12].reshape(3, 3).T
+        return k * np.maximum(-y[2] - arms[:, 2], 0.0) ** 1.5, arms
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        R, (F, arms) = y[3:12].reshape(3, 3), pressed(y)
+        turning = np.cross(R @ inverse @ R.T @ y[15:], R.T).T
+        torque = [F @ arms[:, 1], -F @ arms[:, 0], 0.0]
+        return np.concatenate((y[12:15], turning.ravel(), [0, 0, F.sum() / body.mass - G], torque))
+
+    begin = one.start
+    y = np.concatenate((begin.centre, begin.R.ravel(), begin.velocity, begin.momentum))
+    t = np.linspace(0.0, one.duration, 400)
+    known = solve_ivp(rate, (0, t[-1]), y, "DOP853", t, rtol=1e-8, atol=1e-11, max_step=1e-4).y.T
+    peak = max(float(pressed(each)[0].sum()) for each in known)
+    assert fall.impacts[0].peak_force == pytest.approx(peak, rel=3e-4)
+    end = known[-1]
+    np.testing.assert_allclose(one.end.velocity, end[12:15], atol=1e-3)
+    np.testing.assert_allclose(one.end.momentum, end[15:], atol=1e-3 * np.linalg.norm(end[15:]))
+    np.testing.assert_allclose(one.end.R, end[3:12].reshape(3, 3), atol=1e-4)
 
 
 def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,36 +258,46 @@ def test_a_tumbling_body_turns_as_eulers_equations_say(moments: list[float], han
 
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:
     """Peak forces of the impacts of the plane bar, all in one nonlinear integration."""
-    size, inertia = body.omega.size, body.tensor[1, 1]
+    mass, inertia = body.mass, float(body.tensor[1, 1])
+    (x0, _, h0), (x1, _, h1) = body.points.tolist()
+    (s00, s01), (s10, s11) = body.shapes[:, :, 2].tolist()
+    (w0, w1), (d0, d1) = (body.omega**2).tolist(), (2 * body.decay).tolist()
+
+    def forces(z: float, a: float, q0: float, q1: float) -> tuple[float, ...]:
+        c, s = cos(a), sin(a)
+        b0, b1 = h0 + s00 * q0 + s01 * q1, h1 + s10 * q0 + s11 * q1
+        low0, low1 = s * x0 - c * b0 - z, s * x1 - c * b1 - z
+        F0, F1 = k * max(low0, 0.0) ** 1.5, k * max(low1, 0.0) ** 1.5
+        return F0, F1, F0 * (c * x0 + s * b0) + F1 * (c * x1 + s * b1), c
+
+    def rate(_: float, y: np.ndarray) -> list[float]:
+        z, a, q0, q1, *rates = y.tolist()
+        F0, F1, torque, c = forces(z, a, q0, q1)
+        *_, p0, p1 = rates
+        bent0 = (s00 * F0 + s10 * F1) * c - w0 * q0 - d0 * p0
+        bent1 = (s01 * F0 + s11 * F1) * c - w1 * q1 - d1 * p1
+        return [*rates, (F0 + F1) / mass - G, -torque / inertia, bent0, bent1]
+
     tilt = np.arctan2(start.R[0, 2], start.R[0, 0])  # about y
-
-    def forces(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        z, a, q = y[0], y[1], y[2 : 2 + size]
-        own = body.points[:, [0, 2]] + np.stack([np.zeros(2), body.shapes[:, :, 2] @ q], axis=1)
-        c, s = np.cos(a), np.sin(a)
-        x, height = c * own[:, 0] + s * own[:, 1], z - s * own[:, 0] + c * own[:, 1]
-        return k * np.maximum(-height, 0.0) ** 1.5, x, np.full(2, c)
-
-    def rate(t: float, y: np.ndarray) -> np.ndarray:
-        F, x, c = forces(y)
-        q, p = y[2 : 2 + size], y[4 + size :]
-        bent = body.shapes[:, :, 2].T @ (F * c) - body.omega**2 * q - 2 * body.decay * p
-        rates = [F.sum() / body.mass - G, -(F @ x) / inertia]
-        return np.concatenate((y[2 + size :], rates, bent))
-
     y = np.concatenate(([start.centre[2], tilt], start.q, [start.velocity[2], 0.0], start.p))
-    at = np.linspace(0, until, 40000)
-    found = solve_ivp(rate, (0, until), y, "DOP853", at, rtol=1e-8, atol=1e-11, max_step=1e-4)
+    found = solve_ivp(rate, (0, until), y, "DOP853", rtol=1e-8, atol=1e-11, max_step=4e-5)
     assert found.success
-    F = np.array([forces(one)[0].sum() for one in found.y.T])
+    F = np.array([sum(forces(*each[:4])[:2]) for each in found.y.T.tolist()])
     on = np.flatnonzero(F > 0)
-    parts = np.split(on, np.flatnonzero(np.diff(on) > 40) + 1)
-    return [float(F[part].max()) for part in parts]
+    parts = np.split(on, np.flatnonzero(np.diff(found.t[on]) > 3e-4) + 1)
+    return [top(found.t[part], F[part]) for part in parts]
+
+
+def top(t: np.ndarray, F: np.ndarray) -> float:
+    """The largest value of a smooth curve through points."""
+    near = slice(max(int(np.argmax(F)) - 3, 0), int(np.argmax(F)) + 4)
+    curve = CubicSpline(t[near], F[near])
+    return float(curve(np.linspace(t[near][0], t[near][-1], 2000)).max())
 
 
 @pytest.mark.slow
 def test_a_bar_flies_as_in_a_floating_frame() -> None:
-    """1e-4 rad change the third peak, which depends on the phase of the vibration, by 3 %."""
+    """The third peak depends on the vibration at the touch: 1e-4 rad of tilt change it by 0.5 %."""
     body, k = bar(), 2e8
     where = setting(ao.Hertz(k), impacts=3)
     start = started(body, where, (0.0, 30.0, 0.0))
@@ -257,9 +305,78 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
     peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
     mine = fall.impacts.column("peak_force")
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-3)
-    assert mine[2] == pytest.approx(peaks[2], rel=0.03)
+    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-4)
+    assert mine[2] == pytest.approx(peaks[2], rel=2e-3)
     assert mine[1] > 1.3 * mine[0]
+
+
+CONE = ao.soil_cone(radius=0.4, G=60e6, nu=0.3, rho=1800.0)
+BRANCHES = ao.DampingMatrix([[50.0, 1.0], [1.0, 20.0]], branches=[([[4e6, 1e3], [1e3, 4e5]], 3e-2)])
+
+
+@pytest.mark.parametrize(
+    "soil",
+    [
+        CONE,
+        CONE.model(mass=3.0),
+        ao.AntiOscillators(m0=3.0, k0=1e6, m=[2.0], omega=[900.0], damping=BRANCHES),
+        ao.AntiOscillators(m0=0.01, k0=1e6, m=[0.3], omega=[1500.0]),
+    ],
+    ids=["cone", "footing", "branches", "modes"],
+)
+def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> None:
+    """Three impacts and the flights between: the floor has the state that one integration gives."""
+    height, law = 0.05, ao.Hertz(1e9)
+    ball = ao.Sphere(0.05, 200e9, 0.3, 7800.0)
+    floor = ao.Floor(law=law, model=soil)
+    assert floor.ground is not None
+    fall = ao.drop(ball, height, floor=floor, until=3, tol=1e-5)
+    bodies = {
+        "ball": ao.RigidBody(ball.mass, [1e-3] * 3, {"low": ((0, 0, 0), (0, 0, 1))}),
+        "soil": floor.ground.body,
+    }
+    scene = ao.Scene(
+        bodies,
+        [ao.Contact("ball:low", "soil:top", law)],
+        gravity=(0, 0, -G),
+        motion={"ball": ao.Motion(velocity=(0, 0, -np.sqrt(2 * G * height)))},
+    )
+    first = fall.impacts[0].time
+    hit = scene.run(fall.end.time - first + 1e-4, tol=1e-5)["ball:low", "soil:top"]
+    assert fall.impacts.column("impulse").sum() == pytest.approx(hit.impulse, rel=1e-6)
+    for one in fall.impacts:
+        begin = one.time - first - 1e-6
+        during = (hit.time >= begin) & (hit.time <= begin + one.contact_time + 2e-6)
+        assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
+
+
+def test_friction_on_soil_spins_a_ball() -> None:
+    """It does not change what is pressed, and its impulse turns the ball: 0.4 r w = v0 - v."""
+    given = {"velocity": (0.5, 0.0, 0.0), "until": 1, "tol": 1e-5}
+    peaks, ends = [], []
+    for friction in (0.0, 0.3):
+        floor = ao.Floor(law=ao.Hertz(1e9), model=CONE, friction=friction)
+        fall = ao.drop(ao.Sphere(0.05, 200e9, 0.3, 7800.0), 0.05, floor=floor, **given)
+        peaks.append(fall.peak_force)
+        ends.append((fall.end.velocity[0], fall.impacts[0].spin_after[1]))
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-5)
+    assert ends[0] == (0.5, 0.0)
+    assert ends[1][0] < 0.4
+    assert 0.4 * 0.05 * ends[1][1] == pytest.approx(0.5 - ends[1][0])
+
+
+def test_modes_ring_whatever_their_damping() -> None:
+    """Weak, nearly critical, critical and over-damped ones, and the bounds of their motion."""
+    omega, t = np.full(5, 3.0), np.linspace(0.0, 4.0, 30)
+    decay = np.array([0.1, 2.9, 3.0, 3.1, 40.0])
+    q0, p0 = np.full(5, 0.2), np.full(5, -4.0)
+    q, p = ringing(omega, decay, q0, p0, t)
+    for j in range(5):
+        A = np.array([[0.0, 1.0], [-(omega[j] ** 2), -2 * decay[j]]])
+        known = np.array([expm(A * s) @ [q0[j], p0[j]] for s in t])
+        np.testing.assert_allclose(np.column_stack((q[:, j], p[:, j])), known, atol=1e-12)
+    later = np.maximum.accumulate(np.abs(q)[::-1])[::-1]
+    assert (Swing(omega, decay, q0, p0).at(t) >= later - 1e-12).all()
 
 
 @pytest.mark.parametrize(
@@ -340,6 +457,13 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"height": -1.0}, "height"),
         ({"face": "-z", "edge": "-x-z"}, "one of"),
         ({"corner": "-x"}, "corner"),
+        ({"height": 0.0}, "height"),
+        ({"height": np.nan}, "height"),
+        ({"tilt": (1, 2)}, "tilt"),
+        ({"spin": (0, 1e6, 0)}, "spin"),
+        ({"until": 0}, "until"),
+        ({"until": True}, "until"),
+        ({"ensemble": ao.Tilts(1.0), "n": 0}, "n must"),
         ({"floor": ao.Floor()}, "rigid"),
         ({"executor": object()}, "ensemble"),
     ],
@@ -351,6 +475,10 @@ def test_bad_input(change: dict[str, object], word: str) -> None:
 
 
 def test_floors_take_one_law() -> None:
+    with pytest.raises(ao.InputError, match="supports"):
+        ao.Floor(model=ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[]))
+    with pytest.raises(ao.InputError, match="friction"):
+        ao.Floor(friction=-0.1)
     with pytest.raises(ao.InputError, match="one of"):
         ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
     soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), (0.1, 0.1), np.full(2, np.nan))

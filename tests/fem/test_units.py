@@ -133,5 +133,17 @@ def test_stress_against_the_modulus():
 
 
 def test_a_surface_softer_than_rubber_is_told_of():
-    with pytest.warns(AntioscWarning, match=r"7e\+10 is probably meant"):
+    with pytest.warns(AntioscWarning, match=r"7e\+10 .* is probably meant"):
         ball(1.0).hertz(70e3, 0.33)
+
+
+def test_strengths_thicknesses_and_spheres_in_other_units_are_told_of():
+    with pytest.warns(AntioscWarning, match="275e|2.75e"):
+        plausible.tell([plausible.of_material(ao.Solid(**parts.STEEL, yield_strength=275.0))])
+    with pytest.warns(AntioscWarning, match="larger than the part.*0.004"):
+        plausible.tell([plausible.of_thickness(4.0, 0.2)])
+    with pytest.warns(AntioscWarning, match="g/cm³"):
+        ao.Sphere(0.01, 210e9, 0.3, rho=7.85)
+    with pytest.warns(AntioscWarning, match="10 mm"):
+        ao.Sphere(10.0, 210e9, 0.3, rho=7850.0)
+    assert "7e+10 (70 GPa) or 7e+07 (70 MPa)" in plausible.of_modulus(70.0)

@@ -249,3 +249,90 @@ def test_equal_peaks_have_no_gradient() -> None:
     pull = ao.Scene({"wall": ao.Obstacle(), "ball": ball}, [walls], gravity=2000.0)
     with pytest.raises(ao.NotDifferentiableError, match="equal"):
         ao.gradient(pull.run(8e-3, tol=1e-8), "peak_force")
+
+
+def test_a_function_of_the_run() -> None:
+    """Samples at given times are the timed goals; the last velocity is v - impulse/mass."""
+    hit = blow(ao.Hertz(1e9))
+    k = int(np.argmax(hit.run.force)) // 2 * 2 - 3
+    t = float(hit.run.time[k])
+    wanted = {"velocity": 1.0, "mass": 0.5, "k0": 2e5, "stiffness": 1e9}
+
+    def numbers(goal: Any, **options: Any) -> np.ndarray:
+        g = ao.gradient(hit, goal, **options)
+        return np.array([g.value, *(getattr(g, name) * x for name, x in wanted.items())])
+
+    for name in ("force", "displacement"):
+        expected = numbers(name, time=t)
+        found = numbers(lambda run, n=name: getattr(run, n)[k])
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
+    impulse, last = numbers("impulse"), numbers(lambda run: run.impactor_velocity[-1])
+    expected = -impulse / 0.5
+    expected[:3] += (1.0, 1.0, impulse[0] / 0.5)  # v - J/m by J, v and m
+    assert last == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_function_of_the_run_that_returns_no_number() -> None:
+    with pytest.raises(ao.InputError, match="goal"):
+        ao.gradient(blow(ao.Hertz(1e9)), lambda run: float("nan"))
+
+
+@pytest.mark.parametrize("scene", [False, True])
+def test_a_function_that_builds_the_model(scene: bool) -> None:
+    """The derivatives by its arguments are those by the model's own numbers."""
+
+    def build(x: np.ndarray) -> ao.AntiOscillators:
+        return ao.AntiOscillators(**MODEL | {"k0": x[0], "m": [x[1], 0.1, 0.05]})
+
+    hit: Any = blow(ao.Hertz(1e9))
+    if scene:
+        contact = ao.Contact("part", "ball", ao.Hertz(1e9), gap=1e-5)
+        bodies = {"part": build(np.array([2e5, 0.3])), "ball": ao.RigidMass(0.5, 1.0)}
+        hit = ao.Scene(bodies, [contact]).run(3e-3, tol=1e-5)
+    g = ao.gradient(hit, "impulse", part=build, x=[2e5, 0.3])
+    own = g.bodies["part" if scene else "structure"]
+    assert g.x == pytest.approx([own["k0"], own["m"][0]], rel=1e-5)
+
+
+def test_a_function_that_builds_a_model_of_several_sites() -> None:
+    def build(x: np.ndarray) -> ao.AntiOscillators:
+        P = np.array([[0.3, 0.1], [0.1, 0.2]])
+        k0 = np.array([[2e6, -5e5], [-5e5, 1e6 * x[0]]])
+        return ao.AntiOscillators(
+            m0=0.05 * np.eye(2), k0=k0, m=None, omega=[3e3, 9e3], P=P, sites=("tip", "heel")
+        )  # fmt: skip
+
+    def run(x: float, tol: float = 1e-5) -> ao.SceneHistory:
+        bodies = {
+            "part": build(np.array([x])),
+            "ball": ao.RigidMass(0.2, 1.0),
+            "stop": ao.Obstacle(),
+        }
+        contacts = [
+            ao.Contact("part:tip", "ball", ao.Hertz(1e9)),
+            ao.Contact("part:heel", "stop", ao.Linear(1e7), gap=1e-5),
+        ]
+        return ao.Scene(bodies, contacts).run(1e-3, tol=tol)
+
+    ends = ("part:tip", "ball")
+    g = ao.gradient(run(1.0), "impulse", contact=ends, part=build, x=[1.0])
+    expected = [run(1 + s * 1e-4, 1e-9)[ends].impulse for s in (-1, 1)]
+    assert g.x[0] == pytest.approx((expected[1] - expected[0]) / 2e-4, rel=2e-3)
+
+
+def test_mass_and_speed_from_peak_and_duration() -> None:
+    """Newton's method on both logarithms: the inverse of a blow on a beam, in some runs."""
+    law, wanted = ao.Hertz(1e9), np.array([0.4, 1.3])
+
+    def run(x: np.ndarray) -> ao.History:
+        return ao.simulate(ao.AntiOscillators(**MODEL), ao.RigidMass(*x), law, 3e-3, tol=1e-6)
+
+    goals = ("peak_force", "contact_time")
+    measured = [getattr(run(wanted), goal) for goal in goals]
+    x = np.array([0.5, 1.0])
+    for _ in range(8):
+        g = [ao.gradient(run(x), goal) for goal in goals]
+        slopes = [[each.mass * x[0] / each.value, each.velocity * x[1] / each.value] for each in g]
+        off = [np.log(m / each.value) for m, each in zip(measured, g, strict=True)]
+        x = x * np.exp(np.clip(np.linalg.solve(slopes, off), -0.3, 0.3))
+    assert x == pytest.approx(wanted, rel=1e-4)

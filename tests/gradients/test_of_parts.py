@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 import antiosc as ao
@@ -41,10 +44,119 @@ def test_modulus_and_density_against_extracting_again() -> None:
     assert found == pytest.approx(expected, rel=0, abs=1e-4 * max(expected))
 
 
-def test_a_part_with_attachments_is_refused() -> None:
+def plate(thickness: float = 2e-3, wider: float = 0.0, material: Any = None) -> ao.Structure:
+    from dolfinx import mesh
+    from mpi4py import MPI
+
+    sheet = mesh.create_rectangle(
+        MPI.COMM_WORLD, [[0, 0], [0.3, 0.2]], [4, 3], mesh.CellType.triangle
+    )
+    sheet.geometry.x[:, 0] *= 1 + wider
+    shell = material or ao.Shell(E, 0.33, RHO, thickness)
+    clamp = ao.Support(lambda x: (x[0] < 1e-9) | (x[1] < 1e-9))
+    return ao.Structure(ao.read_mesh(sheet), shell, supports=[clamp])
+
+
+def push(part: ao.Structure, tol: float = 1e-6) -> ao.History:
+    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=24)
+    return ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=tol)
+
+
+@pytest.fixture(scope="module")
+def struck() -> tuple[ao.Structure, ao.History]:
+    part = plate()
+    return part, push(part)
+
+
+def test_thickness_against_extracting_again(struck: tuple[ao.Structure, ao.History]) -> None:
+    part, hit = struck
+    g = ao.gradient(hit, "peak_force", part=part)
+    again = ao.gradient(hit, "peak_force", part=lambda x: plate(2e-3 * x[0]), x=[1.0])
+    assert g.thickness * 2e-3 == pytest.approx(again.x[0], rel=0, abs=2e-3 * g.value)
+
+
+@pytest.mark.slow
+def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.History]) -> None:
+    _, hit = struck
+    g = ao.gradient(hit, "peak_force", part=lambda x: plate(wider=x[0]), x=[0.0])
+    ends = [push(plate(wider=s * 1e-4), 1e-8).peak_force for s in (-1, 1)]
+    assert g.x[0] == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=0, abs=2e-3 * g.value)
+
+
+def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.History]) -> None:
+    part, hit = struck
+    g = ao.gradient(hit, "impulse", part=part)
+    for by, expected in (("thickness", g.thickness), ("rho", g.rho)):
+        found = ao.design_map(part, hit, "impulse", by=by)
+        assert found.slopes.shape == (24,)
+        assert found.slopes.sum() == pytest.approx(expected, rel=1e-2)
+        assert found.slopes.min() < 0.0 < found.slopes.max() or by == "rho"
+    mass = found.slopes / found.per_mass * RHO  # of each cell
+    assert mass.sum() == pytest.approx(part.mass, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_design_map_of_a_solid(tmp_path: Path) -> None:
     part = bar()
-    hit = blow(part, 1e-3)
+    hit = blow(part, 1e-4)
+    found = ao.design_map(part, hit, "impulse", by="rho")
+    assert found.slopes.sum() == pytest.approx(ao.gradient(hit, "impulse", part=part).rho, rel=3e-3)
+    with pytest.raises(ao.InputError, match="thickness"):
+        ao.design_map(part, hit, "impulse")
+    assert found.plot(tmp_path / "map.png").stat().st_size > 5000
+
+
+@pytest.mark.slow
+def test_angles_of_plies_against_extracting_again() -> None:
+    def laid(angle: float) -> ao.Structure:
+        ply = ao.Layer(1.4e11, 1e10, 0.3, 5e9, 5e9, 3e9, 1600.0, 5e-4)
+        return plate(material=ao.Laminate([ply.rotated(a) for a in (angle, 90.0, 0.0, 90.0)]))
+
+    part = laid(30.0)
+    hit = push(part)
+    g = ao.gradient(hit, "impulse", part=part)
+    again = ao.gradient(hit, "impulse", part=lambda x: laid(x[0]), x=[30.0])
+    assert g.angle.shape == g.thickness.shape == (4,)
+    assert g.angle[0] == pytest.approx(again.x[0], rel=0, abs=1e-4 * g.value)
+
+
+def test_a_part_that_is_not_of_the_model_is_refused(
+    struck: tuple[ao.Structure, ao.History],
+) -> None:
+    _, hit = struck
+    with pytest.raises(ao.InputError, match="model"):
+        ao.gradient(hit, "impulse", part=plate(2.1e-3))
+    with pytest.raises(ao.InputError, match="mass"):
+        ao.gradient(hit, "impulse", part=lambda x: plate(x[0]), x=[3e-3])
+    with pytest.raises(ao.InputError, match="function"):
+        ao.gradient(hit, "impulse", part="plate")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_attached_masses_belong_to_the_part() -> None:
+    """Scaling E with rho and the attached mass scales K and M: the impulse goes with both."""
+    part = bar()
     assert part.made_of is not None
-    part.made_of[2]["attached"] = (ao.PointMass((0.2, 0.0, 0.0), 0.1),)
-    with pytest.raises(ao.InputError, match="material"):
-        ao.gradient(hit, "impulse", part=part)
+    mass = [ao.PointMass((0.2, 0.0, 0.0), 0.05)]
+    solid = ao.Solid(E, 0.33, RHO)
+    heavy = ao.Structure(part.made_of[0], solid, part.supports, attached=mass)
+    model = ao.extract(heavy, ao.Site(**{**SITE, "radius": None}), n=8)
+    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(3e8), 1.5e-3)
+    g = ao.gradient(hit, "impulse", part=heavy)
+    stiffer = 0.5 * float(g.omega @ model.omega) + g.k0 * model.k0
+    heavier = float(g.m @ model.m) + g.m0 * model.m0 - 0.5 * float(g.omega @ model.omega)
+    assert abs(g.E * E - stiffer) < 1e-6 * g.value
+    assert abs(g.rho * RHO - heavier) > 1e-3 * g.value  # what is left is the attached mass's
+
+
+@pytest.mark.slow
+def test_bars_of_a_part_hold_a_finer_model(struck: tuple[ao.Structure, ao.History]) -> None:
+    part, hit = struck
+    g = ao.gradient(hit, "impulse", part=part, error="estimate")
+    assert g.error is not None
+    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=48)
+    more = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=1e-6)
+    better = ao.gradient(more, "impulse", part=part)
+    for name in ("E", "nu", "rho", "thickness"):
+        assert abs(getattr(g, name) - getattr(better, name)) <= getattr(g.error, name)

@@ -111,6 +111,24 @@ def test_models_are_passive_far_beyond_the_band(model):
     assert np.all((1j * w * model.modal().receptance(w)).real >= 0)
 
 
+def test_without_noise_a_supported_part_is_not_taken_for_a_free_one():
+    """Modes above the band bend the receptance by less than any noise; k0 is not 0 for that."""
+    random = np.random.default_rng(0)
+    omega = 2 * np.pi * 300 * np.arange(1, 9) ** random.uniform(1.2, 2)
+    body = ao.ModalBody(omega, random.uniform(0.3, 1.5, 8), decay=0.01 * omega)
+    w = 1.2 * omega[1] * np.arange(1, 61) / 60
+    frf = ao.FRF(w / (2 * np.pi), body.receptance(w), "receptance")
+    found = ao.from_frf(frf, damping="viscous")
+    assert found.k0 == pytest.approx(1 / np.sum((body.b / omega) ** 2), rel=1e-3)
+
+
+def test_a_band_that_does_not_tell_the_support_is_said():
+    some = (F > 250) & (F < 1200)
+    frf = ao.FRF(F[some], noisy(part()[some, 0, 0]), "receptance")
+    with pytest.warns(ao.AccuracyWarning, match="supported"):
+        ao.from_frf(frf, damping="viscous")
+
+
 @pytest.mark.slow
 def test_several_sites_have_modes_of_rank_one():
     values = accelerance(noisy(part(free=True)))

@@ -107,7 +107,7 @@ def plate(tmp_path_factory):
         'Physical Surface("plate") = {1}; Physical Curve("rim") = {1, 2, 3, 4};\n'
     )
     mesh = ao.read_mesh(geo, size=0.02, gdim=3)
-    material = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=4e-3)
+    material = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=4e-3, yield_strength=2e8)
     part = ao.Structure(mesh, material, [ao.Support("rim")])
     site = ao.Site((0.08, 0.07, 0.0), (0, 0, -1), radius=2e-3)
     return part, ao.extract(part, site, n=12, error="estimate")
@@ -150,8 +150,9 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     part, _ = plate
     points = [(x, y, 0.0) for x in (0.03, 0.07, 0.11, 0.15) for y in (0.04, 0.08, 0.12)]
     found = ao.impact_map(
-        part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0
-    )
+        part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0,
+        stress=True,
+    )  # fmt: skip
     page = ao.write_report(tmp_path / "map.html", found, part)
     assert page.stat().st_size < 1e6
     assert opened(browser, page, width)["width"] <= width
@@ -172,6 +173,14 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     same(read["cells"], ao.simulate(found.model(i), STRIKER, LAW, DURATION, tol=1e-6))
     forces = browser.run("return Array.from(page.sites.values.peak_force)")
     assert forces == pytest.approx(found.peak_force, rel=3e-3)
+    browser.run(
+        """const kind = document.getElementById("kind");
+        kind.value = "exposure";
+        kind.dispatchEvent(new Event("change"));"""
+    )
+    assert "danger" in browser.run("return document.getElementById('what').textContent")
+    high = browser.run("return document.getElementById('high').textContent")
+    assert float(high) == pytest.approx(found.exposure.max(), rel=5e-3)
 
 
 @pytest.mark.slow

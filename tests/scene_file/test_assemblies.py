@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from antiosc.app.scene_file.json_schema import schema
+from antiosc.base.engineering import engineering
 from paths import MESHES
 from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written
 
@@ -87,7 +88,8 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
     force = table[0].split(",").index("peak_force (N)")
     for name in ("first", "second"):
         forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
-        assert f"{names.count(name)} sites, at most {max(forces):.5g} N at (" in told
+        hardest = engineering(max(forces), "N", 4)
+        assert f"{names.count(name)} sites, at most {hardest} at (" in told
     page = (tmp_path / "map.html").read_text()
     assert "at most" in page
     assert re.findall("<h3>(.*?)</h3>", page) == [f"Map: {name}" for name in MAPPED]

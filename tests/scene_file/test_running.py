@@ -18,7 +18,9 @@ from antiosc.app.scene_file.sections import SECTIONS
 from paths import MESHES
 from scene_files import (
     BEAM,
+    BRACKET,
     FRAME,
+    HIT,
     MATERIAL,
     PROBE,
     SCENES,
@@ -94,9 +96,41 @@ def test_a_sweep_is_many_runs(tmp_path, capsys):
         assert numbers(tmp_path / "one")["result"]["peak_force"] == pytest.approx(peak, rel=2e-3)
 
 
+def test_a_sweep_of_structures_is_many_scenes(tmp_path):
+    """Another site and another number of anti-oscillators: each as in a scene of its own."""
+    swept = "[sweep]\nsites.middle.node = [9, 14]\nextract.n = [6, 3]\n"
+    path = written(tmp_path, BEAM + swept)
+    assert antiosc("sweep", path, "--out", tmp_path / "out") == 0
+    columns = table(tmp_path / "out/sweep.csv")
+    assert columns["sites.middle.node"].tolist() == [9, 14]
+    batch = objects(path, "sweep").batch
+    for k, (node, n) in enumerate(((9, 6), (14, 3))):
+        single = BEAM.replace("node = 9", f"node = {node}").replace("n = 6", f"n = {n}")
+        hit = objects(written(tmp_path, single)).history
+        assert columns["peak force (N)"][k] == batch.peak_force[k]
+        assert batch.peak_force[k] == pytest.approx(hit.peak_force, rel=2e-3)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_sweep_of_materials_and_meshes(tmp_path):
+    lists = "[sweep]\nmaterial.E = [70e9, 210e9]\nmaterial.rho = [2700, 7850]\n"
+    batch = objects(written(tmp_path, BRACKET + HIT + lists), "sweep").batch
+    stiff = BRACKET.replace("E = 70e9", "E = 210e9").replace("rho = 2700", "rho = 7850")
+    hit = objects(written(tmp_path, stiff + HIT)).history
+    assert batch.peak_force[1] == pytest.approx(hit.peak_force, rel=2e-3)
+    assert batch.peak_force[0] < batch.peak_force[1]
+
+
 @pytest.mark.parametrize(
     ("sweep", "held"),
     [
+        ("extract.n = [6, -1]", "n"),
+        ("extract.count = [6]", "'count'"),
+        ("sites.middle.node = 3", "list"),
+        ("sites = [3]", "lists"),
+        ("sites.middle.node = [9, 'a']", "node"),
+        ("sites.middle.node = [9]\nimpactor.mass = [0.1, 0.2]", "equally"),
         ("impactor.velocity = [1, 2]\ncontact.stiffness = [1e8]", "equally"),
         ("impactor.velocity = []", "1 to"),
         ("impactor.velocity = 2.0", "list"),

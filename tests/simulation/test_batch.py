@@ -270,3 +270,17 @@ class TestRefinement:
             control.update(h**2 - finer**2, 0.0)
             h = finer
         assert 0.3e-4 < h**2 <= 1e-4
+
+
+def test_a_batch_does_not_depend_on_those_before():
+    # the march keeps the responses of the modes, here of as many as before
+    model, other = (
+        ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1, 0.2], omega=omega)
+        for omega in ([1e3, 2e3], [1.5e3, 9e3])
+    )
+    strikers = ao.sweep(ao.RigidMass, mass=[0.2, 0.5], velocity=1.0)
+    first, _, again = (
+        ao.simulate_many(each, strikers, ao.Hertz(1e9), 4e-3) for each in (model, other, model)
+    )
+    alone = [ao.simulate(model, each, ao.Hertz(1e9), 4e-3).peak_force for each in strikers]
+    assert again.peak_force.tolist() == first.peak_force.tolist() == alone

@@ -36,4 +36,4 @@ def test_what_has_no_tip_is_refused():
     with pytest.raises(ao.InputError, match="needs a Sphere"):
         ao.contact_stress(ao.RigidMass(0.1), 1.0, **STEEL)
     with pytest.raises(ao.InputError, match="hollow"):
-        ao.contact_stress(ao.Sphere(0.01, **STEEL, rho=1.0), 1.0, **STEEL, radius=-0.005)
+        ao.contact_stress(ao.Sphere(0.01, **STEEL, rho=7850.0), 1.0, **STEEL, radius=-0.005)

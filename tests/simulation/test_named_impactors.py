@@ -78,7 +78,7 @@ def test_a_tennis_ball_passes_the_tests_of_its_rules():
 def test_a_sphere_takes_mass_or_density_and_is_replaced():
     one = ao.Sphere(0.01, 210e9, 0.3, 7850.0, 2.0)
     assert replace(one, velocity=3.0) == ao.Sphere(0.01, 210e9, 0.3, 7850.0, 3.0)
-    assert repr(one) == "Sphere(radius=0.01, E=210000000000.0, nu=0.3, rho=7850.0, velocity=2.0)"
+    assert repr(one) == "Sphere(radius=0.01, E=2.1e+11, nu=0.3, rho=7850, velocity=2)"
     for arguments in ({}, {"rho": 7850.0, "mass": 0.1}):
         with pytest.raises(ao.InputError, match="rho or mass"):
             ao.Sphere(0.01, 210e9, 0.3, **arguments)

@@ -153,5 +153,27 @@ def test_objects_say_in_five_lines_what_they_are(hit, landed, tmp_path):
         assert text.count("\n") <= 4, text
         assert all(len(line) < 120 for line in text.splitlines()), text
         assert one._repr_html_().startswith(f"<b>{type(one).__name__}</b>")
-    assert "1e+06 N/m" in repr(MODEL)
-    assert f"{hit.peak_force:.6g} N" in repr(hit)
+    assert "1.000 MN/m" in repr(MODEL)
+    assert f"{hit.peak_force:.4g} N" in repr(hit)
+
+
+def test_what_is_given_is_told_in_one_line():
+    """What differs from the defaults, arrays in short, as Python reads it where it is short."""
+    law = ao.Tabulated(np.linspace(0, 1e-3, 500), np.linspace(0, 1e3, 500))
+    shown = [
+        *(
+            ao.Site(vector=np.ones(1000)),
+            ao.Impactor(MODEL, 1.5),
+            law,
+            ao.Damping(ratio=[0.1] * 99),
+        ),
+        ao.Scene({"a": MODEL, "b": BALL}, [ao.Contact("a", "b", law)]),
+    ]
+    for one in shown:
+        text = repr(one)
+        assert text.startswith(type(one).__name__)
+        assert "\n" not in text
+        assert len(text) < 120, text
+    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=240e6)
+    assert eval(repr(solid), vars(ao)) == solid
+    assert "loss" not in repr(solid)

@@ -21,6 +21,7 @@ COMMANDS = {
     "check": "look for mistakes in a scene file, without meshing",
     "run": "simulate the impact of a scene file",
     "sweep": "simulate the impact for each value of the section [sweep]",
+    "monte-carlo": "simulate the impact for random values, of the section [monte_carlo]",
     "map": "simulate the impact at every point of the section [map]",
     "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
     "schema": "print the JSON schema of scene files, for editors",
@@ -112,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
             )
-        if name in ("run", "sweep", "map"):
+        if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
     found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
     commands.add_parser("info", help=found).set_defaults(run=_info)

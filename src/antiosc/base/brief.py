@@ -1,4 +1,4 @@
-"""`Brief`: what an object is in a few lines, in a terminal and in a notebook."""
+"""What an object is: `Brief` of results, in a few lines; `Given` of what a user makes, in one."""
 
 from __future__ import annotations
 
@@ -54,6 +54,48 @@ class Brief:
             for name, value in self._known()
         )
         return f"<b>{escape(type(self).__name__)}</b><table>{rows}</table>"
+
+
+class Given:
+    """Gives a dataclass a `repr` of one line: what differs from the defaults, in short."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__ and not issubclass(cls, Brief):
+            cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        told = [
+            f"{f.name}={_given(getattr(self, f.name, None))}"
+            for f in dataclasses.fields(self)  # type: ignore[arg-type]
+            if f.repr and not f.name.startswith("_") and not _usual(f, getattr(self, f.name, None))
+        ]
+        return f"{type(self).__name__}({', '.join(told)})"
+
+
+def _usual(field: dataclasses.Field[Any], value: Any) -> bool:
+    """Whether a field has its default."""
+    if field.default is dataclasses.MISSING:
+        return field.default_factory is not dataclasses.MISSING and not np.size(value)
+    plain = isinstance(value, float | int | str | tuple)
+    return value is field.default or (plain and bool(value == field.default))
+
+
+def _given(value: Any) -> str:
+    """A value of a field in one short piece."""
+    if isinstance(value, float) and float(f"{value:g}") == value:
+        return f"{value:g}"
+    if isinstance(value, np.ndarray):
+        return f"[{ranged(value)}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(map(str, value)) + "}"
+    if isinstance(value, list | tuple):
+        text = ", ".join(map(_given, value))
+        return f"({text})" if len(text) <= WIDTH else f"({len(value)} entries)"
+    if isinstance(value, Brief) or callable(value):
+        return getattr(value, "__name__", type(value).__name__)
+    text = repr(value)
+    return text if len(text) <= WIDTH and "\n" not in text else type(value).__name__
 
 
 def _cut(text: str) -> str:

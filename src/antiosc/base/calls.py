@@ -34,14 +34,18 @@ def checked(value: Any) -> Any:
 
 
 def _check_class(kind: Any) -> None:
-    """Guard the constructors of a class: its `__init__`, and its class methods."""
+    """Guard the constructors of a class, its class methods and its public methods."""
     init = kind.__init__
     if isinstance(init, FunctionType) and getattr(init, "checks_calls", None) != kind.__name__:
         kind.__init__ = _guarded(init, kind.__name__, 1)
     for name, member in list(vars(kind).items()):
-        inner = getattr(member, "__func__", None)
-        if isinstance(member, classmethod) and not hasattr(inner, "checks_calls"):
+        inner = getattr(member, "__func__", member)
+        if name.startswith("_") or hasattr(inner, "checks_calls"):
+            continue
+        if isinstance(member, classmethod):
             setattr(kind, name, classmethod(_guarded(inner, f"{kind.__name__}.{name}", 1)))
+        elif isinstance(member, FunctionType):
+            setattr(kind, name, _guarded(member, f"{kind.__name__}.{name}", 1))
 
 
 def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:

@@ -89,9 +89,10 @@ def whole(name: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE) -> i
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    real = isinstance(value, Real) and not isinstance(value, _TRUTH)
-    if not real or not (isinstance(value, Integral) or float(value).is_integer()):
-        raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
+    if type(value) is not int:
+        real = isinstance(value, Real) and not isinstance(value, _TRUTH)
+        if not real or not (isinstance(value, Integral) or float(value).is_integer()):
+            raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     result = int(value)
     if result < least:
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, ClassVar
 
+from antiosc.base.brief import Given
 from antiosc.base.checks import store
 
 
@@ -14,7 +15,7 @@ def checked_by(check: Callable[..., Any], *others: Any) -> Mapping[str, Any]:
     return {"check": lambda name, value: check(name, value, *others)}
 
 
-class Checked:
+class Checked(Given):
     """Base of frozen dataclasses whose fields say by which function they are checked.
 
     A field with the default None may be None.

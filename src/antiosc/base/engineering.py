@@ -32,7 +32,21 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
 
 def place(point: Iterable[float]) -> str:
     """A place: "(20, 40, 75) mm"."""
-    return f"({', '.join(f'{1e3 * x:.4g}' for x in point)}) mm"
+    own = [float(x) for x in point]
+    rounding = 1e-9 * max(map(abs, own), default=0.0)
+    return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
+
+
+def span(low: float, high: float, unit: str = "", digits: int = 4) -> str:
+    """A range: "1.100 kN to 2.204 kN"."""
+    return " to ".join(engineering(end, unit, digits) for end in (low, high))
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit of a column of a table whose largest value is given: (1e6, "µs")."""
+    shown = engineering(largest, unit).rpartition(" ")[2] if largest else unit
+    power = {f"{sign}{unit}": p for p, sign in PREFIXES.items()}.get(shown, 0)
+    return 10.0**-power, shown if power else unit
 
 
 def percent(share: float) -> str:

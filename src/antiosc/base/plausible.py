@@ -32,6 +32,9 @@ FASTEST_BLOW = 100.0
 LINEAR = 0.1
 #: Young's moduli of what touches: rubber has some 1e6 Pa.
 SOFTEST = 1e6
+#: Yield strengths of solids are above this, Pa; densities of what strikes above this, kg/m³ (foams
+#: have some 20), and spheres are smaller than this, m.
+WEAKEST, LIGHTEST, LARGEST_SPHERE = 1e4, 10.0, 5.0
 #: Real moduli, Pa, and densities, kg/m³.
 MODULI, DENSITIES = (1e6, 1.3e12), (5.0, 25_000.0)
 #: (factor of E, factor of ρ) to SI units, and the units in words.
@@ -57,7 +60,7 @@ def of_material(one: Material) -> str:
     """What is implausible of a material; "" for nothing. InputError for what is impossible."""
     speed, name = one.bar_speed(), type(one).__name__
     if SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-        return ""
+        return _of_strength(getattr(one, "yield_strength", None))
     E, rho = getattr(one, "E", None), getattr(one, "rho", None)
     sentence = (
         f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
@@ -125,9 +128,48 @@ def of_modulus(E: float) -> str:
     """What is implausible of the modulus [Pa] of a surface that is touched; "" for nothing."""
     if E >= SOFTEST:
         return ""
+    scales = ((1e9, "GPa"), (1e6, "MPa"))
+    real = [(s, unit) for s, unit in scales if MODULI[0] <= s * E <= MODULI[1]] or scales[1:]
+    meant = " or ".join(f"{scale * E:g} ({E:g} {unit})" for scale, unit in real)
     return (
         f"E = {E:g} Pa of a surface in contact is less than that of rubber, {SOFTEST:g}: E is in "
-        f"Pa; {1e6 * E:g} is probably meant ({E:g} MPa)."
+        f"Pa; {meant} is probably meant."
+    )
+
+
+def _of_strength(strength: float | None) -> str:
+    """What is implausible of a yield strength [Pa]; "" for nothing."""
+    if strength is None or strength >= WEAKEST:
+        return ""
+    return (
+        f"yield_strength = {strength:g} Pa is less than that of any solid, {WEAKEST:g}: it is in "
+        f"Pa; {1e6 * strength:g} is probably meant ({strength:g} MPa)."
+    )
+
+
+def of_sphere(radius: float, rho: float) -> str:
+    """What is implausible of a sphere of this radius [m] and density [kg/m³]; "" for nothing."""
+    if radius > LARGEST_SPHERE:
+        return (
+            f"the sphere of radius {radius:g} m is larger than {LARGEST_SPHERE:g} m: lengths are "
+            f"in metres; {1e-3 * radius:g} is probably meant ({radius:g} mm)."
+        )
+    if rho < LIGHTEST:
+        return (
+            f"the density {rho:g} kg/m³ of the sphere is less than that of a foam, {LIGHTEST:g}: "
+            f"rho is in kg/m³; {1e3 * rho:g} is probably meant ({rho:g} g/cm³)."
+        )
+    return ""
+
+
+def of_thickness(thickness: float, extent: float) -> str:
+    """What is implausible of a shell this thick on a part of this size [m]; "" for nothing."""
+    if thickness <= extent:
+        return ""
+    return (
+        f"the thickness {thickness:g} m of the shell is larger than the part, which measures "
+        f"{extent:.3g} m: lengths are in metres; {1e-3 * thickness:g} is probably meant "
+        f"({thickness:g} mm)."
     )
 
 
@@ -148,14 +190,16 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)
     wave = _known(model, "wave_speed")
-    units = f"velocities are in m/s; {1e-3 * speed:g} m/s is probably meant ({speed:g} mm/s)"
-    sentence = ""
+    strained = isinstance(wave, int | float) and 0 < wave < speed / LINEAR
+    if not strained and speed <= FASTEST_BLOW:
+        return ""
     if speed > FASTEST_BLOW:
         sentence = (
             f"the blow of {speed:g} m/s is faster than {FASTEST_BLOW:g} m/s, beyond which every "
-            f"metal yields: {units}."
+            f"metal yields: velocities are in m/s; {1e-3 * speed:g} m/s is probably meant "
+            f"({speed:g} mm/s)."
         )
-    elif isinstance(wave, int | float) and 0 < wave < speed / LINEAR:
+    else:
         sentence = (
             f"the blow of {speed:g} m/s on a material with √(E/ρ) = {wave:.3g} m/s makes stresses "
             f"of about {speed / wave:.2g} E, more than {LINEAR:g} E, up to which a solid is "

@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, TextIO
 
 #: Carriage return, and the sequence that clears the line.
@@ -93,6 +94,7 @@ def share(count: int, total: int, elapsed: float) -> str:
     return text
 
 
+@cache  # a search for what is missing takes as long as some impacts
 def _tqdm() -> Any:
     """tqdm's class, or None where it is not installed."""
     try:

@@ -19,6 +19,9 @@ GREY = "0.75"
 #: Direction of the light, and the darkest shade.
 LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
 
+#: Share of the axes that a part may fill, whose edge would cut it.
+WITHIN = 0.97
+
 
 def space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
     """A figure with axes in space, and the scale and name of the unit of its coordinates."""
@@ -84,3 +87,16 @@ def frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
         ticks = max(1, round(4 * length / side.max()))
         getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
     axes.set_box_aspect(side, zoom=zoom)
+    axes.set_box_aspect(side, zoom=zoom * min(1.0, WITHIN / _reach(axes, x)))
+
+
+def _reach(axes: Axes3D, x: Array) -> float:
+    """How far the points (P, 3) are seen from the middle of the axes, 1 at their edge."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    axes.apply_aspect()
+    seen = proj3d.proj_transform(*x.T, axes.get_proj())[:2]
+    (left, bottom), (right, top) = axes.transAxes.transform([(0, 0), (1, 1)])
+    pixels = axes.transData.transform(np.column_stack(seen))
+    share = 2 * (pixels - (left, bottom)) / (right - left, top - bottom) - 1
+    return float(np.abs(share).max(initial=WITHIN))

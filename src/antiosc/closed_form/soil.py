@@ -15,9 +15,12 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.modal import ModalBody
 
 #: Poisson's ratio above which waves take twice the shear-wave speed, and soil moves with the disk.
 NEARLY_INCOMPRESSIBLE = 1 / 3
+#: Mass of soil that has none, over c^2/k.
+LIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,14 @@ class SoilCone:
         none = np.zeros(0)
         damping = DampingMatrix(np.array([[self.damping]]))
         return AntiOscillators(m0=total, k0=self.stiffness, m=none, omega=none, damping=damping)
+
+    def modal(self) -> ModalBody:
+        """The soil alone, without a footing, as a body of an impact or a floor of a drop.
+
+        Without a mass of its own it has `LIGHT` c^2/k, which matters above k/(LIGHT c) [rad/s].
+        """
+        least = LIGHT * self.damping**2 / self.stiffness
+        return self.model(max(0.0, least - self.mass)).modal()
 
 
 def soil_cone(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -114,4 +114,9 @@ class Compiled(Checked, ContactLaw):
 
 def is_compiled(law: ContactLaw) -> bool:
     """Whether the library knows the law: a subclass made elsewhere may have other methods."""
-    return isinstance(law, Compiled) and type(law).__module__.startswith("antiosc.contact.")
+    return _knows(type(law))
+
+
+@lru_cache(maxsize=64)
+def _knows(kind: type) -> bool:
+    return issubclass(kind, Compiled) and kind.__module__.startswith("antiosc.contact.")

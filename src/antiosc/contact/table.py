@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
+from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
 from antiosc.contact.plastic import Hysteretic
 
@@ -47,6 +48,8 @@ class Tabulated(Hysteretic):
             )
         self.elastic = unloading is None
         self.valid_force = float(F[-1])
+        reach = f"{engineering(x[-1], 'm')} and {engineering(F[-1], 'N')}"
+        self._said = f"{len(x)} points, up to {reach}{'' if self.elastic else ', with unloading'}"
         remains, xu, Fu = 0.0, x, F
         if unloading is not None:
             xu, Fu = _unloading(unloading, x, F)
@@ -57,6 +60,9 @@ class Tabulated(Hysteretic):
         self._parameters = [*head, *first, *second]
         if unloading is not None:
             self._check_loss(x)
+
+    def __repr__(self) -> str:
+        return f"Tabulated({self._said})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
         return (

@@ -252,7 +252,9 @@ class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
     __slots__ = ()
 
     def _ufl_expr_reconstruct_(self, *operands: Expr) -> _PulledBack:
-        return self
+        # an argument may be replaced by a function; its pull-back is what this already is
+        plain = isinstance(operands[0], ufl.classes.FormArgument)
+        return _PulledBack(*operands) if plain else self
 
 
 def reference_derivatives(argument: Expr, n: int) -> Expr:
@@ -399,6 +401,39 @@ def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
     values = np.array(vector.array_r, dtype=float)
     vector.destroy()
     return values
+
+
+def quadratic(
+    forms: Sequence[ufl.Form],
+    space: fem.FunctionSpace,
+    block: Array,
+    weights: Array,
+    degree: int,
+) -> Array:
+    """Sum over columns x of `block` of weight x'A_c x in each cell c of this rank.
+
+    A: the sum of the bilinear forms, of functions on `space`, by quadrature of at most `degree`;
+    `block` (rows of this rank, k).
+    """
+    x, cell = fem.Function(space), cellwise(space.mesh)
+    q = ufl.TestFunction(cell.function_space)
+
+    def of_cells(one: Any) -> Any:
+        least = min(degree, one.metadata().get("quadrature_degree", degree))
+        metadata = {**one.metadata(), "quadrature_degree": least}
+        return one.reconstruct(integrand=q * one.integrand(), metadata=metadata)
+
+    form = sum(
+        ufl.Form([of_cells(one) for one in own.integrals()])
+        for own in (ufl.replace(each, dict.fromkeys(each.arguments(), x)) for each in forms)
+    )
+    compiled, total = _compiled(form), 0.0
+    for column, weight in zip(with_ghosts(space, block).T, weights, strict=True):
+        x.x.array[:] = column
+        vector = fem.petsc.assemble_vector(compiled)
+        total = total + weight * vector.array_r
+        vector.destroy()
+    return np.array(total, dtype=float)
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:

@@ -53,6 +53,8 @@ class Place:
 
     file: str
     line: int
+    #: what is added to the numbers of the part of the deck that the entry belongs to
+    scope: int = 0
 
     def __str__(self) -> str:
         return f"line {self.line} of {self.file}"

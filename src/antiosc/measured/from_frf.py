@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
-from antiosc.measured.fit import Fit, fitted, with_other_noise
+from antiosc.measured.fit import Fit, fitted, unclear, with_other_noise
 from antiosc.measured.frf import FRF, POWER
 from antiosc.measured.gauss_newton import Measured
 from antiosc.measured.modes import Modes, Pairs, Tail
@@ -90,6 +90,8 @@ def from_frf(
     given = None if above is None else _modes_above(above, frf, float(data.w[-1]))
     best = fitted(data, free, None if damping is None else damping == "hysteretic", given)
     _check(data, best)
+    if free is None and unclear(data, best.modes):
+        _warn_unclear(data, best.modes)
     info = ModelInfo(
         structure=f"measured, {len(data.w)} lines to {data.w[-1] / (2 * np.pi):.5g} Hz",
         method="frf",
@@ -164,6 +166,17 @@ def _check(data: Measured, fit: Fit) -> None:
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )
+
+
+def _warn_unclear(data: Measured, modes: Modes) -> None:
+    """Say that the measurement does not tell whether the part is supported."""
+    taken = "free, k0 = 0" if modes.rigid is not None else "supported"
+    warn(
+        f"the lowest line, {data.w[0] / (2 * np.pi):.4g} Hz, shows neither the mass of a free part"
+        f" nor the stiffness of a supported one: the part was taken as {taken}; measure from a"
+        " lower frequency, or give free=True or free=False.",
+        AccuracyWarning,
+    )
 
 
 def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:

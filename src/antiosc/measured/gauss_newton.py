@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from antiosc.base._types import Array, ComplexArray
 from antiosc.measured.modes import Modes, Pairs
@@ -22,6 +21,12 @@ FLAT = 1e-28
 UNSEEN = 1e-13
 #: Least residual terms at the start of Gauss-Newton over the receptance.
 LIFTED = 1e-3
+#: Least standard deviation over the value that is taken for that of a measurement.
+LEAST_NOISE = 1e-4
+#: Relative variance of a fit without any residual.
+EXACT = 1e-30
+#: Steps of the search for the noise: how many, and their longest and least, in logarithms.
+MOST_SCORES, LONGEST_SCORE, LEAST_SCORE = 40, 1.0, 1e-3
 #: Largest damping ratio of a mode.
 MOST_DAMPED = 0.4
 
@@ -92,14 +97,14 @@ def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Ar
 def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
     """Weighted residuals: real parts, imaginary parts, then the tail's."""
     off = weight * (modes.receptance(data.w, data.pairs) - data.H)
-    return np.append(whitened(off.reshape(-1)), modes.expected()[0])
+    return np.append(whitened(off.reshape(-1)), modes.expected())
 
 
 def _jacobian(data: Measured, weight: Array, modes: Modes) -> Array:
     """Derivatives of the residuals by `values`."""
     J = modes.jacobian(data.w, data.pairs)
     J *= weight[:, :, None]
-    return np.vstack((whitened(J.reshape(-1, J.shape[2])), modes.expected()[1]))
+    return np.vstack((whitened(J.reshape(-1, J.shape[2])), modes.expected_jacobian()))
 
 
 def whitened(values: ComplexArray) -> Array:
@@ -144,13 +149,23 @@ def noise(data: Measured, modes: Modes) -> Array:
     off = np.abs(data.H - fit) ** 2
     size = np.abs(fit) ** 2
     floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), off.shape)
-    scales = np.log([np.mean(off / size), np.mean(off / floor)])
+    scales = np.array([[np.mean(off / size) + EXACT], [np.mean(off / floor)]])
+    kinds = scales * np.array([size.ravel(), floor.ravel()])
+    runs = [_variances(off.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    variance = min(runs, key=lambda one: float(np.sum(np.log(one) + off.ravel() / one)))
+    return np.asarray(np.sqrt(np.maximum(variance.reshape(off.shape), LEAST_NOISE**2 * size)))
 
-    def unlikely(x: Array) -> float:
-        variance = np.exp(x[0]) * size + np.exp(x[1]) * floor
-        return float(np.mean(np.log(variance) + off / variance))
 
-    starts = [scales + np.log([a, b]) for a, b in ((0.9, 0.01), (0.01, 0.9))]
-    runs = [minimize(unlikely, x, method="Nelder-Mead", options={"maxiter": 200}) for x in starts]
-    x = min(runs, key=lambda run: float(run.fun)).x
-    return np.asarray(np.sqrt(np.exp(x[0]) * size + np.exp(x[1]) * floor))
+def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
+    """Most likely variances, sums of `kinds` (2, N), of squares `off` (N,): Fisher's scoring."""
+    x = np.log(start)
+    for _ in range(MOST_SCORES):
+        parts = np.exp(x)[:, None] * kinds
+        variance = np.sum(parts, axis=0)
+        share = parts / variance
+        slope = share @ (off / variance - 1)
+        change = np.linalg.solve(share @ share.T + off.size * 1e-9 * np.eye(2), slope)
+        x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
+        if np.all(np.abs(change) < LEAST_SCORE):
+            break
+    return np.asarray(np.exp(x) @ kinds)

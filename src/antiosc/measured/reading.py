@@ -136,6 +136,19 @@ def _arrays(path: Path) -> dict[str, Any]:
 
 def table(path: Path, default: list[str]) -> dict[str, Array]:
     """The columns of a table in text by name; `default`: names where it has no header."""
+    header, values = rows_of(path)
+    names = [_column(name) for name in header]
+    if len(names) != values.shape[1] or not any(names):
+        names, header = [*default[: values.shape[1]], *[""] * values.shape[1]], []
+    found = {name: values[:, i] for i, name in enumerate(names[: values.shape[1]]) if name}
+    for name in header:
+        if _column(name) == "phase" and re.search("deg|rad|°", name.lower()):
+            found["degrees"] = np.array("rad" not in name.lower())
+    return found
+
+
+def rows_of(path: Path) -> tuple[list[str], Array]:
+    """The header of a table in text, and its numbers (rows, columns)."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -161,15 +174,7 @@ def table(path: Path, default: list[str]) -> dict[str, Array]:
         rows.append(numbers)
     if not rows:
         raise InputError(f"{path.name} holds no row of numbers.")
-    values = np.array(rows)
-    names = [_column(name) for name in header]
-    if len(names) != values.shape[1] or not any(names):
-        names, header = [*default[: values.shape[1]], *[""] * values.shape[1]], []
-    found = {name: values[:, i] for i, name in enumerate(names[: values.shape[1]]) if name}
-    for name in header:
-        if _column(name) == "phase" and re.search("deg|rad|°", name.lower()):
-            found["degrees"] = np.array("rad" not in name.lower())
-    return found
+    return header, np.array(rows)
 
 
 def _cells(text: str) -> list[str]:

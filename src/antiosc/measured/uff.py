@@ -76,8 +76,8 @@ def functions(path: Path) -> list[Function]:
     found = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
     if not any(not one.coherence for one in found):
         raise InputError(
-            f"{path.name} holds no frequency response (data set 58, function type 4); it has the"
-            f" data sets {', '.join(map(str, sorted(set(types)))) or 'of no number'}."
+            f"{path.name} holds no frequency response (data set 58, function type 4); it has"
+            f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
         )
     return found
 

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
 from antiosc.base.brief import Brief
+from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
@@ -137,15 +138,16 @@ class AntiOscillators(Brief, Parameters):
         counted = f"{self.n}, {lowest}{more} Hz" if self.n else "0"
         if self.sites:
             sites = ", ".join(self.sites)
+            stiffest = engineering(np.max(self.k0.diagonal()), "N/m", 4)
             return [
                 ("sites", sites if len(sites) <= 60 else f"{len(self.sites)}"),
-                ("K0", f"{self.k0.shape}, {np.max(self.k0.diagonal()):.5g} N/m at most"),
+                ("K0", f"{self.k0.shape}, at most {stiffest}"),
                 ("anti-oscillators", counted),
             ]
         captured = 1 - self.m0 / self.m_st if self.m_st else 0.0
         return [
-            ("k0", f"{self.k0:.6g} N/m"),
-            ("m_st", f"{self.m_st:.6g} kg, {captured:.2%} of it captured"),
+            ("k0", engineering(self.k0, "N/m", 4)),
+            ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {captured:.2%} of it captured"),
             ("anti-oscillators", counted),
             *([("from", self.info.structure)] if self.info.structure else []),
         ]

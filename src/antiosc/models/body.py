@@ -89,8 +89,8 @@ def checked_body(name: str, body: Any) -> Body:
     if not isinstance(body, type) and callable(getattr(body, "modal", None)):
         return _Foreign(name, body)
     raise InputError(
-        f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
-        f" got {checks.shown(body)}."
+        f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
+        f"RigidMass and a Sphere have; got {checks.shown(body)}."
     )
 
 

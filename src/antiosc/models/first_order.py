@@ -83,24 +83,25 @@ class SideBySide:
 
     Attributes
     ----------
-    parts : omega and decay of the free modes of each body, and its first-order modes.
+    parts : omega and decay of the free modes of each body, its first-order modes, and their states
+        (2, I) at the start, where known.
     omega, decay : (I,) of the modes that are integrated, body by body.
     """
 
-    parts: Sequence[tuple[Array, Array, FirstOrder | None]]
+    parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]
 
     def __post_init__(self) -> None:
         own = [
-            (w, d) if first is None else (first.omega, first.decay) for w, d, first in self.parts
+            (w, d) if first is None else (first.omega, first.decay) for w, d, first, _ in self.parts
         ]
         self.omega = np.concatenate([w for w, _ in own])
         self.decay = np.concatenate([d for _, d in own])
-        self.free = sum(w.size for w, _, _ in self.parts)
+        self.free = sum(w.size for w, *_ in self.parts)
 
     def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
         """Free modes, integrated modes, decay and first-order modes of each body."""
         j = i = 0
-        for w, d, first in self.parts:
+        for w, d, first, _ in self.parts:
             size = w.size if first is None else first.omega.size
             yield slice(j, j + w.size), slice(i, i + size), d, first
             j, i = j + w.size, i + size
@@ -119,8 +120,10 @@ class SideBySide:
     def state(self, q: Array, v: Array) -> Array:
         """(2, I) of displacements and velocities (J,) of the free modes."""
         found = np.zeros((2, self.omega.size))
-        for free, own, _, first in self._spans():
-            if first is None:
+        for (free, own, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
+            if begun is not None:
+                found[:, own] = begun
+            elif first is None:
                 found[0, own], found[1, own] = q[free], v[free]
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
@@ -142,7 +145,7 @@ class SideBySide:
     @property
     def undamped(self) -> Any:
         """Which free modes (J,) have no damping."""
-        own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f in self.parts]
+        own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f, _ in self.parts]
         return np.concatenate(own)
 
 

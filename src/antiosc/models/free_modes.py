@@ -163,7 +163,8 @@ def at_sites(
         (share <= HIDDEN, elastic, count),
     ):
         sites = np.flatnonzero(group)
-        for at in np.split(sites, range(SITES_AT_ONCE, len(sites), SITES_AT_ONCE)):
+        for first in range(0, len(sites), SITES_AT_ONCE):
+            at = sites[first : first + SITES_AT_ONCE]
             found: tuple[Array, ...] = parameters(omega, part[at], r[at], s[at], few, shift, method)
             if few < count:
                 found = _joined(found, along[at])

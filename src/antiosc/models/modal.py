@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.brief import Brief
+from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError, warn
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.first_order import FirstOrder, first_order
@@ -39,7 +39,7 @@ NO_SHAPES = (
 
 
 @dataclass(frozen=True)
-class Damping:
+class Damping(Given):
     """Damping of the free modes: decay d_j = ratio_j omega_j + alpha/2 + beta omega_j^2/2 [1/s].
 
     Parameters

@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
+from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
 
 #: Share of a body's inertia below which it has none about an axis.
@@ -96,7 +96,7 @@ class Inertia(Brief):
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Given):
     """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
 
     Parameters
@@ -138,7 +138,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalState:
+class ModalState(Given):
     """The state in which a body of a scene starts, in its mass-normalised modes.
 
     Parameters
@@ -147,15 +147,21 @@ class ModalState:
         Of the modes [kg^1/2 m], in the order of the body's modes.
     velocities : array_like, shape (J,)
         [kg^1/2 m/s].
+    first_order : array_like, shape (2, I), optional
+        Of the first-order modes of a body whose damping couples its modes, for branches that have
+        not relaxed, which displacements and velocities do not tell.
     """
 
     displacements: Array
     velocities: Array
+    first_order: Array | None = None
 
     def __post_init__(self) -> None:
         q = checks.array("displacements", self.displacements, (None,))
         v = checks.array("velocities", self.velocities, (q.size,))
         checks.store(self, displacements=checks.kept(q), velocities=checks.kept(v))
+        if self.first_order is not None:
+            checks.store(self, first_order=checks.array("first_order", self.first_order, (2, None)))
 
 
 def unit_vector(name: str, value: Any) -> Array:

@@ -21,6 +21,7 @@ from scipy.linalg import block_diag
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.io.matrices import matrix_market
 from antiosc.io.matrices.dof_map import component_of
@@ -31,7 +32,7 @@ NAMES = ("KAA", "MAA")
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedMatrices:
+class ReducedMatrices(Given):
     """K and M of a reduced model.
 
     Attributes

@@ -34,6 +34,8 @@ QUANTITY_LABELS = {
     "restitution": "coefficient of restitution",
     "impulse": "impulse (N s)",
     "peak_deflection": "peak deflection (m)",
+    "peak_stress": "largest stress in the part (Pa)",
+    "exposure": "largest stress over the yield strength",
 }
 
 

@@ -30,7 +30,7 @@ def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
     members = with_parts(structure).fields(shapes, None)
     materials = {one for member, _ in members for one, _ in member.part.parts}
     striker = history.impactor
-    own = [getattr(striker, name, None) for name in ("E", "nu")]
+    own: list[Any] = [getattr(striker, name, None) for name in ("E", "nu")]
     own += [getattr(one, name, None) for one in materials for name in ("E", "nu", "yield_strength")]
     if len(own) != 5 or not all(isinstance(value, float) for value in own):
         return ""

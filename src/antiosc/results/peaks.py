@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
+from antiosc.base.engineering import engineering, place as placed
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
@@ -87,6 +88,14 @@ class PeakField(Brief):
     doubt: str = ""
     _margin: Margin | None = field(default=None, repr=False)
 
+    def _facts(self) -> list[tuple[str, str]]:
+        value, x, t = self.largest(1)[0]
+        where = f"{placed(x)}, {engineering(t, 's')}"
+        facts = [(f"largest {self.quantity}", f"{engineering(value, self.unit, 4)} at {where}")]
+        facts += [("nodes", f"{len(self.values)}")]
+        facts += [] if self._margin is None else [("verdict", self._margin.sentence)]
+        return facts + ([("doubt", self.doubt)] if self.doubt else [])
+
     def margin(self) -> Margin:
         """How far the worst point is from yield, or from the failure of a ply.
 
@@ -97,8 +106,9 @@ class PeakField(Brief):
         """
         if self._margin is None:
             raise InputError(
-                f"the {self.quantity} has no margin: ask for peak_field(…, 'von_mises') of "
-                "materials with a yield_strength, or for 'tsai_wu' of layers with a strength."
+                f"no margin for {self.quantity}: the material has no strength; give it one, as in "
+                "Solid(…, yield_strength=250e6) for 'von_mises', or Layer(…, strength=…) for "
+                "'tsai_wu'."
             )
         return self._margin
 
@@ -123,15 +133,16 @@ class PeakField(Brief):
 
     def summary(self, count: int = 5) -> str:
         """The largest values with place and time, as a table."""
-        unit = f" [{self.unit}]" if self.unit else ""
-        rows = [f"largest {self.quantity}{unit} at (x, y, z) [m], time [s]"]
+        rows = [f"largest {self.quantity}, where and when"]
         for value, x, t in self.largest(count):
-            rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
+            told = engineering(value, self.unit, 4)
+            rows.append(f"{told:>12}  {placed(x)}  {engineering(t, 's')}")
         if self.error is not None:
-            rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
+            more = engineering(self.error, self.unit)
+            rows.append(f"between the times that were looked at: up to {more} more")
         if self.mesh_error is not None:
-            k = int(np.argmax(self.values))
-            rows.append(f"estimated error by the mesh, of the largest: {self.mesh_error[k]:.2g}")
+            own = engineering(self.mesh_error[np.argmax(self.values)], self.unit)
+            rows.append(f"estimated error by the mesh, of the largest: {own}")
         rows += [self.doubt] if self.doubt else []
         if self._margin is not None:
             rows.append(self._margin.sentence)

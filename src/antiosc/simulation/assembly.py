@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TypeAlias, cast
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz
-from antiosc.simulation.bodies import Placed, first_order_of, place
+from antiosc.simulation.bodies import Placed, first_order_of, may_turn, place
 from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
 from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
@@ -18,32 +20,75 @@ from antiosc.simulation.scene_scales import MINDLIN, STIFFEST, mass_behind, scal
 from antiosc.simulation.scene_states import between
 from antiosc.simulation.system import System
 
+Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
+
+
+def known(scene: SceneParts, bodies: dict[str, Placed]) -> Callable[[], Parts]:
+    """What gives a scene and its bodies that are made already, and can be pickled."""
+    return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
+
 
 @dataclass(eq=False)
 class Assembly:
     """A scene in one set of modal coordinates.
 
+    What the march does not need is found when it is first asked for.
+
     Attributes
     ----------
-    bodies : the placed bodies; `spans` their modes, `columns` their columns among all.
-    B : (J, P) displacements of all columns; r : (P, P).
+    parts : makes the scene and its bodies.
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : of the contacts, freed from the compliance of patches; `notes` say so.
     system : what the march takes.
     lasting : expected time of a contact [s], the shortest.
+    turns : whether the rotation of a body is known, and not 0.
     """
 
-    scene: SceneParts
-    bodies: dict[str, Placed]
-    spans: dict[str, slice]
-    columns: dict[str, slice]
-    B: Array
-    r: Array
+    parts: Callable[[], Parts]
     G: Array
     laws: list[ContactLaw]
     notes: list[str]
     system: System
     lasting: float
+    turns: bool
+
+    @cached_property
+    def _parts(self) -> Parts:
+        return self.parts()
+
+    @cached_property
+    def _sides(self) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
+        return side_by_side(self.bodies)
+
+    @property
+    def scene(self) -> SceneParts:
+        """The bodies and contacts as they were given."""
+        return self._parts[0]
+
+    @property
+    def bodies(self) -> dict[str, Placed]:
+        """The placed bodies by name."""
+        return self._parts[1]
+
+    @property
+    def spans(self) -> dict[str, slice]:
+        """The modes of each body among those of all."""
+        return self._sides[0]
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """The columns of each body among those of all."""
+        return self._sides[1]
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self._sides[2]
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self._sides[3]
 
     def load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
@@ -120,7 +165,8 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         pressed=np.zeros(len(laws)),
         first=first_order_of(bodies.values()),
     )
-    return Assembly(scene, bodies, spans, columns, B, r, G, laws, notes, system, lasting)
+    turns = any(map(may_turn, bodies.values()))
+    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns)
 
 
 def side_by_side(

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -34,7 +35,7 @@ HELD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody:
+class RigidBody(Given):
     """A rigid body with several sites; it moves in space, its rotations are small.
 
     Parameters
@@ -114,7 +115,8 @@ class Placed:
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
     modes : its form in free modes, if it has another one than this; it has the fields.
-    first : its first-order modes, where its damping couples the free ones.
+    first : its first-order modes, where its damping couples the free ones; begun : their states
+        (2, I) at the start, None: those of `displaced` and `start` with relaxed branches.
     """
 
     name: str
@@ -136,6 +138,7 @@ class Placed:
     modes: ModalBody | SiteModes | None = None
     axes: dict[str, Array] = field(default_factory=dict)
     first: FirstOrder | None = None
+    begun: Array | None = None
 
     def columns_of(self, site: str) -> tuple[int, ...]:
         """The columns of a site; () of an obstacle."""
@@ -171,10 +174,15 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
+def may_turn(body: Placed | ModalBody) -> bool:
+    """Whether a body may turn, and its inertia in space is known."""
+    return body.inertia is not None and not body.omega.all()
+
+
 def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
     """First-order modes of all bodies side by side, if one has them."""
-    parts = [(body.omega, body.decay, body.first) for body in bodies]
-    return None if all(first is None for _, _, first in parts) else SideBySide(parts)
+    parts = [(body.omega, body.decay, body.first, body.begun) for body in bodies]
+    return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
 
 
 def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:
@@ -197,6 +205,13 @@ def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> P
                     f" {placed.omega.size}."
                 )
             placed.displaced, placed.start = motion.displacements, motion.velocities
+            placed.begun = motion.first_order
+            own = 0 if placed.first is None else placed.first.omega.size
+            if placed.begun is not None and placed.begun.shape[1] != own:
+                raise InputError(
+                    f"the ModalState of {name!r} has {placed.begun.shape[1]} first-order modes, the"
+                    f" body {own}."
+                )
         else:
             placed.start = _started(placed, motion)
     return placed

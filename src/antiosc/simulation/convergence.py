@@ -46,6 +46,8 @@ def converge(
 
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Why the march stopped at t before the end; empty if it did not."""
+    if answer == march.DONE:
+        return ""
     return {
         march.TOO_MANY_CONTACTS: (
             f"stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from antiosc.simulation.modal_response import responses
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force.
 BODIES_AT_ONCE, SAMPLES = 200, 200
+#: Times [s] and the force [N] at them, linear between them and zero outside.
+Force = tuple[Array, Array]
 
 
 def peak_deflections(
-    bodies: Sequence[LinearBody], forces: Sequence[tuple[Array, Array]], duration: float
+    bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float
 ) -> Array:
     """Largest displacement u [m] of each body's site along the impact, up to `duration` [s].
 
@@ -42,9 +44,7 @@ def peak_deflections(
     return np.concatenate([np.zeros(0), *peaks])
 
 
-def _peaks(
-    bodies: Sequence[LinearBody], forces: Sequence[tuple[Array, Array]], duration: float
-) -> Array:
+def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
     modal = [body.modal() for body in bodies]
     omega, b, decay = (
         _padded([m.omega for m in modal], 0.0),
@@ -52,7 +52,21 @@ def _peaks(
         _padded([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
     )
     r = np.array([m.r for m in modal])
-    even = np.linspace(0, duration, SAMPLES)
+    peak = np.zeros(len(modal))
+    for _, q, F in motions(omega, b, decay, forces, duration, SAMPLES):
+        peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F)
+    return peak
+
+
+def motions(
+    omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Of bodies at rest: (time (S,), modal displacements (S, J), force (S,)), for time after time.
+
+    At the times of each force [s] and at `samples` over the duration; the last one is repeated
+    where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.
+    """
+    even = np.linspace(0, duration, samples)
     times = [np.union1d(even, time) for time, _ in forces]
     steps = zip(times, forces, strict=True)
     force = [
@@ -61,7 +75,6 @@ def _peaks(
     ]
     time, F = _padded(times, None), _padded(force, 0.0)
     q, v = np.zeros_like(b), np.zeros_like(b)
-    peak = np.zeros(len(modal))
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
         P, W, S, J0, J1, _ = responses(omega, decay, h)
@@ -71,8 +84,7 @@ def _peaks(
             P * q + S * v + push * J0 + rise * J1,
             W * v - omega**2 * S * q + push * S + rise * J0,
         )
-        peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F[:, k + 1])
-    return peak
+        yield time[:, k + 1], q, F[:, k + 1]
 
 
 def _padded(rows: Sequence[Array], filler: float | None) -> Array:

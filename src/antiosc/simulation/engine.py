@@ -64,11 +64,17 @@ class Buffers:
     def __init__(self, record: march.Record, p: int, m: int, size: int) -> None:
         self.record, self.shape = record, (p, m, size)
         self.arrays: tuple[Array, ...] = ()
+        self.nbytes = 0
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all arrays."""
-        return sum(each.nbytes for each in self.arrays)
+    def keep(self, states: bool) -> None:
+        """Write states and exits, or not; without room for them all is to be made anew."""
+        r = self.record
+        if states == (r.states is not None):
+            return
+        held = states and self.arrays and len(self.arrays[3])
+        r.states, r.exits = map(march.address, self.arrays[3::2]) if held else (None, None)
+        if states and not held:
+            r.max_nodes = 0
 
     def enlarge(self, keep: bool) -> None:
         """Room for more nodes; `keep`: for their states too, of every 2nd where they are many."""
@@ -92,7 +98,7 @@ class Buffers:
         )
         for new, old in zip(arrays, self._written(), strict=False):
             new[: len(old)] = old
-        self.arrays = arrays
+        self.arrays, self.nbytes = arrays, sum(each.nbytes for each in arrays)
         r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
         r.time, r.force, r.depth, r.states, r.events, r.exits = map(march.address, arrays)
@@ -156,7 +162,7 @@ class Space:
     @property
     def nbytes(self) -> int:
         """Bytes of all its memory."""
-        return self.memory.nbytes + sum(each.nbytes for each in self.buffers)
+        return self.memory.nbytes + sum([each.nbytes for each in self.buffers])
 
     def fits(self, given: Given) -> bool:
         """Whether other bodies have as many modes and rows, and need no more memory."""
@@ -228,11 +234,7 @@ def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Ru
     space = _space(key, given)
     solution, buffers = march.Solution(), space.buffers
     for each in buffers:
-        held = keep and each.arrays and len(each.arrays[3])
-        for name, at in (("states", 3), ("exits", 5)):
-            setattr(each.record, name, march.address(each.arrays[at]) if held else None)
-        if keep and not held:
-            each.record.max_nodes = 0
+        each.keep(keep)
     arguments = (
         space.stepper, byref(given.system), byref(options), byref(solution),
         addressof(space.records), max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from antiosc.base.engineering import engineering
+
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: Causes of error, in the order in which they are told.
@@ -110,8 +112,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         lines = []
         for name, bar in self.bars.items():
             causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in self.causes)
-            value = f"{bar.value:.5g} {QUANTITIES[name]}"
-            lines.append(f"{name} {value} ± {_percent(bar.total)} %: {causes}")
+            value = engineering(bar.value, QUANTITIES[name], 4)
+            lines.append(f"{name.replace('_', ' ')} {value} ± {_percent(bar.total)} %: {causes}")
         return "\n".join([*lines, *self.notes])
 
 

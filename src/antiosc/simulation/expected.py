@@ -35,16 +35,16 @@ def expected_impact(
         the start.
     """
     kernel, own = packed(law)
-    at = (march.address(each) for each in (beta, v, load))
+    at = map(march.address, (beta, v, load))
     impact = march.Impact(
         beta.size, 0, None, None, *at, None, kernel, 0.0, gap, mass, duration, 0.0, 0, 0
     )
     found = march.library.aom_expect(byref(impact))
     raise_error(own)
-    numbers = found.depth, found.speed, found.time
-    if not all(map(isfinite, numbers)):
+    depth, speed, time = found.depth, found.speed, found.time
+    if not isfinite(depth + speed + time):
         raise OverflowError("the depth of the contact")
-    return numbers
+    return depth, speed, time
 
 
 def deepest(

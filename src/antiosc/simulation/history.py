@@ -18,7 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.charts.histories import plot_history
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.assembly import Assembly, known
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
@@ -308,6 +308,8 @@ class History(HistoryResults):
         Of bodies whose inertia in space is known.
         """
         a = self.assembly
+        if not a.turns:
+            return "", 0.0
         return largest_rotation(self.run, a.system, a.bodies, a.spans)
 
     # -- inside
@@ -423,7 +425,8 @@ def with_model(hit: History, model: Any, **changes: Any) -> History:
     """The same history with the structure's model told more of itself, and other `changes`."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
-    return replace(hit, assembly=replace(hit.assembly, bodies=bodies), **changes)
+    assembly = replace(hit.assembly, parts=known(hit.assembly.scene, bodies))
+    return replace(hit, assembly=assembly, **changes)
 
 
 def no_field(model: Any) -> str:

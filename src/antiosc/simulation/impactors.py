@@ -8,7 +8,8 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
-from antiosc.base import checks
+from antiosc.base import checks, plausible
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -17,7 +18,7 @@ from antiosc.models.motion import Motion
 
 
 @dataclass(frozen=True)
-class RigidMass(Body):
+class RigidMass(Given, Body):
     """A rigid mass that moves along the direction of impact.
 
     Parameters
@@ -68,7 +69,7 @@ class RigidMass(Body):
 
 
 @dataclass(frozen=True, init=False)
-class Sphere(Body):
+class Sphere(Given, Body):
     """A solid elastic sphere without vibrations.
 
     Parameters
@@ -112,6 +113,7 @@ class Sphere(Body):
             rho=checks.positive("rho", rho, "kg/m^3"),
             velocity=checks.number("velocity", velocity, "m/s"),
         )
+        plausible.tell([plausible.of_sphere(self.radius, self.rho)])
 
     @property
     def mass(self) -> float:
@@ -129,7 +131,7 @@ class Sphere(Body):
 
 
 @dataclass(frozen=True)
-class Obstacle(Body):
+class Obstacle(Given, Body):
     """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
 
     gap: float = 0.0
@@ -149,7 +151,7 @@ class Obstacle(Body):
 
 
 @dataclass(frozen=True)
-class Impactor(Body):
+class Impactor(Given, Body):
     """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
 
     Its contact point is the site of its model; the contact force acts in the direction of that

@@ -167,12 +167,18 @@ class _Space:
         room = max(march.library.aom_batch_nodes(size), _NODES)
         self.time, self.force = np.empty(room), np.empty(room)
         self.nodes = march.PulseNodes(room, 0, *map(march.address, (self.time, self.force)))
-        self.batch = c_void_p()
+        self.batch, self.size = c_void_p(), -1
 
     def renew(self, size: int) -> bool:
-        """Be for other impacts; False if there is too little memory."""
+        """Be for other impacts; False if there is too little memory.
+
+        With as many modes as before the march goes on with the responses that it has.
+        """
         at = march.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
+        if size == self.size:
+            return True
+        self.size = size
         room = int(march.library.aom_batch_nodes(size)) <= self.time.size
         return room and march.library.aom_batch_create(size, *at) == march.DONE
 

@@ -20,7 +20,7 @@ from antiosc.simulation.history import History
 from antiosc.simulation.quantities import differences, floored
 
 #: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
-BAR = 2.8
+BAR = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
 

@@ -10,6 +10,7 @@ from math import pi, sqrt
 from typing import Any
 
 from antiosc.base import checks
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.contact import Gonthier
 from antiosc.simulation.impactors import RigidMass, Sphere
@@ -24,7 +25,7 @@ GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
-class NamedImpactor:
+class NamedImpactor(Given):
     """What is known of an impactor.
 
     Attributes

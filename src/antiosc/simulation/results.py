@@ -16,6 +16,7 @@ from antiosc import __version__
 from antiosc.base import checks, files
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
+from antiosc.base.engineering import engineering, place as placed
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
@@ -23,6 +24,8 @@ from antiosc.models.model_info import info_of
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
+#: Endings of tables, which `save` does not write.
+TABLES = {".csv", ".json", ".txt", ".xlsx", ".mat"}
 #: Largest table that is loaded, bytes.
 LARGEST = 2**30
 #: Contacts of which a file lists the times.
@@ -101,6 +104,11 @@ class Results(Brief):
             The file cannot be written.
         """
         target, table = checks.path("path", path), self.columns()
+        if target.suffix.lower() in TABLES:
+            raise InputError(
+                f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
+                f"for a table, or another ending than {target.name} has."
+            )
         header = {
             "format": FORMAT,
             "version": model_file.VERSION,
@@ -219,27 +227,28 @@ class HistoryResults(Results):
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
         own: Any = self
-        places = {name: checks.in_words(point) for name, point in sites(own).items()}
+        places = {name: placed(point) for name, point in sites(own).items()}
         if not self.named:
             e = own.restitution
             rows = [
                 *(("site", point) for point in places.values()),
-                ("peak force", f"{own.peak_force:.6g} N"),
-                ("impulse", f"{own.impulse:.6g} N s"),
+                ("peak force", engineering(own.peak_force, "N", 4)),
+                ("impulse", engineering(own.impulse, "N s", 4)),
                 ("contacts", f"{len(own.contacts)}"),
-                ("contact time", f"{own.contact_time:.6g} s"),
+                ("contact time", engineering(own.contact_time, "s", 4)),
                 ("restitution", "-" if e is None else f"{e:.4f}"),
                 ("energy drift", f"{own.energy.drift:.1e}"),
-                ("step", f"{own.step:.3g} s"),
+                ("step", engineering(own.step, "s")),
                 ("force error", covered(own)),
                 ("status", own.message),
             ]
             return "\n".join(f"{name:<13} {value}" for name, value in rows)
-        lines = [f"{'contact':<24} {'peak N':>11} {'impulse Ns':>11} {'touches':>7} {'time s':>10}"]
+        lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
         for h in own.contact_histories:
             lines.append(
-                f"{_shown(h):<24} {h.peak_force:>11.5g} {h.impulse:>11.5g} {len(h.contacts):>7}"
-                f" {h.contact_time:>10.4g}"
+                f"{_shown(h):<24} {engineering(h.peak_force, 'N', 4):>11}"
+                f" {engineering(h.impulse, 'N s', 4):>11} {len(h.contacts):>7}"
+                f" {engineering(h.contact_time, 's', 4):>10}"
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {own.energy.drift:.1e}; force error {covered(own)}")
@@ -249,11 +258,12 @@ class HistoryResults(Results):
         own: Any = self
         contacts = own.contact_histories
         largest = max(contacts, key=lambda one: one.peak_force)
+        length = engineering(own.time[-1], "s")
         return [
             ("bodies", ", ".join(own.assembly.bodies)),
             ("contacts", f"{len(contacts)}, {sum(bool(c.contacts) for c in contacts)} closed"),
-            ("peak force", f"{largest.peak_force:.6g} N of {_shown(largest)}"),
-            ("run", f"{own.time[-1]:.4g} s, {own.time.size} nodes, status {own.status}"),
+            ("peak force", f"{engineering(largest.peak_force, 'N', 4)} of {_shown(largest)}"),
+            ("run", f"{length}, {own.time.size} nodes, status {own.status}"),
         ]
 
 

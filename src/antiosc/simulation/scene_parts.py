@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -34,7 +35,7 @@ from antiosc.simulation.bodies import RigidBody
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Given):
     """A contact between two sites, "body" or "body:site".
 
     Parameters
@@ -83,7 +84,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Load:
+class Load(Given):
     """A force in time at a site, along the direction of the site (the body's one coordinate).
 
     Parameters
@@ -106,7 +107,7 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
+class Base(Given):
     """Acceleration of the ground, with all supports and obstacles on it.
 
     Parameters
@@ -141,7 +142,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 
 
 @dataclass(frozen=True, eq=False)
-class SceneParts:
+class SceneParts(Given):
     """What a `Scene` consists of, checked."""
 
     bodies: Mapping[str, Any]

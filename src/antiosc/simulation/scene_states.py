@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from ctypes import byref, c_int
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base import march, memory
 from antiosc.base._types import Array
+from antiosc.simulation.bodies import Placed, may_turn
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System
-
-if TYPE_CHECKING:
-    from antiosc.simulation.bodies import Placed
 
 Index = NDArray[np.intp]
 
@@ -54,14 +51,11 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
 
 def touching(run: Run, system: System) -> list[int]:
     """The contacts that touched during the run and go on at its end."""
-    pieces: dict[int, list[int]] = {}
-    for _, which, piece, _ in run.events.tolist():
-        pieces.setdefault(int(which), []).append(int(piece))
-    return sorted(
-        c
-        for c, own in pieces.items()
-        if own[-1] != march.APART and (march.APART in own or not system.pressed[c])
-    )
+    events = run.events.tolist()
+    last = {which: piece for _, which, piece, _ in events}
+    on = sorted(int(c) for c, piece in last.items() if piece != march.APART)
+    parted = {which for _, which, piece, _ in events if piece == march.APART} if on else ()
+    return [c for c in on if c in parted or not system.pressed[c]]
 
 
 def between(t: Array, breaks: Array, values: Array) -> Array:
@@ -275,6 +269,6 @@ def largest_rotation(
     turned = [
         (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
         for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
-        if body.inertia is not None and not body.omega.all()
+        if may_turn(body)
     ]
     return max(turned, key=lambda pair: pair[1], default=("", 0.0))

@@ -25,6 +25,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
+from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
 from antiosc.simulation.comparison import METHODS
 from antiosc.simulation.error_bars import ErrorBudget
@@ -144,7 +145,8 @@ def simulate(
         history = replace(history, message=f"{history.message} {sentence}")
     tell_rotation(*history.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
-    warn_low_band(history)
+    if info_of(model).measured is not None:
+        warn_low_band(history)
     return history
 
 

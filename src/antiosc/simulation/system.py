@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import addressof
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class System:
     pressed : (p,) forces [N] at the start: a contact with one is closed.
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
+    block : omega to v in one array, where they already stand so.
     """
 
     omega: Array
@@ -63,6 +65,7 @@ class System:
     given: float = 0.0
     first: SideBySide | None = None
     gamma: Array | None = None
+    block: Array | None = field(default=None, init=False)
 
     @property
     def damped(self) -> bool:
@@ -118,7 +121,7 @@ class System:
         return Given(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        left = ("packed", "marched")
+        left = ("packed", "marched", "block")
         return {name: value for name, value in self.__dict__.items() if name not in left}
 
 
@@ -132,24 +135,27 @@ class Given:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
-        self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        self.block: Array = np.zeros(0) if s.block is None else s.block
+        if not (s.q.base is s.v.base is self.block):  # no block, or another start
+            self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
         gamma = None if s.gamma is None else march.address(s.gamma)
         if s.gamma is not None:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
-        at = [march.address(self.block)]
-        for each in parts[:-1]:
-            at.append(at[-1] + 8 * each.size)
-        *arrays, q, v = at
+        at = march.address(self.block)
+        *arrays, q, v = accumulate([at, *[8 * each.size for each in parts[:-1]]])
         self.laws = [packed(law) for law in s.laws]
-        self.contacts = (march.Contact * p)()
         each_contact = zip(
-            self.contacts, self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(),
-            s.depth.tolist(), s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
+            self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
+            s.speed.tolist(), s.pressed.tolist(), strict=True,
         )  # fmt: skip
-        for contact, (law, _), slip, tangents, *scales in each_contact:
-            contact.__init__(law, *slip, *tangents, *scales)
+        self.contacts = (march.Contact * p)(
+            *[
+                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, pressed)
+                for (law, _), slip, tangents, mass, depth, speed, pressed in each_contact
+            ]
+        )
         self.system = march.System(
             size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from antiosc.contact import ContactLaw
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, freed, side_by_side
-from antiosc.simulation.bodies import first_order_of, of_one_site
+from antiosc.simulation.assembly import Assembly, Parts, freed
+from antiosc.simulation.bodies import first_order_of, may_turn, of_one_site
 from antiosc.simulation.expected import expected_impact
 from antiosc.simulation.scene_parts import of_two
 from antiosc.simulation.system import System
@@ -39,12 +40,14 @@ class Pair:
     Attributes
     ----------
     bodies : (body, its modes, modal velocities at the start) of the structure and the impactor.
-    omega, decay, beta, v, load : (J,) of both; `r` [m/N] the residual compliance.
+    block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
+    omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
     mobility : inverse [1/kg] of the inertia behind the contact.
     local : half-space compliance [m/N] of the patches.
     """
 
     bodies: tuple[tuple[Body, ModalBody, Array], ...]
+    block: Array
     omega: Array
     decay: Array
     beta: Array
@@ -67,7 +70,7 @@ class Pair:
                 "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
                 " or an impactor with a mass."
             )
-        fastest = float(self.omega.max())
+        fastest = float(self.omega[self.omega.argmax()])
         if fastest * duration > LARGEST_PHASE:
             raise AccuracyError(
                 f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
@@ -84,24 +87,41 @@ def pair(
 ) -> Pair:
     """The bodies of an impact in their modes, with their start and gravity."""
     one, other = checked_body("model", model), checked_body("impactor", impactor)
+    if one.velocity != 0.0:
+        raise InputError(
+            f"the model has a velocity of {one.velocity:g} m/s, which only the impactor may have: "
+            "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
+        )
     structure, striker = one.modal(), other.modal()
     starts = _starts(structure, striker, initial_velocity, other.velocity)
-    both = (one, structure, starts[0]), (other, striker, starts[1])
+    loads = _loads(structure, striker, gravity)
+    count, both = structure.omega.size, (structure, striker)
+    size, r = count + striker.omega.size, structure.r + striker.r
+    block = np.zeros(6 * size + 3)
+    omega, decay, beta = block[:size], block[size : 2 * size], block[2 * size : 3 * size]
+    load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
+    for own, modes, pull, start in zip(
+        (slice(count), slice(count, size)), both, loads, starts, strict=True
+    ):
+        omega[own], v[own] = modes.omega, start
+        np.negative(modes.b, out=beta[own])
+        if modes.decay is not None:
+            decay[own] = modes.decay
+        if pull is not None:
+            load[own] = pull
+    block[3 * size] = r
     return Pair(
-        bodies=both,
-        omega=np.concatenate((structure.omega, striker.omega)),
-        decay=np.concatenate([_decay(modes) for _, modes, _ in both]),
-        beta=-np.concatenate((structure.b, striker.b)),
-        v=np.concatenate(starts),
-        load=np.concatenate(_loads(structure, striker, gravity)),
-        r=structure.r + striker.r,
+        bodies=((one, structure, starts[0]), (other, striker, starts[1])),
+        block=block,
+        omega=omega,
+        decay=decay,
+        beta=beta,
+        v=v,
+        load=load,
+        r=r,
         mobility=structure.mobility + striker.mobility,
         local=one.local_compliance + other.local_compliance,
     )
-
-
-def _decay(modes: ModalBody) -> Array:
-    return np.zeros(modes.omega.size) if modes.decay is None else modes.decay
 
 
 def pose(
@@ -118,38 +138,55 @@ def pose(
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
     law, notes = freed(contact, made.local, "structure", "impactor")
+    gap = made.bodies[1][0].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    mass = made.mass
+    depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
+    parts = partial(_parts, model, impactor, contact, gap, gravity, made)
+    (_, structure, _), (_, striker, _) = made.bodies
+    uncoupled = structure.damping is None and striker.damping is None
+    block, size = made.block, made.omega.size
+    block[4 * size + 2] = gap
+    scales = np.array([mass, depth, speed, 0.0])
+    system = System(
+        omega=made.omega,
+        decay=made.decay,
+        beta=made.beta[None],
+        R=block[3 * size : 3 * size + 1, None],
+        breaks=block[3 * size + 1 : 3 * size + 2],
+        loads=made.load[None],
+        offsets=block[4 * size + 2 : 4 * size + 3, None],
+        laws=[law],
+        slip=_NO_FRICTION,
+        tangents=_NO_TANGENTS,
+        q=block[4 * size + 3 : 5 * size + 3],
+        v=made.v,
+        mass=scales[:1],
+        depth=scales[1:2],
+        speed=scales[2:3],
+        pressed=scales[3:],
+        first=None if uncoupled else first_order_of(parts()[1].values()),
+    )
+    system.block = block
+    turns = may_turn(structure) or may_turn(striker)
+    return Assembly(parts, _ROW, [law], notes, system, lasting, turns)
+
+
+def _parts(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    gap: float,
+    gravity: float | Sequence[float],
+    made: Pair,
+) -> Parts:
+    """The bodies "structure" and "impactor" as a scene has them."""
     bodies = {
         name: of_one_site(name, body, asked, modes, start)
         for name, body, (asked, modes, start) in zip(
             ("structure", "impactor"), (model, impactor), made.bodies, strict=True
         )
     }
-    gap = made.bodies[1][0].gap if gap is None else checks.nonnegative("gap", gap, "m")
-    depth, speed, lasting = expected_impact(
-        law, made.mass, made.beta, made.v, made.load, gap, duration
-    )
-    system = System(
-        omega=made.omega,
-        decay=made.decay,
-        beta=made.beta[None],
-        R=np.array([[made.r]]),
-        breaks=np.zeros(1),
-        loads=made.load[None],
-        offsets=np.array([[gap]]),
-        laws=[law],
-        slip=_NO_FRICTION,
-        tangents=_NO_TANGENTS,
-        q=np.zeros(made.omega.size),
-        v=made.v,
-        mass=np.array([made.mass]),
-        depth=np.array([depth]),
-        speed=np.array([speed]),
-        pressed=np.zeros(1),
-        first=first_order_of(bodies.values()),
-    )
-    scene = of_two(model, impactor, contact, gap, gravity)
-    parts = side_by_side(bodies)
-    return Assembly(scene, bodies, *parts, _ROW, [law], notes, system, lasting)
+    return of_two(model, impactor, contact, gap, gravity), bodies
 
 
 def _starts(
@@ -164,8 +201,8 @@ def _starts(
 
 def _loads(
     structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
-) -> tuple[Array, Array]:
-    """Modal forces of gravity on both bodies."""
+) -> tuple[Array | None, Array | None]:
+    """Modal forces of gravity on both bodies; None: there are none."""
     listed = isinstance(gravity, list | tuple)
     if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
         along = checks.number("gravity", gravity, "m/s^2")
@@ -177,7 +214,7 @@ def _loads(
             " a mesh, or give gravity as a number along the impact."
         )
     along = float(vector @ structure.direction)
-    loads = []
+    loads: list[Array | None] = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
         if body.inertia is None:
             loads.append(_pull(name, body, sign * along))
@@ -186,10 +223,10 @@ def _loads(
     return loads[0], loads[1]
 
 
-def _pull(name: str, body: ModalBody, gravity: float) -> Array:
+def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
     """Modal forces of gravity along the push of the contact."""
     if gravity == 0.0 or not np.any(body.omega == 0):
-        return np.zeros(body.omega.size)
+        return None
     if body.weight is None:
         raise InputError(
             f"gravity on a {name} with a rigid-body mode needs the model's participation;"

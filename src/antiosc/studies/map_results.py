@@ -14,6 +14,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.brief import Brief
 from antiosc.base.checks import path as checked_path, store, whole
+from antiosc.base.engineering import engineering, place, span
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -48,6 +49,10 @@ class ImpactMap(Brief):
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
+    peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
+        each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
+        no material has a yield_strength.
+    stress_points : (P, 3) where that is [m].
     info : free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None.
     """
@@ -68,6 +73,9 @@ class ImpactMap(Brief):
     restitution: Array | None = None
     impulse: Array | None = None
     peak_deflection: Array | None = None
+    peak_stress: Array | None = None
+    exposure: Array | None = None
+    stress_points: Array | None = None
     info: dict[str, Any] = field(default_factory=dict)
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     impactor: LinearBody | None = None
@@ -91,6 +99,22 @@ class ImpactMap(Brief):
             info=ModelInfo(point=self.points[i].tolist(), direction=self.directions[i].tolist()),
         )
 
+    @property
+    def areas(self) -> Array:
+        """(P,) the surface of each site: a third of its triangles [m²], half of its segments [m].
+
+        Of given points, which have no elements, 1 each.
+        """
+        if not len(self.elements):
+            return np.ones(len(self))
+        corners = self.points[self.elements]
+        edges = corners[:, 1:] - corners[:, :1]
+        gram = edges @ edges.transpose(0, 2, 1)
+        corners_of = self.elements.shape[1]
+        size = np.sqrt(np.linalg.det(gram)) / (corners_of - 1)  # of a simplex, /(d!), d = 1 or 2
+        own = np.repeat(size / corners_of, corners_of)
+        return np.asarray(np.bincount(self.elements.ravel(), own, len(self)), dtype=float)
+
     def quantities(self) -> dict[str, Array]:
         """Every scalar of the map by name, as written to files: (P,) each."""
         first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
@@ -104,6 +128,8 @@ class ImpactMap(Brief):
             "restitution": self.restitution,
             "impulse": self.impulse,
             "peak_deflection": self.peak_deflection,
+            "peak_stress": self.peak_stress,
+            "exposure": self.exposure,
         }
         return {name: value for name, value in named.items() if value is not None}
 
@@ -156,18 +182,17 @@ class ImpactMap(Brief):
         """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
         surfaces = self.surfaces()
         width = max(5, *(len(name) for name in surfaces))
-        title = f"{'where':<{width}}{'sites':>7}{'k0 [N/m]':>26}"
+        title = f"{'where':<{width}}{'sites':>7}{'k0':>32}"
         if self.peak_force is not None:
-            title += f"{'peak force [N]':>16}  at (x, y, z) [m]"
+            title += f"{'peak force':>12}  at"
         rows = [title]
         for name, own in surfaces.items():
             k0 = self.models.k0[own]
-            span = f"{k0.min():.4g} to {k0.max():.4g}"
-            row = f"{name or 'sites':<{width}}{len(own):>7}{span:>26}"
+            row = f"{name or 'sites':<{width}}{len(own):>7}{span(k0.min(), k0.max(), 'N/m'):>32}"
             if self.peak_force is not None:
                 i = self.hardest(own)
-                place = ", ".join(f"{c:.4g}" for c in self.points[i])
-                row += f"{self.peak_force[i]:>16.5g}  ({place})"
+                force = engineering(self.peak_force[i], "N", 4)
+                row += f"{force:>12}  {place(self.points[i])}"
             rows.append(row)
         if self.doubtful.any():
             rows.append(f"{self.doubtful.sum()} doubtful sites are left out of the peak forces")

@@ -191,6 +191,12 @@ class Sections:
             material = self._material(fields[2] or card.option("MATERIAL"), place)
             angle = self._angle(fields[3], axis, top, place, within)
             layers.append(self.builder.layer(material, real_number(fields[0], place), angle))
+            solid = material.constants is not None and np.isfinite(material.constants).all()
+            if isinstance(axis, dict) and solid and material.isotropic is None:
+                self.builder.tell_once(
+                    f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX "
+                    "has them: 1 along the radius; on shells 1 is around the axis, as Abaqus has it"
+                )
         arguments = {
             "layers": layers,
             "axis": axis if isinstance(axis, dict) else axis.tolist(),

@@ -112,8 +112,6 @@ class ModelBuilder:
     truss: bool = False
     #: whether the deck gives masses at nodes, so that materials may have none
     lumped: bool = False
-    #: what is ignored of joints
-    joint_told: list[str] = field(default_factory=list)
     #: nodes that stay apart from others in their place
     apart: list[int] = field(default_factory=list)
     #: what is ignored, in the deck's terms
@@ -224,9 +222,9 @@ class ModelBuilder:
         self.rods.update(dict.fromkeys(map(int, elements), rod))
 
     def tell_once(self, ignored: str) -> None:
-        """Note what is ignored of a joint, once however many elements it concerns."""
-        if ignored not in self.joint_told:
-            self.joint_told.append(ignored)
+        """Note what is ignored, once however many elements it concerns."""
+        if ignored not in self.ignored:
+            self.ignored.append(ignored)
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes."""

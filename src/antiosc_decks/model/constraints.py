@@ -23,6 +23,11 @@ Term = tuple[int, int, float]
 NEGLIGIBLE_TERM = 1e-14
 
 
+def _lever(r: Array) -> Array:
+    """θ × r = lever θ."""
+    return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+
+
 @dataclass
 class Constraints:
     """Collects what joins the nodes of a deck, in its units."""
@@ -155,17 +160,22 @@ class Constraints:
         motions: Sequence[int],
         place: Place,
         own: bool = False,
+        twisted: tuple[Array, Array] | None = None,
     ) -> None:
         """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
 
-        `own`: motions along the directions of a node's own, where it has such.
+        `own`: motions along the directions of a node's own, where it has such. `twisted`: an axis,
+        and the last part of the arm, which a rotation about the axis does not move.
         """
         x = self.place(leader)
         for node in map(int, nodes):
             if node == leader:
                 continue
             r = self.place(node) - x
-            arm = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # θ × r
+            arm = _lever(r)
+            if twisted is not None:
+                axis, last = twisted
+                arm = _lever(r - last) + np.outer(axis, axis) @ _lever(last)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
@@ -221,7 +231,7 @@ class Constraints:
         skew -= np.swapaxes(skew, 1, 2)
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         arm = self.place(follower) - centre
-        cross = np.array([[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]])
+        cross = _lever(arm)
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         # rotations about the line do not matter for displacements of what lies on it

@@ -75,6 +75,8 @@ class Profile:
     #: along the height and across it, for offsets in shares of them
     height: float = 0.0
     width: float = 0.0
+    #: of an area that is symmetric about neither axis
+    mixed: float = 0.0
 
     def section(self, length: float) -> dict[str, float]:
         """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
@@ -83,7 +85,8 @@ class Profile:
 
     def rotated(self) -> Profile:
         """The same cross-section rotated by 90°."""
-        return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)
+        sides = self.width, self.height
+        return Profile(self.A, self.I_side, self.I, self.J, self.shear, *sides, -self.mixed)
 
 
 def rectangle(height: float, width: float) -> Profile:
@@ -152,7 +155,7 @@ Wall = tuple[float, float, float, float]
 
 
 def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
-    """Rectangles that touch each other, symmetric about the height or the axis across it.
+    """Rectangles that touch each other.
 
     Torsion of thin open walls, Σ l t³/3, if it is not given. ValueError if a wall has no width.
     """
@@ -163,15 +166,24 @@ def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
     A = h * w
     y, z = (low + high) / 2, (left + right) / 2
     y, z = y - A @ y / A.sum(), z - A @ z / A.sum()
+    first, second = (float(np.sum(t)) for t in (w * h**3 / 12 + A * y**2, h * w**3 / 12 + A * z**2))
     return Profile(
         float(A.sum()),
-        float(np.sum(w * h**3 / 12 + A * y**2)),
-        float(np.sum(h * w**3 / 12 + A * z**2)),
+        first,
+        second,
         torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3),
         THIN,
         float(high.max() - low.min()),
         float(right.max() - left.min()),
+        float(A @ (y * z)),
     )
+
+
+def centroid(walls: Sequence[Wall]) -> Array:
+    """Place (along the height, across it) of the centroid of rectangles."""
+    low, high, left, right = np.array(walls, dtype=float).T
+    A = (high - low) * (right - left)
+    return np.array([A @ (low + high), A @ (left + right)]) / 2 / A.sum()
 
 
 def box_torsion(

@@ -7,18 +7,20 @@ nodes as rigid bodies but for the released motions.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks.model.builder import ModelBuilder
+from antiosc_decks.nastran.bends import arc
 from antiosc_decks.nastran.cards import Entry, motions_of
 from antiosc_decks.nastran.mesh import NastranDeck, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
-from antiosc_decks.nastran.table import CELLS
+from antiosc_decks.nastran.table import BEAMS, CELLS
 
-#: Uniform pieces of a tapered beam; the error of its stiffness falls with their number squared.
-TAPER_PIECES = 16
+#: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
+PIECES = 16
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Beam:
     middle: float = 0.0
     #: whether its ends are its own
     moved: bool = False
+    #: direction of plane 1, of a piece of a curved beam
+    height: Array | None = None
 
 
 PLAIN = Beam()
@@ -43,12 +47,14 @@ class End:
     held: tuple[int, ...]
     axes: Array
     entry: Entry
+    #: from the shear centre, about which the beam twists, to the end
+    beside: Array
 
 
 def divide(found: NastranDeck) -> list[End]:
     """Give beams their own ends and tapered beams their pieces; the ends to be joined."""
-    properties = found.named("PBAR", "PBARL", "PBEAM", "PBEAML")
-    tapered = {entry.whole(0) for entry in properties if BeamProfiles(entry).tapered}
+    along = {entry.number(0): BeamProfiles(entry) for entry in found.named(*BEAMS)}
+    tapered = {number for number, one in along.items() if one.tapered}
     ends: list[End] = []
     more: list[Array] = []
     elements: list[Entry] = []
@@ -62,23 +68,33 @@ def divide(found: NastranDeck) -> list[End]:
         lines: list[tuple[int, int]] = []
         for entry, (a, b) in zip(entries, block.corners.tolist(), strict=True):
             x = found.deck.points[[a, b]]
-            own = _own_ends(found, entry, x, (a, b))
+            known = along.get(property_of(entry))
+            neutral = known.neutral if known else np.zeros((2, 2))
+            own = _own_ends(found, entry, x, (a, b), neutral)
             nodes = [a, b]
             for end, (place, held, axes) in own.items():
                 more.append(place)
                 nodes[end] = len(found.deck.points) + len(more) - 1
-                ends.append(End(nodes[end], (a, b)[end], held, axes, entry))
+                beside = neutral[end] @ axes[1:]
+                ends.append(End(nodes[end], (a, b)[end], held, axes, entry, beside))
             places = [more[n - len(x0)] if n >= len(x0) else x0[n]
                       for x0 in (found.deck.points,) for n in nodes]  # fmt: skip
-            pieces = TAPER_PIECES if property_of(entry) in tapered else 1
-            shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
-            inner = list((1 - shares) * places[0] + shares * places[1])
+            bend = known.entry if known and entry.name == "CBEND" else None
+            pieces = PIECES if bend or property_of(entry) in tapered else 1
+            heights: Any = [None] * pieces
+            if bend:
+                v = _vector(found, entry)
+                inside, heights = arc(entry, bend, np.array(places), v, pieces)
+                inner = list(inside)
+            else:
+                shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
+                inner = list((1 - shares) * places[0] + shares * places[1])
             first = len(found.deck.points) + len(more)
             more += inner
             chain = [nodes[0], *range(first, first + len(inner)), nodes[1]]
             for piece in range(pieces):
                 middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
-                found.beams[len(elements)] = Beam(middle, bool(own))
+                found.beams[len(elements)] = Beam(middle, bool(own), heights[piece])
                 lines.append((chain[piece], chain[piece + 1]))
                 elements.append(entry)
         none = np.zeros((len(lines), 0), dtype=np.int64)
@@ -97,30 +113,34 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
         leader = builder.joints.leader(end.node)
         builder.joints.frames[end.row] = end.axes
         follower = np.array([end.row])
-        builder.joints.rigid(follower, leader, end.held, end.entry.place, own=True)
+        if end.beside.any():
+            builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
+        twisted = (end.axes[0], end.beside)
+        builder.joints.rigid(follower, leader, end.held, end.entry.place, True, twisted)
         del builder.joints.frames[end.row]
 
 
 def _own_ends(
-    found: NastranDeck, entry: Entry, x: Array, nodes: tuple[int, int]
+    found: NastranDeck, entry: Entry, x: Array, nodes: tuple[int, int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
     """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = _offsets(found, entry, nodes)
-    if not any(pins) and not offsets.any():
+    if not any(pins) and not offsets.any() and not neutral.any():
         return {}
     line = x[1] + offsets[1] - x[0] - offsets[0]
     length = float(np.linalg.norm(line))
     if length <= 1e-12 * max(float(np.abs(x).max()), 1e-300):
         raise entry.place.error(f"{entry.name} {entry.whole(0)} has no length.")
     height = orientation(found, entry, line / length)
-    if not any(pins) and _alike(offsets, height):
+    if not any(pins) and not neutral.any() and _alike(offsets, height):
         return {}  # by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
+    places = x + offsets + neutral @ axes[1:]
     return {
-        k: (x[k] + offsets[k], tuple(c for c in range(6) if c not in pins[k]), axes)
+        k: (places[k], tuple(c for c in range(6) if c not in pins[k]), axes)
         for k in (0, 1)
-        if pins[k] or offsets[k].any()
+        if pins[k] or offsets[k].any() or neutral[k].any()
     }
 
 
@@ -150,14 +170,7 @@ def _alike(offsets: Array, height: Array) -> bool:
 
 def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
     """Direction of plane 1 across the axis."""
-    a = found.row(entry.whole(2), entry.place)
-    if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
-        other = found.row(entry.whole(4), entry.place)
-        v = found.deck.points[other] - found.deck.points[a]
-    else:
-        v = np.array([entry.real(k) for k in (4, 5, 6)])
-        if entry.text(7).upper()[:1] != "B":
-            v = v @ found.frame(a, entry.place)
+    v = _vector(found, entry)
     long = float(np.linalg.norm(v))
     v = v - (v @ tangent) * tangent
     size = float(np.linalg.norm(v))
@@ -166,6 +179,16 @@ def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
             f"the orientation of {entry.name} {entry.whole(0)} is missing, or along its axis."
         )
     return np.asarray(v / size)
+
+
+def _vector(found: NastranDeck, entry: Entry) -> Array:
+    """The vector in fields 5 to 7 of an element, or from its first node to the node in field 5."""
+    a = found.row(entry.whole(2), entry.place)
+    if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
+        other = found.row(entry.whole(4), entry.place)
+        return np.asarray(found.deck.points[other] - found.deck.points[a])
+    v = np.array([entry.real(k) for k in (4, 5, 6)])
+    return v if entry.text(7).upper()[:1] == "B" else np.asarray(v @ found.frame(a, entry.place))
 
 
 def offset_along(found: NastranDeck, entry: Entry, height: Array) -> float:

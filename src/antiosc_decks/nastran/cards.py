@@ -22,8 +22,10 @@ TEXTS = ("DEQATN",)
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
+_MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
+_SUPER = re.compile(r"SUPER\s*=?\s*(\d+)", re.IGNORECASE)
 _SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
 _SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
@@ -35,6 +37,8 @@ class Entry:
     name: str
     place: Place
     fields: list[str] = field(default_factory=list)
+    #: what is wrong with its lines; an error where the entry is read
+    fault: MeshError | None = None
 
     def text(self, k: int) -> str:
         """Field k (from 0), "" where it is blank."""
@@ -47,6 +51,10 @@ class Entry:
                 raise self.place.error(f"field {k + 2} of {self.name} is empty.")
             return default
         return whole_number(self.text(k), self.place)
+
+    def number(self, k: int) -> int:
+        """The number of a node, a property, … in field k, as no other part of the deck has it."""
+        return self.whole(k) + self.place.scope
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
@@ -112,7 +120,7 @@ def bulk_data(sources: Sources) -> Bulk:
     collector.read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
-    collector.continuations.refuse_lost()
+    collector.continuations.find_lost()
     return bulk
 
 
@@ -126,7 +134,7 @@ class Continuations:
         self._marks: dict[int, tuple[str, ...]] = {}
         self._last: Entry | None = None
         #: continuations that were joined to the entry before them, which has no mark
-        self._by_order: list[tuple[str, Place]] = []
+        self._by_order: list[tuple[Entry, str, Place]] = []
 
     def ends(self, entry: Entry, mark: str) -> None:
         """The last line is of this entry and ends with this mark."""
@@ -150,24 +158,25 @@ class Continuations:
             if len(some) == 1:
                 entry = some[0]
             elif some or before:
-                self._refuse(name, place)
+                entry.fault = _lost(name, place)
             else:
-                self._by_order.append((name, place))
+                self._by_order.append((entry, name, place))
         for one in filter(None, self._marks.pop(id(entry), ())):
             del self._open[one][id(entry)]
         return entry
 
-    def refuse_lost(self) -> None:
-        """MeshError where a mark has no continuation, and a continuation no mark."""
+    def find_lost(self) -> None:
+        """Note faults where a mark has no continuation, and a continuation no mark."""
         waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
-        for name, place in self._by_order if waiting else ():
-            self._refuse(name, place)
+        for entry, name, place in self._by_order if waiting else ():
+            entry.fault = entry.fault or _lost(name, place)
 
-    def _refuse(self, name: str, place: Place) -> None:
-        raise place.error(
-            f"the continuation {name[:20]!r} does not follow its entry; write it behind "
-            "the line that ends with its mark."
-        )
+
+def _lost(name: str, place: Place) -> MeshError:
+    return place.error(
+        f"the continuation {name[:20]!r} does not follow its entry; write it behind "
+        "the line that ends with its mark."
+    )
 
 
 class _Collector:
@@ -235,10 +244,9 @@ class _Collector:
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
-                part = (
-                    any(word.startswith("SUPER") for word in words) and "MASSID" not in line.upper()
-                )
-                self._begin(Entry("BEGIN SUPER" if part else "BEGIN", place), "")
+                part = _SUPER.search(line) if "MASSID" not in line.upper() else None
+                name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
+                self._begin(Entry(name, place, number), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
@@ -249,7 +257,13 @@ class _Collector:
         last = self.bulk.entries[-1].name if self.bulk.entries else ""
         if last in TEXTS and line[0] in " +*,":
             return
-        name, fields, large, mark = _fields(line, place)
+        name, fields, large, mark = _fields(line)
+        fault = None
+        if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
+            fault = place.error(
+                "a line of free fields ends with the mark of the next line, and one of GRID has up "
+                "to 8 fields after its name; write the further ones in a line of their own."
+            )
         if name and name[0] == "=":
             self._copy(words[0].split(",")[0], fields, place)
             return
@@ -261,11 +275,16 @@ class _Collector:
             if filled and not (large and filled == 4):
                 entry.fields += [""] * filled
             entry.fields += fields
+            entry.fault = entry.fault or fault
             self.continuations.ends(entry, mark)
             return
         if not name[0].isalpha():
-            raise place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
-        self._begin(Entry(name.rstrip("*").strip().upper(), place, fields), mark)
+            fault = place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
+            if not self.bulk.entries:
+                raise fault
+            self.bulk.entries[-1].fault = fault
+            return
+        self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
 
     def _begin(self, entry: Entry, mark: str) -> None:
         self.bulk.entries.append(entry)
@@ -305,21 +324,21 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str]:
-    """(name, four or eight fields, whether they are large, the mark of the continuation)."""
+def _fields(line: str) -> tuple[str, list[str], bool, str]:
+    """(name, four or eight fields, whether they are large, the mark of the continuation).
+
+    A line of free fields may have more of them: those of the lines that would follow.
+    """
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         first, *more = first.split() if first[:1].isalpha() else [first]
         rest = [*more, *rest]  # blanks separate free fields, too
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
-        # the one after them names the continuation
-        if any(rest[count + 1 :]) or _NUMBER.match("".join(rest[count : count + 1])):
-            raise place.error(
-                f"a line of free fields has up to {count} after its name, and the mark of "
-                f"the next line; got {len(rest)}: write the further ones in a line of their own."
-            )
-        return first, (rest + [""] * count)[:count], large, "".join(rest[count : count + 1])
+        mark = "".join(rest[count : count + 1])
+        if any(rest[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
+            return first, rest + [""] * (-len(rest) % count), large, ""
+        return first, (rest + [""] * count)[:count], large, mark
     name = line[:8].strip()
     large = "*" in name
     width, count = (16, 4) if large else (8, 8)

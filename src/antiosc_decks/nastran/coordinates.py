@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,9 +63,10 @@ class Systems:
 
     def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
         self._node = node
-        self._placed: dict[int, System] = {0: BASIC}
+        self._placed: dict[int, System] = {}
         self._open: set[int] = set()
         self._given: dict[int, tuple[Entry, int]] = {}
+        self._moved: Mapping[int, System] = {}
         for entry in entries:
             if entry.name.startswith("CORD1"):
                 for start in (0, 4):
@@ -74,9 +75,14 @@ class Systems:
             elif entry.name.startswith("CORD2"):
                 self._give(entry, 0, 16)
 
+    def move(self, moved: Mapping[int, System]) -> None:
+        """Parts of the deck lie elsewhere: scope -> where their basic system is."""
+        self._moved = moved
+        self._placed.clear()
+
     def _give(self, entry: Entry, start: int, width: int) -> None:
         """Define a system; MeshError if it is defined otherwise, too."""
-        known, first = self._given.setdefault(entry.whole(start), (entry, start))
+        known, first = self._given.setdefault(entry.number(start), (entry, start))
         alike = known.name == entry.name and all(
             known.text(first + k) == entry.text(start + k) for k in range(width)
         )
@@ -88,11 +94,15 @@ class Systems:
 
     def __call__(self, number: int, place: Place) -> System:
         """The system `number`; MeshError if there is none, or it depends on itself."""
+        own = number
+        if not number:
+            return self._moved.get(place.scope, BASIC)
+        number += place.scope
         if number not in self._placed:
             if number not in self._given:
-                raise place.error(f"there is no coordinate system {number}.")
+                raise place.error(f"there is no coordinate system {own}.")
             if number in self._open or len(self._open) > 200:
-                raise place.error(f"the coordinate system {number} depends on itself.")
+                raise place.error(f"the coordinate system {own} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(*self._given[number])
             self._open.discard(number)

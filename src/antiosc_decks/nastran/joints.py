@@ -8,9 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antiosc.io.deck import Array
+from antiosc.io.deck import Array, whole_number
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
+from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.beams import orientation
 from antiosc_decks.nastran.cards import Entry, motions_of
 from antiosc_decks.nastran.mesh import NastranDeck, its_property
@@ -30,6 +31,9 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
         _rbe3(found, builder, entry)
     for entry in found.named("SECONCT"):
         _same_nodes(found, builder, entry)
+    for follower, node in parts.coincident(found.grids, found.deck.points, found.bulk.entries):
+        leader = builder.joints.leader(node)
+        builder.joints.rigid(np.array([follower]), leader, ALL, found.grids[follower].place)
     used = found.used_sets("MPC")
     for entry in found.named("MPC"):
         if entry.whole(0) in used:
@@ -50,7 +54,7 @@ def _nodes(found: NastranDeck, entry: Entry, words: list[str]) -> list[int]:
     while k < len(words):
         if words[k].upper() == "THRU" and rows and k + 1 < len(words):
             one = Entry(entry.name, entry.place, [words[k - 1], words[k + 1]])
-            rows += [int(n) for n in found.nodes.between(one.whole(0), one.whole(1))][1:]
+            rows += [int(n) for n in found.nodes.between(one.number(0), one.number(1))][1:]
             k += 2
             continue
         rows.append(found.row(Entry(entry.name, entry.place, [words[k]]).whole(0), entry.place))
@@ -77,9 +81,12 @@ def _same_nodes(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None
     words = [entry.text(k) for k in range(8, len(entry.fields)) if entry.text(k)]
     if "THRU" in map(str.upper, words) or len(words) % 2:
         raise entry.place.error("SECONCT is read as pairs of nodes.")
-    for first, second in zip(words[::2], words[1::2], strict=True):
-        if first != second:
-            leader, follower = _nodes(found, entry, [second, first])
+    for pair in zip(words[::2], words[1::2], strict=True):
+        places = [parts.place_in(found.bulk.entries, entry, k) for k in (0, 1)]
+        follower, leader = (
+            found.row(whole_number(word, at), at) for word, at in zip(pair, places, strict=True)
+        )
+        if follower != leader:
             builder.joints.rigid(
                 np.array([follower]), builder.joints.leader(leader), ALL, entry.place
             )
@@ -234,7 +241,7 @@ def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own
 def _gap(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
     """CGAP as linear solutions take it: a spring, closed or open as it is at first."""
     is_open = own.real(1) > 0
-    along = own.real(4) if is_open else own.real(3, None)
+    along = own.real(4) if is_open else own.real(3, 1e8)
     across = 0.0 if is_open else own.real(5, own.real(6) * along)
     spring = Entry("PBUSH", own.place, ["", "K", *(repr(k) for k in (along, across, across))])
     builder.tell_once(f"the contact in CGAP of PGAP {own.text(0)}, which stay "

@@ -19,7 +19,8 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     materials: dict[int, Material] = {}
     ignored: list[str] = []
     entries = found.named("MAT1", "MAT2", "MAT8", "MAT9", "MAT11")
-    for number, entry in defined_once(entries, "material").items():
+    for own, entry in defined_once(entries, "material").items():
+        number = entry.whole(0)
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
@@ -51,7 +52,7 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             constants = [E1, E2, np.nan, n12, np.nan, np.nan, G12, G13, G23]
             material.constants = np.array(constants)
             material.density = entry.real(7) or None
-        materials[number] = material
+        materials[own] = material
     return materials, ignored
 
 
@@ -89,10 +90,10 @@ class PropertyReader:
 
     def material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field k (from 0)."""
-        number = entry.whole(k)
+        number = entry.number(k)
         if number not in self.materials:
             raise entry.place.error(
-                f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {number}."
+                f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {entry.whole(k)}."
             )
         return self.materials[number]
 

@@ -13,6 +13,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
+from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.cards import Bulk, Entry, bulk_data, through
 from antiosc_decks.nastran.coordinates import Systems
 from antiosc_decks.nastran.table import (
@@ -21,6 +22,7 @@ from antiosc_decks.nastran.table import (
     OLDER,
     OLDER_PROPERTIES,
     account_for,
+    fate_of,
     is_other,
 )
 from antiosc_decks.sources import Sources
@@ -97,7 +99,7 @@ class NastranDeck:
 
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
-        row = int(self.nodes.rows(np.array([label]))[0])
+        row = int(self.nodes.rows(np.array([label + place.scope]))[0])
         if row < 0:
             raise place.error(f"there is no GRID {label}.")
         return row
@@ -105,7 +107,7 @@ class NastranDeck:
     def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
         """Number of a property -> (its entry, its first field); `width` fields make one of them."""
         return {
-            entry.whole(k): (entry, k)
+            entry.number(k): (entry, k)
             for entry in self.named(name)
             for k in range(0, min(len(entry.fields), 8), width)
             if entry.text(k)
@@ -132,6 +134,7 @@ class NastranDeck:
     def frame(self, row: int, place: Place) -> Array:
         """Directions of the displacements at a node, as rows."""
         number = max(self.systems_of.get(row, 0), 0)
+        place = self.grids[row].place if row < len(self.grids) else place
         return self.systems(number, place).frame(self.deck.points[row])
 
     def axes(self, entry: Entry, number: int) -> Array:
@@ -156,10 +159,14 @@ def read(
     `root`: the folder of the files that it may include; None: its own, or the one above.
     """
     bulk = bulk_data(Sources(path, name, on_size, root))
+    for entry in bulk.entries:
+        if entry.fault and fate_of(entry.name).kind == "read":
+            raise entry.fault
+    _refuse_images(bulk)
+    parts.scope(bulk.entries)
     found = _nodes(bulk, name)
     found.account = account_for(bulk.entries, name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
-    _refuse_images(found)
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):
             found.converted.append(sentence.format(count, name))
@@ -171,10 +178,10 @@ def read(
     return found
 
 
-def _refuse_images(found: NastranDeck) -> None:
+def _refuse_images(bulk: Bulk) -> None:
     """MeshError where superelements do not divide the deck, but repeat or mirror parts of it."""
-    for entry in found.named("SEBULK"):
-        if entry.text(1).upper() not in ("", "PRIMARY"):
+    for entry in bulk.entries:
+        if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
             raise entry.place.error(
                 f"a superelement of the type {entry.text(1)} is not read; write its elements out."
             )
@@ -192,9 +199,9 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
-    default = next((entry for entry in bulk.entries if entry.name == "GRDSET"), None)
+    default = grid_defaults(bulk.entries)
     grids = list(defined_once(grids, "GRID").values())
-    labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
+    labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     both = np.intersect1d(labels, scalar)
     if len(both):
@@ -203,24 +210,27 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     placed: dict[int, Array] = {}
 
     def position(label: int, place: Place) -> Array:
-        row = int(nodes.rows(np.array([label]))[0])
+        row = int(nodes.rows(np.array([label + place.scope]))[0])
         if not 0 <= row < len(grids):
             raise place.error(f"there is no GRID {label}.")
         if row not in placed:
             grid = grids[row]
             number = _given(grid, 1, default)
             c = np.array([grid.real(k) for k in (2, 3, 4)])
-            placed[row] = systems(number, grid.place).point(c) if number else c
+            placed[row] = systems(number, grid.place).point(c)
         return placed[row]
 
     systems = Systems(bulk.entries, position)
+    moved = parts.moved(bulk.entries, position, systems)
+    systems.move(moved)
+    placed.clear()
     points = np.array([position(grid.whole(0), grid.place) for grid in grids])
     points = np.vstack([points, np.zeros((len(scalar), 3))])
     found = NastranDeck(Deck(name, points), bulk, nodes, systems, grids=grids)
     found.scalar = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     for row, grid in enumerate(grids):
         number = _given(grid, 5, default)
-        if number:
+        if number or grid.place.scope in moved:
             found.systems_of[row] = number
     return found
 
@@ -229,7 +239,7 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
     """Number -> its entry; MeshError for two that differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
-        known = first.setdefault(entry.whole(0), entry)
+        known = first.setdefault(entry.number(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
             raise entry.place.error(
@@ -244,20 +254,24 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     numbers: set[int] = set()
     for entry in bulk.entries:
         if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
-            numbers.update({entry.whole(2, 0), entry.whole(3, 0)} - {0})
+            numbers.update(entry.number(k) for k in (2, 3) if entry.whole(k, 0))
         if entry.name == "SPOINT":
             for first, last in through(entry.fields, entry.place):
                 if last - first > 10_000_000:
                     raise entry.place.error(f"SPOINT from {first} to {last}.")
-                numbers.update(range(first, last + 1))
+                numbers.update(range(first + entry.place.scope, last + entry.place.scope + 1))
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def _given(grid: Entry, k: int, default: Entry | None) -> int:
+def grid_defaults(entries: list[Entry]) -> dict[int, Entry]:
+    """GRDSET of each part of the deck, by its scope."""
+    return {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
+
+
+def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
     """The number of a coordinate system in field k, by default that of GRDSET."""
-    if grid.text(k) or default is None:
-        return grid.whole(k, 0)
-    return default.whole(k, 0)
+    given = grid if grid.text(k) else defaults.get(grid.place.scope, grid)
+    return given.whole(k, 0)
 
 
 # --- Elements -------------------------------------------------------------------------------------
@@ -300,8 +314,26 @@ def _older(found: NastranDeck) -> None:
         elif entry.name == "CRIGD1":
             entry.name = "RBE2"
             entry.fields[2:2] = ["123456"]
+        elif entry.name == "CRIGD2":  # pairs of a node and its components
+            words = [entry.text(k) for k in range(len(entry.fields)) if entry.text(k)]
+            pairs = [[*words[:2], c, node] for node, c in zip(words[2::2], words[3::2])]  # noqa: B905
+            more += [Entry("RBE2", entry.place, fields) for fields in pairs]
+        elif entry.name in ("PQUAD1", "PTRIA1"):
+            entry.name, entry.fields = "PSHELL", _plate(entry)
     known = {entry.text(0) for entry in found.named("PSOLID")}
     found.bulk.entries += [entry for number, entry in made.items() if number not in known] + more
+
+
+def _plate(entry: Entry) -> list[str]:
+    """Fields of the PSHELL that a PQUAD1 or PTRIA1 is: I for 12I/T³, T3 for TS/T."""
+    second = entry.real(4)
+    t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
+    if not t:
+        raise entry.place.error(f"{entry.name} needs a thickness, or I, above 0.")
+    shear = repr(entry.real(6) / t) if entry.real(6) else ""
+    ratio = repr(12 * second / t**3) if second else ""
+    words = [entry.text(k) for k in (0, 1, 3, 5, 7)]
+    return [words[0], words[1], repr(t), words[2], ratio, words[3], shear, words[4]]
 
 
 def _rods_of_bars(found: NastranDeck) -> None:
@@ -338,6 +370,7 @@ def _elements(found: NastranDeck) -> None:
             nodes = [entry.whole(k) for k in every]
         else:  # 0: left out
             nodes = [entry.whole(k, 0) for k in every]
+        nodes = [n and n + entry.place.scope for n in nodes]
         label = entry.whole(0)
         if label in seen:
             raise entry.place.error(f"the element {label} is defined more than once.")
@@ -352,8 +385,9 @@ def _elements(found: NastranDeck) -> None:
         if lost.any():
             row, k = np.argwhere(lost)[0]
             entry = some[row][0]
+            node = table[row, k] % parts.SCOPE
             raise entry.place.error(
-                f"{name} {entry.whole(0)} has the node {table[row, k]}, for which there is no GRID."
+                f"{name} {entry.whole(0)} has the node {node}, for which there is no GRID."
             )
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         found.deck.blocks.append(Block(cell.shape, name, rows[:, :corners], mids, mids[:, :0]))
@@ -362,7 +396,9 @@ def _elements(found: NastranDeck) -> None:
 
 def property_of(entry: Entry) -> int:
     """Number of an element's property; by default that of the element."""
-    return 0 if entry.name == "CONROD" else entry.whole(1, entry.whole(0))
+    if entry.name == "CONROD":
+        return 0
+    return entry.whole(1, entry.whole(0)) + entry.place.scope
 
 
 def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
@@ -381,7 +417,7 @@ def set_groups(found: NastranDeck) -> None:
     numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
     for number in np.unique(numbers[numbers > 0]):
         elements = np.flatnonzero(numbers == number)
-        found.deck.element_sets[str(number)] = elements
+        found.deck.element_sets[parts.label(int(number))] = elements
         if found.bulk.names.get(int(number)):
             found.deck.element_sets[found.bulk.names[int(number)]] = elements
     for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
@@ -403,5 +439,6 @@ def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, En
                     result.append((np.array([row]), entry.text(start + 1), entry))
             continue
         for first, last in through(entry.fields[2:], entry.place):
-            result.append((found.nodes.between(first, last), entry.text(1), entry))
+            own = found.nodes.between(first + entry.place.scope, last + entry.place.scope)
+            result.append((own, entry.text(1), entry))
     return result

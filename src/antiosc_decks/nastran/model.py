@@ -28,6 +28,7 @@ from antiosc_decks.nastran.materials import materials_of
 from antiosc_decks.nastran.mesh import (
     NastranDeck,
     constraints,
+    grid_defaults,
     its_property,
     property_of,
     set_groups,
@@ -195,7 +196,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*ignored, *found.converted, *properties.ignored, *builder.joint_told]
+    builder.ignored += [*ignored, *found.converted, *properties.ignored]
     builder.ignored += found.account.ignored()
     return finished(builder, properties.roles)
 
@@ -218,9 +219,9 @@ def _without_autospc(found: NastranDeck) -> bool:
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
-    default = next(iter(found.named("GRDSET")), None)
+    defaults = grid_defaults(found.bulk.entries)
     for row, grid in enumerate(found.grids):
-        permanent = grid.text(6) or (default.text(6) if default else "")
+        permanent = grid.text(6) or defaults.get(grid.place.scope, grid).text(6)
         if permanent:
             _fix(found, builder, np.array([row]), permanent, grid.place)
     moved: list[Place] = []

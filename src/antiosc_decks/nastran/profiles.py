@@ -1,4 +1,4 @@
-"""Cross-sections of Nastran's beams: PBAR, PBARL, PBEAM, PBEAML."""
+"""Cross-sections of Nastran's beams: PBAR, PBARL, PBEAM, PBEAML, PBEND."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from antiosc_decks.nastran.cards import Entry
 DIMENSIONS = {
     **{"ROD": 1, "TUBE": 2, "TUBE2": 2, "BAR": 2, "BOX": 4, "HEXA": 3, "CROSS": 4, "H": 4},
     **{"I": 6, "I1": 4, "T": 4, "T1": 4, "T2": 4, "CHAN": 4, "CHAN1": 4, "CHAN2": 4, "HAT": 4},
-    **{"BOX1": 6},
+    **{"BOX1": 6, "Z": 4, "L": 4},
 }
 #: Those whose centroid need not be their shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
@@ -45,6 +45,8 @@ class BeamProfiles:
         self.entry = entry
         #: what is not taken, in the deck's terms
         self.told: list[str] = []
+        #: places (end, along planes 1 and 2) of the neutral axis beside the shear centre
+        self.neutral = np.zeros((2, 2))
         read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
         #: (place from 0 to 1, cross-section), ascending
         self.stations: list[tuple[float, BeamProfile]] = read()
@@ -82,7 +84,18 @@ class BeamProfiles:
         area, first, second = entry.real(2, None), *(entry.real(k) for k in (3, 4))
         ends: dict[float, list[float]] = {}
         label = f"{entry.name} {entry.text(0)}"
-        if entry.name == "PBAR":
+        if entry.name == "PBEND":
+            torsion, extra, mixed = entry.real(5), entry.real(18), 0.0
+            k1, k2 = entry.real(16), entry.real(17)
+            last = 19
+            if "." not in entry.text(2):  # a pipe by its mean radius and its wall
+                self.told.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
+                pipe = profiles.tube(entry.real(3) + entry.real(4) / 2, entry.real(4))
+                area, first, second, torsion = pipe.A, pipe.I, pipe.I_side, pipe.J
+                extra, k1, k2, last = entry.real(10), 0.0, 0.0, 11
+            if entry.real(last) or entry.real(last + 1):
+                raise entry.place.error("PBEND with RC or ZC is not supported; move its nodes.")
+        elif entry.name == "PBAR":
             if max(first, second) > min(first, second) == 0:
                 self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
                                  "of the other is taken")  # fmt: skip
@@ -110,7 +123,7 @@ class BeamProfiles:
 
     def _station(self, values: Sequence[float], shear: float, sheared: bool) -> BeamProfile:
         area, first, second, mixed, torsion, extra = values
-        profile = _Mixed(area, first, second, torsion, shear, mixed=mixed)
+        profile = profiles.Profile(area, first, second, torsion, shear, mixed=mixed)
         return BeamProfile(profile, extra, sheared)
 
     def _along(self, start_values: list[float]) -> tuple[dict[float, list[float]], int]:
@@ -143,11 +156,10 @@ class BeamProfiles:
     def _beside(self, start: int) -> None:
         """What follows the sections of PBEAM."""
         entry = self.entry
-        if any(entry.real(start + k) for k in range(12, 16)):
-            raise entry.place.error(
-                "PBEAM with its neutral axis off the shear centre (N1, N2) is not "
-                "supported; put the nodes on the neutral axis."
-            )
+        self.neutral[:] = np.reshape([entry.real(start + k) for k in range(12, 16)], (2, 2))
+        for k, other in ((14, 12), (15, 13)):
+            if not entry.text(start + k):  # as at the first end
+                self.neutral[1, k - 14] = entry.real(start + other)
         label = f"PBEAM {entry.text(0)}"
         names = {2: "S1", 3: "S2", 4: "NSI(A)", 5: "NSI(B)", 6: "CW(A)", 7: "CW(B)"}
         names |= {8: "M1(A)", 9: "M2(A)", 10: "M1(B)", 11: "M2(B)"}
@@ -172,6 +184,9 @@ class BeamProfiles:
             )
         count = DIMENSIONS[kind]
         first = self._dimensions(8, count, [])
+        if entry.name == "PBEAML" and kind == "L":
+            middle = np.array([first[2], first[3]]) / 2
+            self.neutral[:] = profiles.centroid(_l(*first)) - middle
         extra = entry.real(8 + count)
         stations = [(0.0, BeamProfile(self._shape(kind, first), extra, True))]
         start = 9 + count
@@ -219,7 +234,8 @@ class BeamProfiles:
         try:
             walls = WALLS[kind](*d)
             bredt = profiles.box_torsion(*d) if kind == "BOX1" else None
-            return profiles.walled(walls, bredt)
+            found = profiles.walled(walls, bredt)
+            return found if kind in ("L", "Z") else replace(found, mixed=0.0)
         except ValueError as error:
             raise self.entry.place.error(
                 f"the dimensions of {self.entry.name} {self.entry.text(0)} do "
@@ -227,16 +243,9 @@ class BeamProfiles:
             ) from error
 
 
-@dataclass(frozen=True)
-class _Mixed(profiles.Profile):
-    """A cross-section whose planes 1 and 2 need not be principal: I12."""
-
-    mixed: float = 0.0
-
-
 def _numbers(one: BeamProfile) -> list[float]:
     p = one.profile
-    return [p.A, p.I, p.I_side, getattr(p, "mixed", 0.0), p.J, one.extra]
+    return [p.A, p.I, p.I_side, p.mixed, p.J, one.extra]
 
 
 Walls = list[profiles.Wall]
@@ -280,6 +289,16 @@ def _hat(h: float, t: float, top: float, brim: float) -> Walls:
     return [(h - t, h, -top / 2, top / 2), *webs, *brims]
 
 
+def _l(width: float, h: float, base: float, leg: float) -> Walls:
+    return [(0, base, 0, width), (base, h, 0, leg)]
+
+
+def _z(arm: float, web: float, inner: float, h: float) -> Walls:
+    flange, a = (h - inner) / 2, web / 2
+    ends = [(0, flange, -a, a + arm), (h - flange, h, -a - arm, a)]
+    return [*ends, (flange, h - flange, -a, a)]
+
+
 def _box1(width: float, h: float, top: float, low: float, left: float, right: float) -> Walls:
     sides = [(low, h - top, 0, left), (low, h - top, width - right, width)]
     return [(0, low, 0, width), (h - top, h, 0, width), *sides]
@@ -304,4 +323,6 @@ WALLS: dict[str, Callable[..., Walls]] = {
     "CROSS": _cross,
     "HAT": _hat,
     "BOX1": _box1,
+    "L": _l,
+    "Z": _z,
 }

@@ -17,6 +17,7 @@ from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
 from antiosc_decks.nastran.mesh import defined_once, property_of
+from antiosc_decks.nastran.parts import SCOPE, label
 from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.shells import Shells
 from antiosc_decks.nastran.table import CELLS, PROPERTIES
@@ -46,27 +47,27 @@ class Properties(PropertyReader):
                 for element in elements:
                     self._rods(self.found.elements[element], np.array([element]), 3)
                 continue
-            entry = known.get(int(number))
+            entry, name = known.get(int(number)), label(int(number))
             if entry is None:
-                raise MeshError(self._unknown(first, int(number)))
+                raise MeshError(self._unknown(first, int(number) % SCOPE))
             names = sorted({self.found.elements[k].name for k in elements})
-            for wrong in (name for name in names if entry.name not in CELLS[name].properties):
+            for wrong in (one for one in names if entry.name not in CELLS[one].properties):
                 raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
             match entry.name:
                 case "PSOLID":
-                    self._solid(entry, str(number), elements)
+                    self._solid(entry, name, elements)
                 case "PCOMPS":
-                    self._layered(entry, str(number), elements)
+                    self._layered(entry, name, elements)
                 case "PSHELL":
-                    Shells(self).shell(entry, str(number), elements)
+                    Shells(self).shell(entry, name, elements)
                 case "PCOMP" | "PCOMPG":
-                    Shells(self).laminate(entry, str(number), elements)
+                    Shells(self).laminate(entry, name, elements)
                 case "PROD" | "PTUBE":
                     self._rods(entry, elements, 1)
                 case "PSHEAR":
                     self._panels(entry, elements)
                 case _:
-                    self._beams(entry, str(number), elements)
+                    self._beams(entry, name, elements)
 
     def _unknown(self, element: Entry, number: int) -> str:
         """Sentence on an element without a property that is read."""
@@ -167,7 +168,7 @@ class Properties(PropertyReader):
         for element, tangent in zip(elements, tangents, strict=True):
             beam = beams.get(int(element), PLAIN)
             own = self.found.elements[element]
-            height = orientation(self.found, own, tangent)
+            height = orientation(self.found, own, tangent) if beam.height is None else beam.height
             offset = 0.0 if beam.moved else offset_along(self.found, own, height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(int(element))

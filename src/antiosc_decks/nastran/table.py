@@ -28,7 +28,9 @@ class Cell(NamedTuple):
 
 
 _SOLID, _SHELL = ("solid", ("PSOLID", "PCOMPS")), ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
-_BEAM = Cell("line", "beam", ("PBAR", "PBARL", "PBEAM", "PBEAML"))
+#: Properties of beams.
+BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND")
+_BEAM = Cell("line", "beam", BEAMS[:4])
 _ROD = Cell("line", "rod", ("PROD",))
 _PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
 #: Nastran lists the middles of the upright edges of solids before those of the top.
@@ -43,6 +45,7 @@ CELLS = {
     **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD4K"), Cell("quad", *_SHELL, theta=6, offset=7)),
     "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
     **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
+    "CBEND": _BEAM._replace(properties=BEAMS[4:]),
     "CROD": _ROD,
     "CTUBE": _ROD._replace(properties=("PTUBE",)),
     "CONROD": _ROD._replace(properties=("PROD",), first=1),
@@ -56,8 +59,8 @@ NEAREST = {
 #: Elements of older versions -> the element and the property that they are now; "" where they name
 #: their material.
 OLDER = {
-    **dict.fromkeys(("CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", "PSHELL")),
-    **dict.fromkeys(("CTRIA2", "CTRMEM"), ("CTRIA3", "PSHELL")),
+    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", "PSHELL")),
+    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", "PSHELL")),
     **dict.fromkeys(("CHEXA1", "CHEXA2"), ("CHEXA", "")),
     **dict.fromkeys(("CIHEX1", "CIHEX2"), ("CHEXA", "PSOLID")),
     "CWEDGE": ("CPENTA", ""),
@@ -82,7 +85,7 @@ DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 
 #: Elements without a counterpart; names that begin with C and are in no list are such, too.
 NO_COUNTERPART = (
     *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
-    *("CFAST", "CWELD", "CSEAM", "CBEND", "CBEAM3", "CBUSH2D"),
+    *("CFAST", "CWELD", "CSEAM", "CBEAM3", "CBUSH2D"),
     *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
     *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
     *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
@@ -91,7 +94,7 @@ NO_COUNTERPART = (
 _READ = """
 GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR
 PGAP PELAS PDAMP PVISC PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD
-NSM NSM1 NSML NSML1 NSMADD PARAM CRIGD1 SEBULK SECONCT
+NSM NSM1 NSML NSML1 NSMADD PARAM SEBULK SECONCT SELOC
 """
 _HARMLESS = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
@@ -128,7 +131,7 @@ _REFUSED = {
     "contact": "BCTABLE BCTABL1 BCONTACT BCONECT BCONP BCTSET BCTADD BCBODY BCBODY1 BCGRID BCRIGID",
     "glue": "BGSET BGADD BGPARM",
     "a matrix": "DMIG DMIAX TF",
-    "a superelement": "BEGIN CSUPER CSUPEXT RELEASE SELOC SEMPLN SEELT SEBNDRY",
+    "a superelement": "BEGIN CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY",
     "a stiffness matrix": "GENEL",
     "the mass of a fluid": "MFLUID ELIST FLSYM FSLIST",
     "an axisymmetric model": "AXIC AXIF RINGAX RINGFL GRIDB CYAX CYJOIN CYSUP CYSYM SECTAX",
@@ -137,7 +140,7 @@ _REFUSED = {
 }
 #: Properties and materials of elements that are refused; one that is read and names them says so.
 _OF_OTHERS = """
-PFAST PWELD PSEAM PBEND PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
+PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
 PLSOLID PCOMPLS PBCOMP PBMSECT PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN
 MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
@@ -151,7 +154,7 @@ ENTRIES = table(
         *NEAREST,
         *OLDER,
         *OLDER_PROPERTIES,
-        "CRIGD1",
+        *("CRIGD1", "CRIGD2", "PQUAD1", "PTRIA1"),
     ),
     harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
     ignored=_IGNORED.split(),

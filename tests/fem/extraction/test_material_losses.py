@@ -71,6 +71,15 @@ def test_a_layer_with_a_prony_series_is_that_of_the_complex_stiffness():
         assert (H.imag <= 0).all()
 
 
+def test_a_layer_in_an_assembly_relaxes_as_in_its_part_alone():
+    part, _ = two_materials(prony=[(0.8, 1e-3), (0.5, 1e-4)])
+    joined = ao.assemble({"a": part}, [])
+    omega = np.geomspace(30.0, 3e3, 9)
+    alone = ao.extract(part, TIP, n=10).modal().receptance(omega)
+    both = ao.extract(joined, ao.Site((1, 0, 0), (0, 0, 1), part="a"), n=10).modal()
+    np.testing.assert_allclose(both.receptance(omega), alone, rtol=1e-6)
+
+
 def test_loss_factors_give_the_peaks_of_the_complex_stiffness():
     """At the first resonances, where H is the largest; zeta is half the mean loss factor."""
     part, share = two_materials(loss=0.04)

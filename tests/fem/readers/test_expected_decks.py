@@ -77,6 +77,17 @@ def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis)
     ((_, _, arguments, _),) = model["families"]
     for direction in arguments["axis"]["directions"]:
         np.testing.assert_allclose(direction, np.array(axis) / np.linalg.norm(axis), atol=1e-12)
+    assert not any("CalculiX" in text for text in model["ignored"])
+
+
+def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):
+    """Constants of a solid: CalculiX has the first along the radius."""
+    path = tmp_path / "part.inp"
+    nine = "TYPE=ENGINEERING CONSTANTS\n2e5, 1e4, 1e4, .3, .3, .3, 5e3, 5e3\n4e3"
+    path.write_text(CYLINDER.format(0).replace("TYPE=LAMINA\n2e5, 1e4, .3, 5e3, 5e3, 4e3", nine))
+    found = assembly.read(path, path.name)
+    model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
+    assert any("CalculiX" in text for text in model["ignored"])
 
 
 @pytest.mark.parametrize(("gap", "springs"), [(0.0, 1), (0.1, 0)])

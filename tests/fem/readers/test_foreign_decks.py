@@ -174,6 +174,15 @@ def test_superelements_that_divide_a_deck(tmp_path):
     ("older", "newer"),
     [
         ("CQUAD2,1,7,1,2,3,4\nPQUAD2,7,1,.4\n", "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.4,1,,1\n"),
+        (
+            "CQUAD1,1,7,1,2,3,4\nPQUAD1,7,1,.5,1,.02,1,.4,.3\n",
+            "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.5,1,1.92,1,.8,.3\n",
+        ),
+        ("CTRIA1,1,7,1,2,3\nPTRIA1,7,,,1,.018\n", "CTRIA3,1,7,1,2,3\nPSHELL,7,,.6,1\n"),
+        (
+            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD2,5,9,1,123,2,3\n",
+            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123,1\nRBE2,5,9,3,2\n",
+        ),
         ("CTRIA2,1,9,1,2,3\nPTRIA2,7,1,.4,,9,1,.3\n", "CTRIA3,1,9,1,2,3\nPSHELL,9,1,.3,1,,1\n"),
         ("CHEXA1,1,1,1,2,3,4,5,6,\n,7,8\n", "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n"),
         ("CWEDGE,1,1,1,2,3,5,6,7\n", "CPENTA,1,1,1,2,3,5,6,7\nPSOLID,1,1\n"),

@@ -68,6 +68,10 @@ FORMS = {
 }
 
 
+def faults(folder, text: str) -> str:
+    return " ".join(str(entry.fault) for entry in bulk(folder, text).entries if entry.fault)
+
+
 def bulk(folder, text: str):
     path = folder / "part.bdf"
     path.write_text(text)
@@ -128,8 +132,7 @@ def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
     first, second, found = APART[case]
     text = f"{first}\n{between}{second}\n"
     if not found:
-        with pytest.raises(MeshError, match="does not follow its entry"):
-            bulk(tmp_path, text)
+        assert "does not follow its entry" in faults(tmp_path, text)
         return
     one, other = bulk(tmp_path, text).entries
     assert [word for word in one.fields if word] == LIST
@@ -138,8 +141,28 @@ def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
 
 
 def test_a_continuation_before_its_entry_is_refused(tmp_path):
-    with pytest.raises(MeshError, match="does not follow its entry"):
-        bulk(tmp_path, f"GRID,1\n+AB,{','.join(SECOND)}\nSPC1,{','.join(FIRST)},+AB\n")
+    text = f"GRID,1\n+AB,{','.join(SECOND)}\nSPC1,{','.join(FIRST)},+AB\n"
+    assert "does not follow its entry" in faults(tmp_path, text)
+
+
+@pytest.mark.parametrize("line", ["+AB,1", "        404, 405", "{},1,2,3,4,5,6,7,8,+A,9"])
+@pytest.mark.parametrize(("name", "read"), [("CAERO7", True), ("SPC1", False)])
+def test_faults_of_entries_that_are_not_read_are_none(tmp_path, line, name, read):
+    """Continuations, numbers and fields that do not fit."""
+    path = tmp_path / "a.bdf"
+    path.write_text(f"GRID,1\n{name},1,1,1,,,,,,+CD\n{line.format(name)}\nENDDATA\n")
+    if read:
+        assert nastran.read(path, path.name).account.counts()
+        return
+    with pytest.raises(MeshError, match="line 3 of"):
+        nastran.read(path, path.name)
+
+
+def test_a_line_of_free_fields_may_be_as_long_as_its_entry(tmp_path):
+    """CORD2C in one line, as the models of pyNastran have it."""
+    (entry,) = bulk(tmp_path, "CORD2C,1,0,0.,0.,0.,0.,0.,1.,0.,1.,0.\n").entries
+    assert entry.real(9) == 1.0
+    assert len(entry.fields) == 16
 
 
 def test_equations_are_texts(tmp_path):

@@ -45,7 +45,7 @@ REFUSED = {
        for card, prop, instead in (
            (HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
            (TUBE, "PWELD", "PTUBE"), (SHELL, "PLPLANE", "PSHELL or PCOMP"),
-           ("CBAR,1,7,1,2,0.,1.,0.\n", "PBEND", "PBAR"))},
+           ("CBAR,1,7,1,2,0.,1.,0.\n", "PBCOMP", "PBAR"))},
     "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
     "area": ("CONROD,1,1,2,1\n", 9, "area"),
     "material": (f"{HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),

@@ -240,7 +240,8 @@ def test_constants_of_the_general_sections():
 def test_nonstructural_mass_follows_the_dimensions():
     for kind, count in nastran_profiles.DIMENSIONS.items():
         own = WALLS.get(kind, (None, [2.0, 1.9, 0.2, 0.1][:count]))[1]
-        own = {"TUBE": [2.0, 1.5], "HEXA": [0.4, 2.0, 1.0]}.get(kind, own)
+        own = {"TUBE": [2.0, 1.5], "HEXA": [0.4, 2.0, 1.0], "Z": [1.0, 0.2, 1.0, 1.4]}.get(
+            kind, own)  # fmt: skip
         fields = ["1", "1", "", kind, "", "", "", "", *map(str, own), "0.7"]
         assert beam("PBARL", fields).extra == 0.7
 

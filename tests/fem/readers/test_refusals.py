@@ -151,13 +151,10 @@ NASTRAN = {
     "mixed moment": (CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,1.5\n", None, "below"),
     "no area": (CBAR + "PBAR,1,1,0.,1.,1.\n", None, "needs"),
     "no width": (CBAR + "PBARL,1,1,,BAR\n,0.,1.\n", None, "dimensions"),
-    "a type": (CBAR + "PBARL,1,1,,L\n,1.,1.,.1,.1\n", None, "type"),
+    "a type": (CBAR + "PBARL,1,1,,X\n,1.,1.,.1,.1\n", None, "type"),
     "does not fit": (CBAR + "PBARL,1,1,,I\n,1.,1.,1.,1.,.6,.6\n", None, "other"),
     "off the shear centre": (
         CBAR.replace("CBAR", "CBEAM") + "PBEAML,1,1,,T\n,1.,1.,.1,.1\n", None, "neutral"),
-    "neutral axis": (
-        CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,,,,,,,,,\n,,,,,.1\n",
-        None, "neutral"),
     "half a taper": (
         CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,YES,.5,2.,1.,1.\n",
         None, "section"),

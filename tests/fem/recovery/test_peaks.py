@@ -44,7 +44,8 @@ def test_envelopes_of_motion_are_those_of_probes(struck, tmp_path):
     first, second = peak.largest(2, apart=0.05)
     assert first[0] == peak.values.max()
     assert np.linalg.norm(first[1] - second[1]) > 0.05
-    assert "acceleration [m/s²]" in peak.summary()
+    assert f"{first[0]:.4g} m/s²" in peak.summary()
+    assert "acceleration" in repr(peak)
 
 
 def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
@@ -94,7 +95,7 @@ def test_a_run_too_long_for_all_its_motion_is_told(struck, monkeypatch):
     long = ao.simulate(hit.model, BALL, LAW, 1e-2)
     with pytest.warns(ao.AccuracyWarning, match="give times"):
         peak = ao.peak_field(part, long, "acceleration")
-    assert f"up to {peak.error:.2g} more" in peak.summary()
+    assert f"up to {peak.error:.3g} m/s² more" in peak.summary()
 
 
 def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
@@ -122,8 +123,8 @@ def test_the_largest_values_keep_apart():
     assert [v for v, _, _ in peak.largest(9, apart=0.0)] == [5, 4.5, 4, 3, 1]
     assert [v for v, _, _ in peak.largest(2, apart=9.0)] == [5]
     rows = peak.summary(2).splitlines()
-    assert rows[0].startswith("largest speed [m/s] at")
-    assert rows[2].split() == ["4", "(0.06,", "0,", "0)", "2"]
+    assert rows[0].startswith("largest speed")
+    assert rows[2].split() == ["4.000", "m/s", "(60,", "0,", "0)", "mm", "2.00", "s"]
     for wrong in ({"count": 0}, {"apart": -1.0}):
         with pytest.raises(ao.InputError, match=next(iter(wrong))):
             peak.largest(**wrong)

@@ -178,7 +178,7 @@ def test_a_probe_reaches_as_far_as_a_snap():
         np.testing.assert_allclose(moved, near, rtol=1e-9)
         far = ao.probe(part, hit, (0.3, 0, 0), quantity, snap=0.11)
         np.testing.assert_allclose(far, near, rtol=1e-9)
-    assert "(0.15, 0.02, 0.04) m" in hit.summary()
+    assert "(150, 20, 40) mm" in hit.summary()
     assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
 
 

@@ -254,9 +254,10 @@ def _contact_outputs(
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
     specs, variables = [], []
     for i, prefix in enumerate(names):
+        of = f"the {prefix.rstrip('._')}" if prefix else "the site"
         for kind, name in OF_SITE.items():
             specs.append((kind, i))
-            variables.append(Variable(prefix + name, UNITS[kind], f"{name} of the site"))
+            variables.append(Variable(prefix + name, UNITS[kind], f"{name} of {of}"))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 

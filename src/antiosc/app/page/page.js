@@ -6,6 +6,7 @@ const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
 const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
+const MANY = 20000; // steps times modes
 
 const find = (id) => document.getElementById(id);
 
@@ -111,16 +112,19 @@ class Page {
 
   at_start() { return SLIDERS.every(([name]) => this.set[name] === this.start[name]); }
 
-  // Strike: numbers and chart follow at once, the picture when the sliders rest.
-  change() {
-    const began = performance.now(), { engine, blow } = this;
+  // Strike: numbers and chart follow at once, the picture when the sliders rest; the last digits of
+  // a run of many steps wait until then too, that every move is answered within a frame.
+  change(resting = false) {
+    const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse;
     let duration = blow.duration;
-    const strike = () => engine.strike(pose(this.body(), blow, this.set), duration, blow.tol);
-    let hit = strike();
+    const strike = (tol) => engine.strike(pose(this.body(), blow, this.set), duration, tol);
+    let hit = strike(rough);
     while (hit.touching && !this.at_start() && duration < LONGER * blow.duration) {
       duration *= 2;
-      hit = strike();
+      hit = strike(rough);
     }
+    this.rough = !resting && !this.at_start() && hit.n_nodes * hit.modes > MANY;
+    if (!this.rough) hit = strike(blow.tol);
     const bars = this.bars(hit, duration);
     this.hit = hit;
     this.until = Math.min(duration, Math.max(1.25 * hit.last, 0.02 * duration)) || duration;
@@ -129,7 +133,7 @@ class Page {
     this.draw_chart();
     document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
     clearTimeout(this.later);
-    this.later = setTimeout(() => this.rest(), REST);
+    if (!resting) this.later = setTimeout(() => this.rest(), REST);
   }
 
   // Relative errors of the present impact, as far as they are known. The bar of a cause with a body
@@ -192,6 +196,7 @@ class Page {
 
   // The picture of the present impact.
   rest() {
+    if (this.rough) this.change(true);
     if (this.sites) this.sites.strike(this.engine, this.set, this.blow.duration, this.blow.coarse);
     if (this.part) {
       this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);

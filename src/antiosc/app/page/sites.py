@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antiosc.app.page import blow
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
 from antiosc.contact.compiled import is_compiled
@@ -18,11 +19,15 @@ if TYPE_CHECKING:
 
 #: Most sites with models on a page.
 MOST = 5000
+#: Area of the part over that of the map from which the part is drawn behind it.
+BEHIND = 1.02
 #: Quantities of a map that the page shows: what it strikes anew first.
 SHOWN = {
     "peak_force": ("peak force", "N"),
     "contact_time": ("contact time", "s"),
     "peak_deflection": ("peak deflection (computed case)", "m"),
+    "peak_stress": ("largest stress (computed case)", "Pa"),
+    "exposure": ("danger: stress over yield (computed case)", ""),
     "k0": ("static stiffness", "N/m"),
 }
 
@@ -70,13 +75,13 @@ def of_map(
         "units": {name: SHOWN[name][1] for name in quantities},
         "quantities": quantities | every,
     }
-    if structure is not None and not sites["faces"].size:
-        sites["skin"] = _skin(structure)
+    if structure is not None:
+        sites["skin"] = _skin(structure, _area(found.points, sites["faces"].reshape(-1, 3)))
     return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 
 
-def _skin(structure: Structure) -> dict[str, Any] | None:
-    """The surface of a part, the same on all ranks; None where there is none."""
+def _skin(structure: Structure, mapped: float) -> dict[str, Any] | None:
+    """The surface of a part, the same on all ranks; None where there is none behind the map's."""
     from antiosc.app.page import body
 
     try:
@@ -84,5 +89,13 @@ def _skin(structure: Structure) -> dict[str, Any] | None:
     except InputError:
         return None
     points, faces = structure.comm.bcast((points, faces), root=0)
+    if _area(points, faces) < BEHIND * mapped:
+        return None
     used, faces = np.unique(faces, return_inverse=True)
     return body.geometry(points[used], faces.reshape(-1, 3))
+
+
+def _area(points: Array, faces: IntArray) -> float:
+    """Area [m^2] of triangles (T, 3)."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

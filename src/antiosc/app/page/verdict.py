@@ -71,6 +71,8 @@ def of_map(found: ImpactMap) -> Headline:
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
             sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
+    if found.peak_stress is not None:
+        sentences.append(_most_dangerous(found))
     worst = float(found.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
@@ -78,6 +80,24 @@ def of_map(found: ImpactMap) -> Headline:
     )
     about = f"{_body(found.impactor)} strikes {found.info.get('structure', 'a part')}"
     return Headline(about if found.impactor else "Models over a surface", numbers, sentences)
+
+
+def _most_dangerous(found: ImpactMap) -> str:
+    """Where a blow stresses the part most, and whether it yields."""
+    assert found.peak_stress is not None
+    assert found.stress_points is not None
+    share = found.exposure
+    trusted = ~found.doubtful | found.doubtful.all()
+    i = int(np.nanargmax(np.where(trusted, found.peak_stress if share is None else share, np.nan)))
+    told = (
+        f"A blow at {place(found.points[i])} stresses the part most:"
+        f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"
+    )
+    if share is None:
+        return f"{told}; the material has no yield_strength to compare it with."
+    count = int(np.sum(share >= 1))
+    where = f"at {count} of {len(found)} sites" if count else "nowhere"
+    return f"{told}, {share[i]:.3g} of the yield strength; yield is reached {where}."
 
 
 def _struck(hit: Any, structure: Any) -> str:

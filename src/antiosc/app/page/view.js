@@ -44,6 +44,7 @@ class View {
     gl.linkProgram(program);
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
+    gl.polygonOffset(1, 2);
     this.by_hand();
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
@@ -111,7 +112,9 @@ class View {
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "camera"), false, this.camera());
     const [right, up, out] = this.axes(), light = right.map((x, i) => 0.3 * x + 0.45 * up[i] + 0.84 * out[i]);
     gl.uniform3fv(gl.getUniformLocation(this.program, "light"), light);
-    for (const mesh of this.meshes.values()) {
+    for (const [name, mesh] of this.meshes) {
+      if (name === "skin") gl.enable(gl.POLYGON_OFFSET_FILL); // it lies behind the map on it
+      else gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.bindVertexArray(mesh.array);
       gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
     }

@@ -20,11 +20,17 @@ from antiosc.base.progress import say
 STUDIES = {
     "run": (
         "simulation",
-        "no simulation to run: give [simulate], [run] for a scene of several contacts, or [drop]",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
+        " [find]",
     ),
     "sweep": (
         "batch",
         "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
+    ),
+    "monte-carlo": (
+        "sample",
+        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
+        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
     ),
     "map": ("map", "no [map]; with that line alone all of the surface is struck"),
 }

@@ -10,6 +10,7 @@ from antiosc.app.scene_file.group_names import outlines
 from antiosc.app.scene_file.result_tables import lines
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.base.engineering import engineering
 from antiosc.base.errors import AntioscError
 from antiosc.base.memory import free_memory
 from antiosc.simulation.comparison import FIRST
@@ -72,7 +73,7 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     sites = len(scene.document.data.get("sites", {}))
     if "band" in asked:
         until = asked["band"] / (2 * pi)
-        return [("anti-oscillators", f"as many as needed up to {until:.4g} Hz")]
+        return [("anti-oscillators", f"as many as needed up to {engineering(until, 'Hz')}")]
     from antiosc.fem.extraction.wish import DEFAULT_COUNT
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
@@ -83,7 +84,7 @@ def _of_fall(asked: Mapping[str, Any]) -> list[tuple[str, str]]:
     height, gravity = asked["height"], asked.get("gravity", GRAVITY)
     rows = [
         ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
-        ("first touch", f"after {sqrt(2 * height / gravity):.4g} s"),
+        ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
         ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
     ]
     if "ensemble" in asked:
@@ -103,13 +104,13 @@ def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows
     time = BAND_OVER_PULSE * pi / band
-    rows.append(("contact time", f"at least {time:.3g} s, that on a rigid wall"))
-    rows.append(("band of the impact", f"up to {band / (2 * pi):.3g} Hz"))
+    rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
+    rows.append(("band of the impact", f"up to {engineering(band / (2 * pi), 'Hz')}"))
     if "strike" not in scene.document.data:
         step = asked.get("step", time / FIRST)
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
-        rows.append(("step", f"{step:.3g} s, {how}"))
+        rows.append(("step", f"{engineering(step, 's')}, {how}"))
     impacts = len(next(iter(scene.varied.values()), [0]))
     if impacts > 1:
         rows.append(("sweep", f"{impacts} impacts"))

@@ -37,7 +37,7 @@ LARGEST = 50_000_000
 #: Endings of files that have to be meshed first.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 #: Sections of named points, and their key.
-POINTS = (("sites", "point"), ("probes", "point"), ("accelerometers", "at"))
+POINTS = (("sites", "point"), ("probes", "point"), ("accelerometers", "at"), ("sensors", "point"))
 #: Names of groups that are listed, and digits of a box.
 MOST_NAMES, DIGITS = 12, 4
 
@@ -237,10 +237,18 @@ def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
     if not part:
         face = str(data.get("drop", {}).get("face", ""))
         ends.append((("drop", "face"), face if face[:1] not in ("", "+", "-") else None))
-        yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
+        yield from [*ends, *_where(data)]
         return
     for i, table in enumerate(data.get("joints", ())):
         ends += [(("joints", i, key), table.get(key)) for key in ("a", "b", "group")]
     for place, text in ends:
         if isinstance(text, str) and text.startswith(f"{part}:"):
             yield place, text.removeprefix(f"{part}:")
+
+
+def _where(data: Mapping[str, Any]) -> Iterator[tuple[Place, Any]]:
+    """The groups of [map] and [find]."""
+    for section in ("map", "find"):
+        where = data.get(section, {}).get("where")
+        for group in where if isinstance(where, list) else [where]:
+            yield (section, "where"), group

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from antiosc.app.scene_file.chance import LIGHT, OF_STRUCTURE, POINT
 from antiosc.app.scene_file.kinds import Kind
 from antiosc.app.scene_file.parameters import Parameter, parameters
 from antiosc.app.scene_file.sections import KIND, SECTIONS, VARIED, Section, constructors_of
+from antiosc.app.scene_file.variants import STRUCTURAL
 
 
 def schema() -> dict[str, Any]:
@@ -39,7 +41,13 @@ def _section(name: str, section: Section) -> dict[str, Any]:
     if name == "points":
         return {**about, **_many({"type": "array", "items": {"type": "number"}})}
     if name == "sweep":
-        return {**about, **_closed(dict.fromkeys(VARIED, _many({"type": "array"})))}
+        lists = _many({"type": ["array", "object"]})  # of a named section: tables of lists
+        return {**about, **_closed(dict.fromkeys((*VARIED, *STRUCTURAL), lists))}
+    if name == "monte_carlo":
+        own = _table(name, section.given.split(), several=False)
+        points = _table("impact_map", ["structure"], several=False)
+        drawn = {key: {"type": "object"} for key in (*LIGHT, *OF_STRUCTURE)} | {POINT: points}
+        return {**about, **_closed(own["properties"] | drawn)}
     if section.inner:
         return {**about, **_many(_sections(section.inner))}
     one = _one_of(section.makes, section.given.split(), methods=name == "contact")

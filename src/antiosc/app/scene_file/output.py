@@ -160,7 +160,8 @@ def write(found: Results, target: Path) -> list[Path]:
             paths.append(found.worst.write(target / "worst.vtu"))
         if wanted.plot is not None:
             shown = {"force": found.history, "model": found.model, "map": found.map}
-            shown |= {"fall": found.fall, "worst": found.worst, **(found.stresses or {})}
+            shown |= {"fall": found.fall, "worst": found.worst, "found": found.found}
+            shown |= {"monte_carlo": found.sample, **(found.stresses or {})}
             for name, one in shown.items():
                 if hasattr(one, "plot") and not isinstance(one, SceneHistory):
                     paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
@@ -180,8 +181,12 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
         tables.append((name, {"time (s)": at, **columns}))
     if found.fall is not None:
         tables.append(("fall.csv", result_tables.fall_columns(found.fall)))
+    if found.found is not None:
+        tables.append(("force.csv", {"time (s)": found.found.time, "force (N)": found.found.force}))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
+    if found.sample is not None:
+        tables.append(("monte_carlo.csv", result_tables.run_columns(found.sample)))
     if found.map is not None:
         several = len(found.map.surfaces()) > 1
         table = {"surface": found.map.names.tolist()} if several else {}
@@ -209,8 +214,12 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         }
     if found.worst is not None:
         content["worst"] = {found.worst.quantity: float(found.worst.values.max())}
+    if found.found is not None:
+        content["found"] = found.found.numbers()
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
+    if found.sample is not None:
+        content["monte_carlo"] = result_tables.sample_columns(found.sample)
     if found.map is not None:
         content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
         content["map"] |= found.map.quantities() | {"doubtful": found.map.doubtful}

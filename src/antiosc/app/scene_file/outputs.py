@@ -13,7 +13,8 @@ class Output:
     Parameters
     ----------
     csv : bool
-        The histories as tables: history.csv, probes.csv, of a sweep or a map sweep.csv, map.csv.
+        The histories as tables: history.csv, probes.csv, of a sweep or a map sweep.csv, map.csv, of
+        a blow that is found force.csv.
     json : bool
         All numbers of the result: result.json.
     plot : "svg", "png" or "pdf", optional

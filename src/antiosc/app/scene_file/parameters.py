@@ -24,9 +24,12 @@ WITHHELD = {
     ),
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
-FILES = {("Structure.from_files", "map")}
+FILES = {("Structure.from_files", "map"), ("find_impact", "signals")}
 #: Parameters that take an object of a class, beside those whose annotation says it.
 OBJECTS = {("Floor", "material"): "Solid"}
+
+#: Functions that only check and store values.
+LIGHT = ("named_impactor", "normal", "lognormal", "uniform")
 
 #: (name, value) -> the value, or InputError
 Check = Callable[[str, Any], Any]
@@ -87,7 +90,7 @@ def light(function: str) -> bool:
     """Whether a call only checks and stores values: a class of antiosc that holds data."""
     head = function.partition(".")[0]
     heavy = head in ("Structure", "Scene", "AntiOscillators", "Fall")
-    return function == "named_impactor" or (inspect.isclass(resolved(head)) and not heavy)
+    return function in LIGHT or (inspect.isclass(resolved(head)) and not heavy)
 
 
 def takes(function: str, name: str) -> bool:

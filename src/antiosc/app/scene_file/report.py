@@ -170,8 +170,12 @@ def _sections(found: Results) -> list[tuple[str, list[Block]]]:
     if found.fall is not None:
         blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
         sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
+    if found.found is not None:
+        sections.append(("Blow", [found.found.rows(), found.found.message]))
     if found.batch is not None:
         sections.append(("Sweep", [tables.sweep_columns(found)]))
+    if found.sample is not None:
+        sections.append(("Random values", [tables.sample_columns(found.sample)]))
     if found.map is not None:
         sections.append(("Map", [tables.map_rows(found.map)]))
     if hit is not None:
@@ -200,7 +204,7 @@ def _results(history: Any) -> list[Block]:
     e = history.restitution
     rows = [
         *(
-            (name.replace("_", " "), engineering(getattr(history, name), unit, 6))
+            (name.replace("_", " "), engineering(getattr(history, name), unit, 4))
             for name, unit in QUANTITIES.items()
         ),
         ("contacts", f"{len(history.contacts)}"),
@@ -217,7 +221,7 @@ def _errors(history: Any) -> list[Block]:
     if not budget:
         return [rows]
     columns: dict[str, Any] = {"Error budget": [name.replace("_", " ") for name in budget]}
-    columns["value"] = [f"{bar.value:.5g} {QUANTITIES[name]}" for name, bar in budget.items()]
+    columns["value"] = [engineering(bar.value, QUANTITIES[name], 4) for name, bar in budget.items()]
     for cause in (*budget.causes, "total"):
         columns[cause] = [f"{100 * getattr(bar, cause):.2g} %" for bar in budget.values()]
     return [rows, columns, *budget.notes]
@@ -247,6 +251,6 @@ def _advice(found: Results) -> tables.Rows:
     return [
         ("sufficient element family", advice.family),
         ("largest element", f"{1e3 * advice.element_size:.3g} mm"),
-        ("highest relevant frequency", f"{advice.frequency:.4g} Hz"),
+        ("highest relevant frequency", engineering(advice.frequency, "Hz")),
         ("reasons", "; ".join(advice.reasons)),
     ]

@@ -81,12 +81,20 @@ def pictures(found: Results, one_view: bool = False) -> Iterator[Picture]:
     if found.worst is not None:
         about = "The largest value at each node over all impacts."
         yield _drawn("Largest stress", about, found.worst.plot, ".png")
+    if found.found is not None:
+        about = "Signals in the band that is compared, and the contact force (N) that was found."
+        yield _drawn("Signals and force", about, found.found.plot, ".png")
     if found.batch is not None:
         yield _chart(
             "Sweep",
             "Peak force (N) of each impact, over the first value that varies.",
             partial(_swept, found),
         )
+    if found.sample is not None:
+        about = (
+            "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
+        )
+        yield _drawn("Random values", about, found.sample.plot, ".svg")
     quantities = {} if found.map is None else found.map.quantities()
     for quantity in ("peak_force", "contact_time", "k0"):
         if quantity in quantities:

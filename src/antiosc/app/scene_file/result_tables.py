@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from antiosc.app.scene_file.run import Results
-from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.engineering import engineering, place as placed, prefixed, span
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.simulation.history import SceneHistory
@@ -34,13 +34,14 @@ SECTION_FORCES = {
     | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
     | dict.fromkeys(("Q1", "Q2"), "N/m"),
 }
-#: Quantities of an ensemble of falls with their units, and quantiles that are told.
+#: Quantities of an ensemble of falls or impacts with their units, and quantiles that are told.
 FALL_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s", "lost": "J"}
+SAMPLE_UNITS = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 QUANTILES = (0.5, 0.9, 0.99)
 #: Units of the quantities of a map.
 MAP_UNITS = {
     **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
-    **{"impulse": "N s", "peak_deflection": "m"},
+    **{"impulse": "N s", "peak_deflection": "m", "peak_stress": "Pa"},
 }
 
 
@@ -56,8 +57,12 @@ def text(found: Results) -> str:
         pieces.append(lines([*probe_rows(found), *stress_rows(found)]))
     if found.fall is not None:
         pieces += [fall_text(found.fall), lines(fall_rows(found))]
+    if found.found is not None:
+        pieces.append(found.found.summary())
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
+    if found.sample is not None:
+        pieces.append(columns(sample_columns(found.sample)))
     if found.map is not None:
         pieces.append(lines(map_rows(found.map)))
     return "\n\n".join(piece for piece in pieces if piece)
@@ -70,15 +75,26 @@ def lines(rows: Rows) -> str:
 
 
 def columns(table: Mapping[str, Any]) -> str:
-    """A table with a line of names; of long ones the first rows."""
-    rows = list(zip(*table.values(), strict=True))
-    cells = [list(table), *([shown(value) for value in row] for row in rows[:ROWS])]
+    """A table with a line of names; of long ones the first rows; units with prefixes."""
+    own = dict(_column(name, list(values)) for name, values in table.items())
+    rows = list(zip(*own.values(), strict=True))
+    cells = [list(own), *([shown(value) for value in row] for row in rows[:ROWS])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
     told = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
     if len(rows) > ROWS:
         told.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
     return "\n".join(told)
+
+
+def _column(name: str, values: list[Any]) -> tuple[str, list[Any]]:
+    """A column whose name ends with its unit, as "contact time (s)", in (µs) where that fits."""
+    title, _, unit = name.partition(" (")
+    numbers = [float(v) for v in values if isinstance(v, float | np.floating) and np.isfinite(v)]
+    if not unit or len(numbers) < len(values):
+        return name, values
+    factor, own = prefixed(max(map(abs, numbers), default=0.0), unit.rstrip(")"))
+    return f"{title} ({own})", [factor * v for v in values]
 
 
 def shown(value: Any) -> str:
@@ -98,16 +114,13 @@ def contacts_of(history: Any) -> dict[tuple[str, str], Any]:
 
 def model_rows(model: Any) -> Rows:
     """The parameters of the reduced model."""
-    rows = [
-        (f"site {name}".rstrip(), checks.in_words(point))
-        for name, point in places_of(model).items()
-    ]
+    rows = [(f"site {name}".rstrip(), placed(point)) for name, point in places_of(model).items()]
     several = bool(np.ndim(model.k0))
     if several:
         rows.append(("sites", ", ".join(model.sites)))
     else:
-        rows.append(("static stiffness k0", f"{model.k0:.5g} N/m"))
-        rows.append(("static mass m_st", f"{model.m_st:.5g} kg"))
+        rows.append(("static stiffness k0", engineering(model.k0, "N/m", 4)))
+        rows.append(("static mass m_st", engineering(model.m_st, "kg", 4)))
     rows.append(("anti-oscillators", f"{model.n}"))
     if not several and model.m_st > 0:
         rows.append(("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
@@ -174,9 +187,10 @@ def probe_rows(found: Results) -> Rows:
     for name in found.probes or {}:
         p = probe_peak(found, name)
         what = f"{p['quantity'].replace('_', ' ')} {p['component']}".rstrip()
-        value = f"{p['value']:.5g} {p['unit']}".rstrip()
+        value = engineering(p["value"], p["unit"], 4)
         g = f" ({p['g']:.4g} g)" if "g" in p else ""
-        rows.append((f"probe {name}", f"{what}: largest {value}{g} at {p['time']:.4g} s"))
+        time = engineering(p["time"], "s")
+        rows.append((f"probe {name}", f"{what}: largest {value}{g} at {time}"))
     return rows
 
 
@@ -185,7 +199,7 @@ def stress_rows(found: Results) -> Rows:
     rows = []
     for name, peak in (found.stresses or {}).items():
         value, place, time = peak.largest(1)[0]
-        told = f"largest {value:.5g} {peak.unit} at {checks.in_words(place)}, {time:.4g} s"
+        told = _largest(value, peak.unit, place, time)
         if peak.exposure is not None:
             told = peak.margin().sentence
         rows.append((name.replace("_", " "), told))
@@ -195,6 +209,11 @@ def stress_rows(found: Results) -> Rows:
         if peak.doubt:
             rows.append(("", peak.doubt))
     return rows
+
+
+def _largest(value: float, unit: str, place: Any, time: float) -> str:
+    where = f"at {placed(place)}, {engineering(time, 's')}"
+    return f"largest {engineering(value, unit, 4)} {where}"
 
 
 def stress_numbers(found: Results) -> dict[str, Any]:
@@ -232,10 +251,26 @@ def fall_columns(fall: Any) -> dict[str, Any]:
     """The impacts of a fall, or quantiles of the largest values of an ensemble of falls."""
     if hasattr(fall, "impacts") and hasattr(fall.impacts, "columns"):
         return dict(fall.impacts.columns())
+    return quantile_columns(fall, FALL_UNITS)
+
+
+def sample_columns(sample: Any) -> dict[str, Any]:
+    """Quantiles of a Monte Carlo study."""
+    return quantile_columns(sample, SAMPLE_UNITS)
+
+
+def run_columns(sample: Any) -> dict[str, Any]:
+    """The inputs and the results of each of its runs."""
+    failed = [sample.failed.get(i, "") for i in range(len(sample))]
+    return {**sample.inputs, **sample.values, "error": failed}
+
+
+def quantile_columns(many: Any, units: Mapping[str, str]) -> dict[str, Any]:
+    """Quantiles of some quantities of an ensemble, with their bars."""
     table: dict[str, Any] = {"quantity": [], "quantile": [], "value": [], "low": [], "high": []}
-    for name, unit in FALL_UNITS.items():
+    for name, unit in units.items():
         for q in QUANTILES:
-            one = fall.quantile(name, q)
+            one = many.quantile(name, q)
             row = (f"{name.replace('_', ' ')} ({unit})", q, one.value, one.low, one.high)
             for column, value in zip(table.values(), row, strict=True):
                 column.append(value)
@@ -250,8 +285,8 @@ def fall_rows(found: Results) -> Rows:
     ]
     if found.worst is not None:
         value, place, time = found.worst.largest(1)[0]
-        where = f"at {checks.in_words(place)}, {time:.5g} s"
-        rows.append((f"largest {found.worst.quantity}", f"{value:.5g} {found.worst.unit} {where}"))
+        told = _largest(value, found.worst.unit, place, time)
+        rows.append((found.worst.quantity.replace("_", " "), told))
     return rows
 
 
@@ -266,13 +301,14 @@ def map_rows(found: Any) -> Rows:
     for name, values in found.quantities().items():
         known = values[np.isfinite(values)]
         if known.size:
-            rows.append((named(name), f"{known.min():.5g} to {known.max():.5g}"))
+            unit = MAP_UNITS.get(name, "")
+            rows.append((name.replace("_", " "), span(known.min(), known.max(), unit)))
     surfaces = found.surfaces()
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
             i = found.hardest(own)
-            place = ", ".join(f"{c:.4g}" for c in found.points[i])
-            text += f", at most {found.peak_force[i]:.5g} N at ({place}) m"
+            force = engineering(found.peak_force[i], "N", 4)
+            text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))
     return rows

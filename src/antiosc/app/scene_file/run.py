@@ -27,9 +27,11 @@ DOING = {
     **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
     "simulate_many": "simulating the sweep",
     "impact_map": "mapping the surface",
+    "nearby": "reducing structures nearby",
     "probe": "motion of the probes",
     **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
     "drop": "computing the fall",
+    "find_impact": "finding the blow",
     "Fall.peak": "peaks of the accelerometers",
     "Fall.worst": "largest stresses",
 }
@@ -37,10 +39,11 @@ DOING = {
 COMMANDS = {
     "run": (
         *("structure", "model", "impactor", "contact", "history", "probes", "stresses"),
-        *("fall", "peaks", "worst"),
+        *("fall", "peaks", "worst", "found"),
     ),
     "sweep": ("structure", "model", "impactor", "batch"),
     "map": ("structure", "impactor", "contact", "map"),
+    "monte-carlo": ("structure", "impactor", "sample"),
     "dry run": ("structure", "impactor", "contact"),
 }
 
@@ -67,9 +70,11 @@ class Results:
     stresses: Any = None
     batch: Any = None
     map: Any = None
+    sample: Any = None
     fall: Any = None
     peaks: Any = None
     worst: Any = None
+    found: Any = None
     warnings: list[str] = field(default_factory=list)
 
 

@@ -10,10 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from antiosc.app.scene_file import fall, impact, largest, struck, studies
+from antiosc.app.scene_file import blow, chance, fall, impact, largest, struck, studies
 from antiosc.app.scene_file.build import Builder, Call
+from antiosc.app.scene_file.problems import label
 from antiosc.app.scene_file.read import Document
 from antiosc.app.scene_file.sections import MODELS, SECTIONS
+from antiosc.app.scene_file.variants import leaves
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,9 @@ class Compiled:
     history : of the simulation.
     probes : name -> call, of the structure and the history.
     stresses : a call that makes {quantity: its largest values over the run}.
-    batch, map : of [sweep] and [map].
+    batch, map, sample : of [sweep], [map] and [monte_carlo].
     fall : of [drop]; `peaks` name -> call, and `worst`, of the fall.
+    found : of [find].
     output : the files that are written.
     warnings : of the objects that were made.
     """
@@ -44,9 +47,11 @@ class Compiled:
     stresses: Call | None = None
     batch: Call | None = None
     map: Call | None = None
+    sample: Call | None = None
     fall: Call | None = None
     peaks: Mapping[str, Call] = field(default_factory=dict)
     worst: Call | None = None
+    found: Call | None = None
     output: Call | None = None
     warnings: list[str] = field(default_factory=list)
 
@@ -59,16 +64,17 @@ class Compiled:
     def varied(self) -> dict[str, Any]:
         """ "impactor.velocity" -> the values of a sweep."""
         table = self.document.data.get("sweep", {})
-        return {f"{a}.{b}": values for a, lists in table.items() for b, values in lists.items()}
+        return {label(place): values for place, values in leaves(table)}
 
     @property
     def simulation(self) -> Call | None:
         """What `antiosc run` computes."""
-        return self.history or self.fall
+        return self.history or self.fall or self.found
 
     def does(self) -> list[str]:
         """The commands that this scene is for."""
         there = {"run": self.simulation, "sweep": self.batch, "map": self.map}
+        there["monte-carlo"] = self.sample
         return [f"antiosc {name}" for name, call in there.items() if call is not None]
 
 
@@ -79,7 +85,8 @@ def compiled(document: Document) -> Compiled:
     source = struck.source(build)
     structure = struck.structure(build, source)
     model = struck.model(build, source, structure)
-    made = impact.impact(build, structure, model)
+    found = blow.blow(build, source, structure)
+    made = {} if "find" in build.data else impact.impact(build, structure, model)
     impactor, contact, history = (made.get(n) for n in ("impactor", "contact", "history"))
     of_probes = structure
     if history is not None and history.name == "strike" and structure is None:
@@ -92,12 +99,13 @@ def compiled(document: Document) -> Compiled:
     stresses = largest.stresses(build, source, of_probes, history)
     batch = studies.sweep(build, model, impactor, contact)
     surface = studies.surface(build, source, structure, impactor, contact)
+    sample = chance.monte_carlo(build, structure, model, impactor, contact)
     fallen = fall.fall(build, source, structure)
     output = build.table("output")
     build.problems.raise_if_any()
     return Compiled(
         document, structure, model, **made, **fallen, probes=probes, stresses=stresses, batch=batch,
-        map=surface, output=output, warnings=build.told,
+        map=surface, found=found, sample=sample, output=output, warnings=build.told,
     )  # fmt: skip
 
 

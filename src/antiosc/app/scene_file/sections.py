@@ -23,6 +23,7 @@ LAWS = (
     " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
 )
 IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"
+DISTRIBUTIONS = "normal lognormal uniform"
 JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 
 
@@ -145,6 +146,12 @@ SECTIONS: dict[str, Section] = {
         "the same impact at many points of the surface",
         given="structure impactor contact",
     ),
+    "monte_carlo": Section(
+        "table",
+        "monte_carlo",
+        'runs with random values: n, seed, impactor.velocity = {kind = "normal", …}',
+        given="run inputs executor store",
+    ),
     "drop": Section(
         "table",
         "drop",
@@ -159,6 +166,13 @@ SECTIONS: dict[str, Section] = {
     ),
     "worst": Section(
         "table", "Fall.worst", "the largest stress of a fall at every node", given="self"
+    ),
+    "sensors": Section("named", "Sensor", "sensors whose signals tell a blow, in their order"),
+    "find": Section(
+        "table",
+        "find_impact",
+        "a blow that is looked for in the signals of sensors, in place of an impact",
+        given="structure sensors impactor contact",
     ),
     "stress": Section(
         "table",

@@ -8,13 +8,15 @@ from typing import Any
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Mistake, refused, replaced
 from antiosc.app.scene_file.kinds import DATA, Kind
+from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.parameters import Parameter, parameters
 from antiosc.app.scene_file.problems import label, listed
 from antiosc.app.scene_file.sections import KIND, SECTIONS, VARIED
+from antiosc.app.scene_file.variants import leaves, model_of, structural, variant
 from antiosc.base.errors import AntioscError
 
-#: Most impacts of a sweep.
-MOST_IMPACTS = 100_000
+#: Most impacts of a sweep, and most structures.
+MOST_IMPACTS, MOST_MODELS = 100_000, 1000
 #: What the other sections give to a batch.
 _GIVEN = ("models", "impactors", "contacts")
 
@@ -34,14 +36,18 @@ def sweep(
         build.note(
             ("sweep",), "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         )
-    values = {name: _values(build, name) for name in build.part("sweep")}
+    own = [name for name in build.part("sweep") if name in structural(build)]
+    values = {n: _values(build, n) for n in build.part("sweep") if n not in own}
+    varied = {place: v for name in own for place, v in _of_structure(build, name)}
     sizes = {f"{one}.{name}": len(v) for one, each in values.items() for name, v in each.items()}
+    sizes |= {label(place): len(v) for place, v in varied.items()}
     if len(set(sizes.values())) > 1:
         text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
         build.note(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
         return None
     if not sizes or model is None or impactor is None or contact is None:
         return None
+    models = model if not varied else _models(build, varied, next(iter(sizes.values())))
     impactors = _varied(build, impactor, values.get("impactor", {}))
     if build.data["contact"].get(KIND, "").startswith("impactor.") and isinstance(impactors, list):
         arguments = replaced(contact.arguments, lambda call: call.made)
@@ -49,7 +55,35 @@ def sweep(
         contacts: Any = [getattr(each, method)(**arguments) for each in impactors]
     else:
         contacts = _varied(build, contact, values.get("contact", {}))
-    return _batch(build, values.get("simulate", {}), (model, impactors, contacts))
+    return _batch(build, values.get("simulate", {}), (models, impactors, contacts))
+
+
+def _of_structure(build: Builder, section: str) -> list[tuple[Place, list[Any]]]:
+    """The lists of a section that says what is struck, each with its place in the scene."""
+    table = build.data["sweep"][section]
+    if not isinstance(table, dict):
+        build.note(("sweep", section), f"[sweep] has lists, as {section}.KEY = […].")
+        return []
+    found = []
+    for place, value in leaves({section: table}):
+        if isinstance(value, list) and 0 < len(value) <= MOST_MODELS:
+            found.append((place, value))
+        else:
+            build.note(
+                ("sweep", *place),
+                f"sweep.{label(place)} must be a list of 1 to {MOST_MODELS} values.",
+            )
+    return found
+
+
+def _models(build: Builder, varied: Mapping[Place, list[Any]], count: int) -> Any:
+    """One model for each value; None after a mistake."""
+    models = []
+    for i in range(count):
+        values = {place: each[i] for place, each in varied.items()}
+        made = variant(build, values, {place: ("sweep", *place, i) for place in varied})
+        models.append(model_of(made))
+    return None if None in models else models
 
 
 def _values(build: Builder, section: str) -> dict[str, Any]:
@@ -58,8 +92,8 @@ def _values(build: Builder, section: str) -> dict[str, Any]:
     if section not in VARIED or not isinstance(lists, dict):
         build.note(
             ("sweep", section),
-            f"[sweep] has lists of {listed(VARIED)}, as impactor.velocity = [1.0, 2.0]; got"
-            f" {section!r}.",
+            f"[sweep] has lists of {listed([*VARIED, *structural(build)])}, as impactor.velocity ="
+            f" [1.0, 2.0]; got {section!r}.",
         )
         return {}
     known = _known(build, section)

@@ -191,13 +191,25 @@ class AssembledMatrices(StructureMatrices):
         found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
         for member in self.layout.members.values():
             T = self.T[member.rows]
+            dashpots = [one for one in member.part.dissipation() if one.matrix is None]
+            found += [replace(one, G=(one.G @ T)[:, rows]) for one in dashpots]
+        return found + self._layers
+
+    @cached_property
+    def _layers(self) -> list[Dissipation]:
+        """The layers of all parts that relax, on q."""
+        found, made = [], dict[int, PETSc.Mat]()
+        for member in self.layout.members.values():
+            T = self.T[member.rows]
             for one in member.part.dissipation():
-                if one.matrix is not None:
-                    raise InputError(
-                        "a part of an assembly has a layer that relaxes (prony=): it is taken of a "
-                        "structure of one mesh alone."
-                    )
-                found.append(replace(one, G=(one.G @ T)[:, rows]))
+                if one.matrix is None:
+                    continue
+                if id(one.matrix) not in made:
+                    whole = (T.T @ csr(one.matrix) @ T).tocsr()
+                    whole.sort_indices()
+                    block = block_of(self.layout)
+                    made[id(one.matrix)] = self.share.matrix(from_csr("K", whole), block)
+                found.append(replace(one, matrix=made[id(one.matrix)]))
         return found
 
     @property

@@ -265,18 +265,24 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
     """(unit rows that no earlier ones span, (joint, joints that span it) of the others)."""
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
+    upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
     keep: list[int] = []
     follows = []
     for k, column in enumerate(R.T):
-        basis = space[:, : len(keep)]
-        rest = column - basis @ (basis.T @ column)
-        rest -= basis @ (basis.T @ rest)  # twice is enough (Kahan)
+        count = len(keep)
+        basis = space[:, :count]
+        share = basis.T @ column
+        rest = column - basis @ share
+        more = basis.T @ rest
+        rest -= basis @ more  # twice is enough (Kahan)
+        share += more
         left = np.linalg.norm(rest)
         if left > DEPENDENT:
-            space[:, len(keep)] = rest / left
+            space[:, count] = rest / left
+            upper[: count + 1, count] = np.append(share, left)
             keep.append(k)
             continue
-        weights = np.linalg.lstsq(R[:, keep], column, rcond=None)[0]
+        weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
         used = owner[np.array(keep)[np.abs(weights) > DEPENDENT]]
         follows.append((int(owner[k]), {int(one) for one in used}))
     return np.array(keep, dtype=int), follows

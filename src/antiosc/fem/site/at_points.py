@@ -344,13 +344,13 @@ def _check_distance(
 ) -> None:
     """InputError for a site too far off; `points` (2, 3): the site and the nearest to it."""
     on = ON_STRUCTURE * extent
-    if site.snap is False:
-        if nearest.distance > on:
-            raise InputError(
-                f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off "
-                f"the structure; its nearest point is {text(points[1])}: use that, or "
-                "Site(..., snap=True)."
-            )
+    if site.snap is False and nearest.distance <= on:
         return
-    reach = Reach("the point of the site", None if site.snap is True else max(site.snap, on))
+    free = isinstance(site.snap, bool)
+    reach = Reach("the point of the site", None if free else max(site.snap, on))
     reach.check(points[0], points[1], extent, partial(closest_point.size_at, mesh, nearest))
+    if site.snap is False:
+        raise InputError(
+            f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off the "
+            f"structure; its nearest point is {text(points[1])}: use that, or Site(..., snap=True)."
+        )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
 from antiosc.base.errors import InputError
 from antiosc.io.matrices.dof_map import component_of
@@ -27,7 +28,7 @@ SNAP_SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class Site:
+class Site(Given):
     """Point and direction of an impact on a structure.
 
     Parameters

@@ -277,7 +277,15 @@ def assembled(
     stiffeners = [beam for _, beam, _ in beams]
     materials = [*(one for one, _ in parts), *stiffeners]
     doubts = plausible.tell(
-        [plausible.of_part(mesh.extent()), *map(plausible.of_material, materials)]
+        [
+            plausible.of_part(mesh.extent()),
+            *map(plausible.of_material, materials),
+            *(
+                plausible.of_thickness(one.section.thickness, mesh.extent())
+                for one in materials
+                if hasattr(getattr(one, "section", None), "thickness")
+            ),
+        ]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, held)

@@ -132,17 +132,22 @@ def _solver(A: Matrix) -> Solver:
 
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
     """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
-    basis, loads = np.zeros((len(block), 0)), np.zeros((len(block), 0))
-    for column in block.T:
-        before = np.sqrt(float(dot(comm, column, multiply(M, column))))
+    loads = multiply(M, block)
+    before = np.sqrt(dot(comm, block, loads).diagonal())
+    basis = np.empty(block.shape, order="F")
+    products = np.empty(block.shape, order="F")
+    count = 0
+    for column, load, size in zip(block.T, loads.T, before, strict=True):
         for _ in range(2):  # twice is enough (Kahan)
-            column = column - basis @ dot(comm, loads, column)
-        load = multiply(M, column)
+            share = dot(comm, products[:, :count], column)
+            column = column - basis[:, :count] @ share
+        if count:
+            load = multiply(M, column)
         left = np.sqrt(max(float(dot(comm, column, load)), 0.0))
-        if left > SPANNED * before:
-            basis = np.column_stack([basis, column / left])
-            loads = np.column_stack([loads, load / left])
-    return basis
+        if left > SPANNED * size:
+            basis[:, count], products[:, count] = column / left, load / left
+            count += 1
+    return basis[:, :count]
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:

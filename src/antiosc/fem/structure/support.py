@@ -10,6 +10,7 @@ import dolfinx
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.brief import Given
 from antiosc.base.checks import array, coordinates, nonnegative, shown, store
 from antiosc.base.errors import InputError
 from antiosc.fem import compat
@@ -23,7 +24,7 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 
 
 @dataclass(frozen=True)
-class Support:
+class Support(Given):
     """Displacements and rotations fixed (set to zero) on a part of the mesh.
 
     Parameters

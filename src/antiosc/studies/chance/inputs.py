@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
+from antiosc.studies.map_results import ImpactMap
 
 
 def normal(mean: float, sigma: float) -> Any:
@@ -43,6 +44,11 @@ def uniform(low: float, high: float) -> Any:
     return between(low, high - low)
 
 
+def is_name(name: Any) -> bool:
+    """Whether a function can take an argument of this name: "mass", "impactor.mass"."""
+    return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
+
+
 def checked(inputs: Any) -> dict[str, Any]:
     """The inputs of a study, each a distribution or a sequence of values; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
@@ -50,19 +56,20 @@ def checked(inputs: Any) -> dict[str, Any]:
     if not given:
         raise InputError("inputs is empty: name at least one input and its distribution.")
     for name, what in given.items():
-        if not isinstance(name, str) or not name.isidentifier():
-            raise InputError(f"{name!r} is no name of an argument.")
-        values = isinstance(what, Sequence | np.ndarray) and not isinstance(what, str) and len(what)
-        if not values and not hasattr(what, "ppf"):
+        if not is_name(name):
+            raise InputError(f"{checks.shown(name)} is no name of an argument.")
+        many = isinstance(what, Sequence | np.ndarray | ImpactMap) and not isinstance(what, str)
+        if not (many and len(what)) and not hasattr(what, "ppf"):
             raise InputError(
                 f"{name} must be a distribution with `ppf`, such as normal(2.0, 0.1) or one of"
-                f" scipy.stats, or a sequence of values; got {checks.shown(what)}."
+                " scipy.stats, a sequence of values, or an ImpactMap; got"
+                f" {checks.shown(what)}."
             )
     return given
 
 
 def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]:
-    """`n` independent draws of each input: numbers, or indices into a sequence of values.
+    """`n` independent draws of each input: numbers, or indices of values, of sites by their areas.
 
     Draw i of an input depends on `seed`, on i and on the place of the input alone, so that a
     larger `n` begins with the draws of a smaller one.
@@ -76,5 +83,14 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
             if found[name].shape != (n,) or not np.all(np.isfinite(found[name])):
                 raise InputError(f"the distribution of {name} gives values that are not finite.")
         else:
-            found[name] = np.minimum(shares * len(what), len(what) - 1).astype(np.intp)
+            weights = what.areas if isinstance(what, ImpactMap) else np.ones(len(what))
+            ends = np.cumsum(weights) / np.sum(weights)
+            found[name] = np.searchsorted(ends[:-1], shares, side="right")
     return found
+
+
+def value(what: Any, drawn: Any) -> Any:
+    """What the function of a study is given for a draw of an input."""
+    if hasattr(what, "ppf"):
+        return float(drawn)
+    return what.model(int(drawn)) if isinstance(what, ImpactMap) else what[int(drawn)]

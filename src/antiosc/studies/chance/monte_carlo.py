@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +19,15 @@ from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.executors import check_executor, returned
-from antiosc.studies.chance.inputs import checked, draws
+from antiosc.simulation.executors import as_they_come, check_executor
+from antiosc.studies.chance.inputs import checked, draws, value
 from antiosc.studies.chance.sample import Sample
 
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest
 #: number of such parts.
 TOGETHER, PARTS = 100, 100
+#: Share of the time that storing may take, where it takes longer than AT_ONCE [s].
+SHARE, AT_ONCE = 0.1, 0.05
 #: Most runs of a study.
 MOST = 10_000_000
 #: What is kept of an impact.
@@ -56,8 +60,9 @@ def monte_carlo(
         numbers by name; or one number. Make once, outside, what no input changes: a model above
         all. AntioscErrors that it raises are kept as the failure of that run.
     inputs : dict
-        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats, or
-        a sequence of values that are equally probable (points, models, laws).
+        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a
+        sequence of values that are equally probable (points, models, laws); or an `ImpactMap`: the
+        function is given the model at a site of its surface, drawn by area.
     n : int
         Number of runs.
     seed : int
@@ -87,43 +92,36 @@ def monte_carlo(
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, drawn)
-    if path is not None:
-        _store(path, drawn, rows)  # told now if it cannot be written
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
     together = max(TOGETHER, -(-len(todo) // PARTS))
     parts = [todo[k : k + together] for k in range(0, len(todo), together)]
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
-    done = 0
-    with counting("runs", len(todo)) as ready:
-        for part, found in zip(parts, _made(run, given_of, executor), strict=True):
-            rows.update(zip(part, found, strict=True))
-            if path is not None:
-                _store(path, drawn, rows)
-            done += len(part)
+    with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as store_some:
+        done = 0
+        for k, found in _made(run, given_of, executor):
+            rows.update(zip(parts[k], found, strict=True))
+            store_some()
+            done += len(found)
             ready(done)
     return _sample(drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
     """The arguments of run `i`."""
-    return {
-        name: float(drawn[name][i]) if hasattr(what, "ppf") else what[int(drawn[name][i])]
-        for name, what in inputs.items()
-    }
+    return {name: value(what, drawn[name][i]) for name, what in inputs.items()}
 
 
 def _made(
     run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
-) -> Iterator[list[Row]]:
-    """The rows of each part, in order; those of a part that the executor lost are failures."""
+) -> Iterator[tuple[int, list[Row]]]:
+    """Parts by their numbers, and their rows; those that the executor lost are failures."""
     if executor is None:
-        yield from (_rows(run, part) for part in given)
+        yield from ((k, _rows(run, part)) for k, part in enumerate(given))
         return
-    found = returned(executor, _rows, [((run, part), {}) for part in given])
-    for part, rows in zip(given, found, strict=True):
+    for k, rows in as_they_come(executor, _rows, [((run, part), {}) for part in given]):
         if isinstance(rows, InputError):
             raise rows
-        yield [str(rows)] * len(part) if isinstance(rows, AntioscError) else rows
+        yield k, [str(rows)] * len(given[k]) if isinstance(rows, AntioscError) else rows
 
 
 def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
@@ -218,6 +216,33 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
         if float(text) != draw[i]:
             raise ValueError(f"run {i} has {name} = {text}, not {draw[i]:.17g}")
     return i, failure or {name: float(x) for name, x in line.items() if x}
+
+
+@contextmanager
+def _storing(
+    path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
+) -> Iterator[Callable[[], None]]:
+    """What stores the rows so far, where it takes little of the time; at the end all, or so far."""
+    if path is None:
+        yield lambda: None
+        return
+    due, pending = 0.0, False
+
+    def store_some() -> None:
+        nonlocal due, pending
+        began = time.monotonic()
+        pending = began < due
+        if not pending:
+            _store(path, drawn, rows)
+            spent = time.monotonic() - began
+            due = began + spent / SHARE if spent > AT_ONCE else 0.0
+
+    store_some()  # an error now if it cannot be written
+    try:
+        yield store_some
+    finally:
+        if pending:
+            _store(path, drawn, rows)
 
 
 def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> None:

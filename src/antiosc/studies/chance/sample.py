@@ -60,12 +60,14 @@ class Sample(Brief):
         found, limit = self.finite(quantity), checks.number("limit", limit)
         return probability(int(np.sum(found > limit)), len(found), confidence)
 
-    def sensitivity(self, quantity: str) -> Sensitivity:
+    def sensitivity(self, quantity: str | None = None) -> Sensitivity:
         """Sobol's first-order index of each input: its share of the variance of the quantity.
 
-        Estimated from these runs by the means of bins of the input. What the indices lack of 1 is
-        due to several inputs together. InputError for fewer than 50 runs or a constant quantity.
+        Of the first quantity without a name. Estimated from these runs by the means of bins of the
+        input, of values of a sequence one each. What the indices lack of 1 is due to several inputs
+        together. InputError for fewer than 50 runs or a constant quantity.
         """
+        quantity = next(iter(self.values)) if quantity is None else quantity
         found = self._of(quantity)
         good = np.isfinite(found)
         y = found[good]
@@ -155,10 +157,13 @@ class Sensitivity(Brief):
 
 
 def _groups(x: Array) -> Array:
-    """(n,) number of the bin of each draw: a value of its own, or one of about n^⅓ equal parts."""
+    """(n,) number of the bin of each draw: a value of its own, or one of about n^⅓ equal parts.
+
+    Numbers of values have no order: these are never binned.
+    """
     different, number = np.unique(x, return_inverse=True)
     bins = max(2, round(2 * len(x) ** (1 / 3)))
-    if len(different) <= bins:
+    if len(different) <= bins or x.dtype.kind == "i":
         return np.asarray(number)
     return np.asarray(np.argsort(np.argsort(x, kind="stable")) * bins // len(x))
 

@@ -13,7 +13,7 @@ a smooth solid gives way as a part of a half-space is taken out of r: Hertz's la
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +83,11 @@ class FreeBody:
         return moments, np.asarray(axes.T)
 
     @cached_property
+    def inverse(self) -> Array:
+        """(3, 3) inverse of the inertia tensor."""
+        return np.linalg.inv(self.tensor)
+
+    @cached_property
     def largest_shapes(self) -> Array:
         """(J,) largest component of each mode at a point [kg^-1/2]."""
         return np.asarray(np.abs(self.shapes).max(axis=(0, 2), initial=0.0))
@@ -108,10 +113,7 @@ class FreeBody:
     def alone(self) -> FreeBody:
         """The same without its structure, all its sites known: for other processes."""
         self.sites(np.arange(len(self.points)))
-        state = {**self.__dict__, "structure": None, "basis": None, "residual": None}
-        for name in ("principal", "largest_shapes"):
-            state.pop(name, None)
-        return FreeBody(**state)
+        return replace(self, structure=None, basis=None, residual=None)
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:

@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import accumulate
+
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState
 from antiosc.models.site_modes import SiteModes
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.impactors import Obstacle
+from antiosc.simulation.refinement import check_range, exactly, start as begin
 from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_parts import Contact
+from antiosc.simulation.scene_states import forces, located
+from antiosc.simulation.verdict import COMPLETED, STOPPED
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of
+from antiosc.studies.drops.rotation import turned
 
 BODY, FLOOR = "part", "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
+#: Most contacts and steps of a scene.
+LIMITS = 10_000, 1_000_000
+#: Times of a run, and of each contact, at which the lever arms are looked at.
+LOOKS = 33
+#: Times that an orientation is put right by the spin that it has.
+SWEEPS = 3
 #: A gap [m] that is rounding error.
 ROUNDING = 1e-18
 
@@ -49,11 +63,10 @@ def scene_of(
     lifted = gaps - shapes[:, 0] @ start.q if start.q.size else gaps
     bodies: dict[str, object] = {BODY: modes, FLOOR: Obstacle()}
     motion = {}
-    if floor.model is not None:
-        own = floor.model.modal()
-        bodies[FLOOR] = _ground(own)
-        lifted = lifted - own.b @ start.floor[0]
-        motion[FLOOR] = ModalState(*start.floor)
+    if floor.ground is not None:
+        bodies[FLOOR] = floor.ground.body
+        lifted = lifted - np.sum(floor.ground.shape * start.floor)
+        motion[FLOOR] = floor.ground.start(start.floor)
     lower = min(float(lifted.min()), 0.0)
     q = np.concatenate(([0.0, 0.0, lower * np.sqrt(body.mass), 0.0, 0.0, 0.0], start.q))
     turning = np.sqrt(moments) * (axes @ start.R.T @ spin)
@@ -72,17 +85,78 @@ def scene_of(
     return Scene(bodies, contacts, gravity=(0.0, 0.0, -gravity), motion=motion)
 
 
-def _ground(own: ModalBody) -> SiteModes:
-    """An elastic floor as a body of a scene, which the contact pushes down."""
-    return SiteModes(
-        own.omega,
-        -own.b[:, None],
-        ["top"],
-        r=np.array([[own.r]]),
-        directions=np.array([[0.0, 0.0, 1.0]]),
-        decay=own.decay,
-        weight=np.zeros((own.omega.size, 3)),
-    )
+def run(scene: Scene, duration: float, tol: float) -> SceneHistory:
+    """The scene over a duration [s] as `Scene.run` does, without its advice."""
+    assembly = assemble(scene, duration)
+    begin(assembly)
+    return integrated(assembly, duration, tol)
+
+
+def integrated(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
+    """The history of an assembled scene; its status is 2 if it stopped before its end.
+
+    AccuracyError where a force leaves the range of its law.
+    """
+    found, _ = exactly(assembly, duration, tol, None, *LIMITS)
+    history = SceneHistory(assembly, found.run, {}, STOPPED if found.run.answer else COMPLETED, "")
+    check_range(history)
+    return history
+
+
+def turning(
+    body: FreeBody, start: State, posed: State, which: IntArray, history: SceneHistory, end: float
+) -> Assembly:
+    """The scene with the lever arms that its points had in a run up to a time `end` [s].
+
+    What the forces of the run do in addition, on these arms, becomes given loads, and what the
+    points move in addition a part of the gaps: both are of the order of the turn, what is then left
+    out of that of its square.
+    """
+    a = history.assembly
+    t = [np.linspace(0.0, end, LOOKS)]
+    t += [np.linspace(*span, LOOKS) for c in history.contact_histories for span in c.contacts]
+    times = np.unique(np.clip(np.concatenate(t), 0.0, end))
+    q, v = (each[:, a.spans[BODY]] for each in history.states(times))
+    beta, moved = a.system.beta[:, a.spans[BODY]], q - q[0]
+    roots = np.sqrt(body.principal[0])
+    axes = body.principal[1] @ posed.R.T
+    R = orientations(body, start, posed, times, q, v)
+    shapes = body.shapes[which]
+    arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, q[:, 6:])
+    arms = arms @ np.swapaxes(R, 1, 2) - body.balls[which, None] * AXES[0]
+    ways = arms - arms[0] + moved[:, None, :3] / np.sqrt(body.mass)
+    acting = forces(history.run, *located(history.run, times))
+    pushes, offsets = np.zeros_like(arms), np.repeat(a.system.offsets[:1], len(times), axis=0)
+    for k, (first, count) in enumerate(a.system.tangents.tolist()):
+        for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
+            pushes[:, k, axis] = acting[:, row]
+            offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
+    loads = np.repeat(a.system.loads[:1], len(times), axis=0)
+    own = loads[:, a.spans[BODY]]
+    own += acting @ beta
+    own[:, :3] += pushes.sum(axis=1) / np.sqrt(body.mass)
+    own[:, 3:6] += np.cross(arms, pushes).sum(axis=1) @ axes.T / roots
+    own[:, 6:] += np.einsum("nkd,kjd->nj", pushes @ R, shapes)
+    return replace(a, system=replace(a.system, breaks=times, loads=loads, offsets=offsets))
+
+
+def orientations(
+    body: FreeBody, start: State, posed: State, times: Array, q: Array, v: Array
+) -> Array:
+    """R (n, 3, 3) of the body at times (n,) of a run, with modal states (n, 6 + J) there.
+
+    The angular momentum of the scene turns the body with the spin that it has as it then lies.
+    """
+    roots = np.sqrt(body.principal[0])
+    axes = body.principal[1] @ posed.R.T
+    L, frozen = (v[:, 3:6] * roots) @ axes, (v[:, 3:6] / roots) @ axes
+    half, turns = np.diff(times)[:, None] / 2, np.diff(q[:, 3:6] / roots @ axes, axis=0)
+    R = np.broadcast_to(start.R, (len(times), 3, 3))
+    for _ in range(SWEEPS):
+        more = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
+        each = turned(turns + half * (more[:-1] + more[1:]))
+        R = np.array([*accumulate(each, lambda R, turn: turn @ R, initial=start.R)])
+    return R
 
 
 def _posed(body: FreeBody, start: State, bent: Array, which: IntArray) -> tuple[SiteModes, Array]:

@@ -90,8 +90,8 @@ def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Arra
     """The state at the start: the lowest point at its height."""
     low = float((body.points @ R[2] - body.balls).min())
     none = np.zeros(body.omega.size)
-    model = setting.floor.model
-    size = 0 if model is None else model.modal().omega.size
+    ground = setting.floor.ground
+    size = 0 if ground is None else ground.modes.omega.size
     centre = np.array([0.0, 0.0, setting.height - low])
     momentum = R @ (body.tensor @ (R.T @ spin))
     return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
@@ -100,14 +100,12 @@ def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Arra
 def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
     """The course of a fall from a state until it rests, or ends."""
     floor = setting.floor
-    ground = None if floor.model is None else floor.model.modal()
-    every = np.arange(len(body.points))
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state, held, status = start, dict[int, float](), ""
     while not status:
-        flight = Flight(body, state, setting.gravity, ground)
+        flight = Flight(body, state, setting.gravity, floor.ground)
         left = setting.duration - state.time
         found = 0.0
         if not held:
@@ -125,7 +123,7 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
                 status = f"{len(groups)} impacts"
                 break
             groups.append([])
-        heights = flight.heights(np.array([found]), every)[0]
+        heights = touch.heights(body, floor.ground)
         one = episode(body, touch, heights, floor, setting.gravity, setting.tol, held)
         groups[-1].append(len(episodes))
         episodes.append(one)

@@ -112,14 +112,15 @@ def drop(
         checks.positive("gravity", gravity, "m/s^2"),
         checks.positive("height", height, "m"),
         *end_of(until),
-        checks.positive("tol", tol),
+        checks.tolerance(tol),
     )
     moving = {
         name: checks.array(name, given, (3,))
         for name, given in (("spin", spin), ("velocity", velocity))
     }
-    _check_flight(setting, float(np.linalg.norm(moving["velocity"])))
     body = free_body(part, modes, damping, corner_radius)
+    whirl = body.extent * float(np.linalg.norm(moving["spin"]))
+    _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
     R = orientation(body, tilt, face, edge, corner, toward)
     start = hung(body, setting, R, **moving)
     if ensemble is None:
@@ -151,7 +152,8 @@ def _check_flight(setting: Setting, speed: float) -> None:
     if fast > FASTEST_WAVE:
         raise InputError(
             f"the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: height is"
-            f" in m (got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g})."
+            f" in m (got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in"
+            f" rad/s."
         )
     if setting.height < LEAST_HEIGHT:
         raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")

@@ -72,7 +72,7 @@ def drawn(
     height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
     friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
-    floor = replace(setting.floor, friction=friction)
+    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
     own = replace(setting, height=height, floor=floor)
     return hung(body, own, R, spin, start.velocity), own
 

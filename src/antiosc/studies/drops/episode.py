@@ -2,9 +2,10 @@
 
 The points that may touch are sites with a normal and two tangential directions. The scene has the
 body as it is expected to be in the middle of the contact, turned and bent by the first point that
-touches: so the neglected change of the lever arms is of the second order. The modal state of the
-flight is that of the scene at its start; at the end, when all has parted, the scene's state becomes
-a flight again (`hand_over`).
+touches. Where it turns more than the tolerance permits, the scene runs once more, with the change
+of the lever arms and of the spin that the first run shows as given loads and gaps: the error is
+then of the second order in the turn (`turning`). The modal state of the flight is that of the scene
+at its start; at the end, when all has parted, the scene's state becomes a flight (`hand_over`).
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import without_warnings
+from antiosc.simulation.expected import deepest
 from antiosc.simulation.history import SceneHistory
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, FLOOR, arms_of, scene_of
+from antiosc.studies.drops.contact_scene import BODY, arms_of, integrated, run, scene_of, turning
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of
-from antiosc.studies.drops.hand_over import handed_over, of_equal_energy
+from antiosc.studies.drops.hand_over import handed_over
 from antiosc.studies.drops.rotation import turned
 
 #: Duration of a first run, over the expected time of contact.
@@ -37,7 +39,10 @@ APART = 0.04
 MOST = 12
 #: Looks at the rotation in an episode.
 LOOKS = 64
-UP = np.array([0.0, 0.0, 1.0])
+#: An episode in which the body turns by more than this times tol [rad] runs twice (`turning`).
+FROZEN = 4.0
+#: Relative error of an expected depth.
+DEPTH_ERROR = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +55,6 @@ class Episode:
     history : of the scene, whose time begins with `start`; it goes on beyond `end`.
     which : (n,) numbers of the points in contact, sites "0" and on of the scene's body.
     held : number of a point -> its height [m], of contacts that go on at the end.
-    corrected : rotation [rad] by which the orientation was corrected.
     """
 
     start: State
@@ -59,7 +63,6 @@ class Episode:
     history: SceneHistory
     which: IntArray
     held: dict[int, float]
-    corrected: float
 
     @property
     def duration(self) -> float:
@@ -78,9 +81,9 @@ class Episode:
 
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
-        own = [self.history[f"{BODY}:{k}", FLOOR] for k in range(len(self.which))]
-        keep = self.history.time <= self.duration * (1 + 1e-12)
-        return self.history.time[keep], np.column_stack([c.force[keep] for c in own])
+        run = self.history.run
+        keep = run.time <= self.duration * (1 + 1e-12)
+        return run.time[keep], np.maximum(run.force[keep, : len(self.which)], 0.0)
 
     def impulses(self) -> Array:
         """Normal impulses (sites,) [N s]."""
@@ -111,29 +114,39 @@ def episode(
     duration = LONG * time
     longest = LONGEST * duration
     extra: list[int] = []
-    while True:
+    again = True
+    while again:
         which = _candidates(body, start, heights, time, held, extra)
         gaps = np.array([held.get(i, max(float(heights[i]), 0.0)) for i in which.tolist()])
         with without_warnings():
             scene = scene_of(body, posed, bent, which, gaps, floor, gravity)
-            history = scene.run(duration, tol=tol)
+            history = run(scene, duration, tol)
         looks = np.linspace(0.0, float(history.time[-1]), LOOKS + 1)
         q = history.states(looks)[0][:, history.assembly.spans[BODY]]
-        end, touching = _end(body, history, len(which), looks, q)
-        longer = touching and end == history.time[-1] and history.status != 2
-        if longer and duration < longest:
+        end, touching = _end(body, history, looks, q)
+        cut = touching and end == history.time[-1] and not history.status
+        if again := cut and duration < longest:
             duration *= 2
             continue
         missed = _missed(body, posed, heights, q[looks <= end], which)
-        if missed is not None and missed not in extra and len(which) < MOST:
+        if again := missed is not None and missed not in extra and len(which) < MOST:
             extra.append(missed)
-            continue
-        state, heights_at_end, corrected = handed_over(
-            body, start, posed, history, end, which, floor
-        )
-        pairs = zip(which.tolist(), heights_at_end.tolist(), strict=True)
-        below = {i: h for i, h in pairs if h < 0} if touching else {}
-        return Episode(start, state, posed, history, which, below, corrected)
+    if float(_turns(body, q[looks <= end]).max()) > FROZEN * tol:
+        with without_warnings():
+            turned_by = turning(body, start, posed, which, history, end)
+            history = integrated(turned_by, duration, tol)
+        looks = np.minimum(looks, history.time[-1])
+        end, touching = _end(body, history, looks, history.states(looks)[0])
+    state, heights_at_end = handed_over(body, start, posed, history, end, which, floor)
+    pairs = zip(which.tolist(), heights_at_end.tolist(), strict=True)
+    below = {i: h for i, h in pairs if h < 0} if touching else {}
+    return Episode(start, state, posed, history, which, below)
+
+
+def _turns(body: FreeBody, q: Array) -> Array:
+    """Angles (n,) [rad] by which the body has turned at displacements q (n, 6 + J), or more."""
+    turn = q[:, 3:6] / np.sqrt(body.principal[0])
+    return np.asarray(np.linalg.norm(turn - turn[0], axis=1))
 
 
 def _expected(
@@ -146,22 +159,18 @@ def _expected(
     """
     i = int(np.argmin(heights))
     law = law_of(floor, tuple(body.radii[i].tolist()), body.materials[i])
-    arm = arms_of(body, start, np.array([i]))[0]
-    spin, turning = start.spin(body), np.cross(arm, UP)
-    turning = start.R @ np.linalg.solve(body.tensor, start.R.T @ turning)
-    mass = 1 / (1 / body.mass + turning @ np.cross(arm, UP))
-    falling = -float(start.velocity[2] + np.cross(spin, arm)[2])
+    x, y, _ = arms_of(body, start, np.array([i]))[0].tolist()
+    spin, lever = start.spin(body), np.array([y, -x, 0.0])  # of a force that points up
+    turning = start.R @ (body.inverse @ (start.R.T @ lever))
+    mass = 1 / (1 / body.mass + float(turning @ lever))
+    falling = -float(start.velocity[2] + spin @ lever)
     speed = abs(falling) + 1e-6
-    low, high = 0.0, body.extent
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        work = law.potential(middle, law.touch(speed))
-        low, high = (low, middle) if work > 0.5 * mass * speed**2 else (middle, high)
-    time = 3 * high / speed
+    depth = deepest(law, speed, 0.5 * mass * speed**2, 0.0, body.extent, DEPTH_ERROR)
+    time = 3 * depth / speed
     impulse = 2 * mass * max(falling, 0.0)
     angle = spin * time / 2 + turning * impulse * time / 8
     angle *= min(1.0, 0.5 * TURNS / max(float(np.linalg.norm(angle)), 1e-300))
-    R, _ = of_equal_energy(body, start.R, turned(angle) @ start.R, start.momentum)
+    R = turned(angle) @ start.R
     pushed = body.shapes[i] @ R[2] * (np.pi**2 / 8 * impulse / time)
     return time, replace(start, R=R), pushed / (body.omega**2 + (np.pi / time) ** 2)
 
@@ -193,9 +202,7 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(
-    body: FreeBody, history: SceneHistory, count: int, times: Array, q: Array
-) -> tuple[float, bool]:
+def _end(body: FreeBody, history: SceneHistory, times: Array, q: Array) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
     q : (n, 6 + J) modal displacements of the body at times (n,).
@@ -206,7 +213,7 @@ def _end(
     last = float(history.time[-1])
     spans: list[tuple[float, float]] = []
     for start, end in sorted(
-        span for k in range(count) for span in history[f"{BODY}:{k}", FLOOR].contacts
+        span for contact in history.contact_histories for span in contact.contacts
     ):
         if spans and start <= spans[-1][1]:
             spans[-1] = spans[-1][0], max(spans[-1][1], end)
@@ -214,8 +221,7 @@ def _end(
             spans.append((start, end))
     if not spans:
         return last, False
-    turn = q[:, 3:6] / np.sqrt(body.principal[0])
-    angle = np.linalg.norm(turn - turn[0], axis=1)
+    angle = _turns(body, q)
     nodes = history.time[::2]
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > TURNS], last)[0])]
     for (_, end), (following, _) in zip(spans, [*spans[1:], (np.inf, 0.0)], strict=True):

@@ -13,12 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
-from antiosc.base._types import Array, IntArray
-from antiosc.models.modal import ModalBody
+from antiosc.base import march
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.floor import Ground
 from antiosc.studies.drops.rotation import free_rotation
 
 #: Angles [rad] that the body turns between two looks at its rigid motion, the first from afar.
@@ -31,8 +35,16 @@ LOOKS, SEEN = 12, 1e-6
 NEGLIGIBLE = 1e-14
 #: Most times at which heights are looked at together: of the rigid body, of the modes too.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
-#: Time of a touch is found to this share of the extent over the speed.
+#: Height at which points touch, over the extent.
 TOUCH = 1e-10
+#: A mode is weakly damped up to this share of the critical damping.
+WEAK = 0.9
+#: In place of 0 where it divides.
+LEAST = np.finfo(float).tiny
+#: A height over a time is a polynomial through these places (-1 to 1), which misses 1e-16 of a mode
+#: that has this phase [rad] in it.
+PLACES, PHASE = chebyshev.chebpts1(24), 8.0
+FITTED = np.linalg.inv(chebyshev.chebvander(PLACES, PLACES.size - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +58,7 @@ class State:
     R : (3, 3) from the axes of the body to those of the floor.
     momentum : (3,) angular momentum about the centre [kg m^2/s].
     q, p : (J,) elastic modal displacements and velocities.
-    floor : (2, F) modal displacements and velocities of an elastic floor, which u = b q lowers.
+    floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
     """
 
     time: float
@@ -60,7 +72,14 @@ class State:
 
     def spin(self, body: FreeBody) -> Array:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
-        return np.asarray(self.R @ np.linalg.solve(body.tensor, self.R.T @ self.momentum))
+        return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
+
+    def heights(self, body: FreeBody, ground: Ground | None, which: Any = slice(None)) -> Array:
+        """Heights (n,) [m] of points over the floor."""
+        up = self.R[2]
+        found = self.centre[2] + body.points[which] @ up - body.balls[which]
+        found = found + (body.shapes[which] @ up) @ self.q
+        return np.asarray(found if ground is None else found + np.sum(ground.shape * self.floor))
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J]: of the rigid motion, of the vibration, and of the height of the centre."""
@@ -78,19 +97,38 @@ def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[A
 
 def _waves(omega: Array, decay: Array, t: Array) -> tuple[Array, Array]:
     """exp(-d t) cos(w t) and exp(-d t) sin(w t)/w (n, J), w the frequency of the damped mode."""
-    fast = np.sqrt(np.maximum(omega**2 - decay**2, 0.0))
+    if np.any(decay >= omega):  # hyperbolic ones of over-damped modes
+        P, W, S = march.responses(omega, decay, t[:, None])[:3]
+        return (P + W) / 2, S
+    fast = np.sqrt(omega**2 - decay**2)
     phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
-    sine = np.where(fast > 0, np.sin(phase) / np.where(fast > 0, fast, 1.0), t[:, None])
-    return fade * np.cos(phase), fade * sine
+    return fade * np.cos(phase), fade * np.sin(phase) / fast
+
+
+class Swing:
+    """Bounds of the displacements of free modes from a time on, and their `rates` [1/s]."""
+
+    def __init__(self, omega: Array, decay: Array, q: Array, p: Array) -> None:
+        weak = decay < WEAK * omega
+        over = decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0))
+        self.rates = np.where(weak, omega, omega**2 / np.where(over > 0, over, 1.0))
+        self.decay = np.where(weak, decay, 0.0)
+        fast = np.sqrt(np.maximum(omega**2 - self.decay**2, LEAST))
+        self.size = np.hypot(q, (np.abs(p) + self.decay * np.abs(q)) / fast)
+
+    def at(self, t: Array) -> Array:
+        """Largest displacements (n, J) from times (n,) on, at most."""
+        return np.asarray(np.exp(-t[:, None] * self.decay) * self.size)
 
 
 class Flight:
     """The flight of a body from a state, under a gravity [m/s^2] along -z, above a floor."""
 
     def __init__(
-        self, body: FreeBody, start: State, gravity: float, floor: ModalBody | None = None
+        self, body: FreeBody, start: State, gravity: float, ground: Ground | None = None
     ) -> None:
-        self.body, self.start, self.gravity, self.floor = body, start, gravity, floor
+        self.body, self.start, self.gravity, self.ground = body, start, gravity, ground
+        self._swing = Swing(body.omega, body.decay, start.q, start.p)
         #: R (n, 3, 3) at times (n,) since the start
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
@@ -104,9 +142,7 @@ class Flight:
         s, g = self.start, np.array([0.0, 0.0, -self.gravity])
         body, at = self.body, np.array([t])
         q, p = ringing(body.omega, body.decay, s.q, s.p, at)
-        floor = s.floor
-        if self.floor is not None:
-            floor = np.array([part[0] for part in self._floor_at(at)])
+        floor = s.floor if self.ground is None else self._floor_at(at)[:, 0]
         return State(
             s.time + t,
             s.centre + s.velocity * t + 0.5 * g * t * t,
@@ -123,15 +159,15 @@ class Flight:
         body, s = self.body, self.start
         up = self.orientation(t)[:, 2]
         found = self._rigid(t, up, which)
-        live = np.flatnonzero(self._moves(float(t[0])) > NEGLIGIBLE * body.extent)
+        live = np.flatnonzero(self._moves(t[0]) > NEGLIGIBLE * body.extent)
         if live.size:
             c, sine = _waves(body.omega[live], body.decay[live], t)
             q = c * s.q[live] + sine * (s.p + body.decay * s.q)[live]
             shapes = body.shapes[np.ix_(which, live)].transpose(1, 0, 2).reshape(live.size, -1)
             moved = (q @ shapes).reshape(len(t), len(which), 3)
             found += np.einsum("nkd,nd->nk", moved, up)
-        if self.floor is not None:
-            found += (self._floor_at(t)[0] @ self.floor.b)[:, None]
+        if self.ground is not None:
+            found += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
         return found
 
     def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
@@ -140,17 +176,11 @@ class Flight:
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
         return np.asarray(z[:, None] + up @ body.points[which].T - body.balls[which])
 
-    def _floor_at(self, t: Array) -> tuple[Array, Array]:
-        floor = self.floor
-        assert floor is not None
-        q, p = self.start.floor
-        return ringing(floor.omega, self._floor_decay, q, p, t)
-
-    @property
-    def _floor_decay(self) -> Array:
-        floor = self.floor
-        assert floor is not None
-        return np.zeros(floor.omega.size) if floor.decay is None else floor.decay
+    def _floor_at(self, t: Array) -> Array:
+        """Displacements and rates (2, n, F) of the modes of an elastic floor."""
+        assert self.ground is not None
+        own, (q, p) = self.ground.modes, self.start.floor
+        return np.array(ringing(own.omega, own.decay, q, p, t))
 
     def touch(self, until: float) -> float | None:
         """Time [s] since the start of the first touch up to `until`; None if there is none.
@@ -158,7 +188,7 @@ class Flight:
         A point that is below the floor and rises has parted, and may touch again after it has
         left.
         """
-        parted = self._below(np.arange(len(self.body.points)))
+        parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
         for start, end, _ in self._near(0.0, until, COARSE):
             for first, last, which in self._near(start, end, TURN):
                 found = self._within(first, last, which, parted)
@@ -190,13 +220,9 @@ class Flight:
             for k in np.flatnonzero(near.any(axis=1)):
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
 
-    def _below(self, which: IntArray) -> Array:
-        """Which points start below the floor, or on it."""
-        return np.asarray(self.heights(np.zeros(1), which)[0] <= TOUCH * self.body.extent)
-
-    def _within(self, start: float, end: float, which: IntArray, parted: Array) -> float | None:
+    def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
         """The first touch of points between two times; `parted`: below since they parted."""
-        span, v = end - start, float(np.abs(self.start.velocity).max()) + 1e-3
+        span = end - start
         count = max(int(np.ceil(span / self._resolved(start, span))), 2)
         close = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
@@ -213,48 +239,58 @@ class Flight:
                 i = int(touching[0])
                 if sinks[i].any():
                     return float(t[i])
-                return self._located(float(t[i]), float(t[i + 1]), which[falls[i]], close / v)
+                return self._located(float(t[i]), float(t[i + 1]), which[falls[i]])
         return None
 
-    def _located(self, start: float, end: float, which: IntArray, close: float) -> float:
-        """The time at which the lowest of some points reaches the floor."""
+    def _located(self, start: float, end: float, which: IntArray) -> float:
+        """The time at which the first of some points reaches the floor, which all do."""
         from scipy.optimize import brentq
 
-        def lowest(t: float) -> float:
-            return float(self.heights(np.array([t]), which)[0].min())
-
-        if lowest(start) <= 0:
-            return start
-        return float(brentq(lowest, start, end, xtol=max(close, 4e-16 * end), rtol=1e-15))
+        count = np.ceil(self._swing.rates.max(initial=0.0) * (end - start) / PHASE)
+        if count > 1:
+            t = np.linspace(start, end, int(count) + 1)
+            i = int(np.argmax((self.heights(t[1:], which) < 0).any(axis=1)))
+            start, end = float(t[i]), float(t[i + 1])
+        half = 0.5 * (end - start)
+        series = FITTED @ self.heights(start + half * (1 + PLACES), which)
+        found = 1.0
+        for own in series.T.tolist():
+            height = partial(_series, own)
+            if height(-1.0) <= 0:
+                return start
+            if height(found) < 0:
+                found = float(brentq(height, -1.0, found, xtol=1e-14, rtol=1e-14))
+        return start + half * (1 + found)
 
     def _sizes(self, t: Array) -> Array:
         """Largest elastic displacements (n, V) of the points [m] from times (n,) on."""
-        body, s = self.body, self.start
-        size = np.linalg.norm(body.shapes, axis=2)
-        found = _swing(body.omega, body.decay, s.q, s.p, t) @ size.T
-        if self.floor is not None:
-            swing = _swing(self.floor.omega, self._floor_decay, s.floor[0], s.floor[1], t)
-            found = found + (swing @ np.abs(self.floor.b))[:, None]
+        found = self._swing.at(t) @ np.linalg.norm(self.body.shapes, axis=2).T
+        if self.ground is not None:
+            a, b = np.abs(self.ground.shape)
+            found = found + (self._floor_swing.at(t) @ (a + self.ground.modes.omega * b))[:, None]
         return np.asarray(found)
+
+    @cached_property
+    def _floor_swing(self) -> Swing:
+        assert self.ground is not None
+        return Swing(self.ground.modes.omega, self.ground.modes.decay, *self.start.floor)
 
     def _moves(self, start: float) -> Array:
         """By how much the modes (J,) move a point from a time on, at most [m]."""
-        body, s = self.body, self.start
-        swing = _swing(body.omega, body.decay, s.q, s.p, np.array([start]))[0]
-        return np.asarray(body.largest_shapes * swing)
+        return np.asarray(self.body.largest_shapes * self._swing.at(np.array([start]))[0])
 
     def _resolved(self, start: float, span: float) -> float:
         """Time [s] between two looks that resolves the modes which move a point from a time on."""
-        body, s = self.body, self.start
-        seen = body.omega[self._moves(start) > SEEN * body.extent]
-        fastest = [float(seen.max())] if seen.size else []
-        if self.floor is not None and np.any(s.floor):
-            fastest.append(float(self.floor.omega.max()))
-        return min([span / 2] + [2 * np.pi / (LOOKS * w) for w in fastest])
+        seen = self._swing.rates[self._moves(start) > SEEN * self.body.extent]
+        fastest = float(seen.max(initial=0.0))
+        if self.ground is not None and np.any(self.start.floor):
+            fastest = max(fastest, float(self._floor_swing.rates.max()))
+        return min(span / 2, 2 * np.pi / (LOOKS * fastest) if fastest else span)
 
 
-def _swing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> Array:
-    """Largest displacements (n, J) of free modes from times (n,) on, at most."""
-    fast = np.sqrt(np.maximum(omega**2 - decay**2, np.where(omega > 0, 0.01 * omega**2, 1.0)))
-    size = np.hypot(q, (np.abs(p) + decay * np.abs(q)) / fast)
-    return np.asarray(np.exp(-t[:, None] * decay) * size)
+def _series(coefficients: list[float], x: float) -> float:
+    """A series of Chebyshev's polynomials, by Clenshaw."""
+    first = second = 0.0
+    for c in coefficients[:0:-1]:
+        first, second = 2 * x * first - second + c, first
+    return x * first - second + coefficients[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, isnan, pi, sqrt
 from typing import Any
 
@@ -15,6 +16,10 @@ from antiosc.base.errors import AccuracyWarning, InputError, finite_element_pack
 from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.models.body import checked_body
+from antiosc.models.first_order import SideBySide
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import ModalState
+from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.impactors import Sphere
 
 #: A loss factor is at most this.
@@ -77,9 +82,9 @@ class Floor:
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
         Contact law of every contact, in place of the one from curvatures and materials.
-    model : AntiOscillators or another model of one site, optional
-        An elastic floor, such as a plate extracted at the place that is hit; its displacement is
-        that of all points that touch.
+    model : SoilCone, AntiOscillators or another model of one site, optional
+        An elastic floor that does not fly off: soil, or a plate extracted at the place that is
+        hit; its displacement is that of all points that touch.
     """
 
     material: Any = None
@@ -98,14 +103,10 @@ class Floor:
             if e > 1:
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
-        coupled = (
-            self.model is not None and checked_body("model", self.model).modal().damping is not None
-        )
-        if coupled:
-            raise InputError(
-                "a floor's model takes no damping that couples its modes (a DampingMatrix, "
-                "dampers): give it damping ratios, Damping(ratio=...)."
-            )
+        if self.model is not None:
+            own = checked_body("model", self.model).modal()
+            if np.any(own.b[own.omega == 0]):
+                raise InputError("a floor's model is held by supports; this one is free to move.")
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
@@ -116,15 +117,69 @@ class Floor:
         if self.law is not None and self.restitution is not None:
             raise InputError("a floor with its own law takes no restitution: the law has it.")
 
+    @cached_property
+    def laws(self) -> dict[Any, ContactLaw]:
+        """Laws of contacts that are known (`law_of`)."""
+        return {}
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """The model as it moves between and during contacts."""
+        return None if self.model is None else _ground(self.model.modal())
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """An elastic floor: F modes that move alone between contacts, first-order ones if coupled.
+
+    Attributes
+    ----------
+    body : of a scene, which the contact pushes down.
+    modes : with `omega` [rad/s] and `decay` [1/s], (F,).
+    shape : (2, F) what their displacements and rates lower the floor by.
+    """
+
+    body: SiteModes
+    modes: SideBySide
+    shape: Array
+
+    def start(self, floor: Array) -> ModalState:
+        """How the body starts where the modes have displacements and rates (2, F)."""
+        q, v, _ = self.modes.motion(*floor[:, None])
+        return ModalState(q[0], v[0], None if self.body.damping is None else floor)
+
+
+def _ground(own: ModalBody) -> Ground:
+    decay = np.zeros(own.omega.size) if own.decay is None else own.decay
+    moving = SideBySide([(own.omega, decay, own.first_order, None)])
+    body = SiteModes(
+        own.omega,
+        np.outer(-own.b, [1.0, 0.0, 0.0]),
+        {"top": (0, 1, 2)},
+        r=np.diag([own.r, 0.0, 0.0]),
+        directions=np.eye(3)[[2, 0, 1]],  # along the floor it stands still
+        decay=None if own.damping is not None else decay,
+        weight=np.zeros((own.omega.size, 3)),
+        damping=own.damping,
+    )
+    return Ground(body, moving, moving.rows(own.b[None]).reshape(2, -1))
+
 
 def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
     """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
+    given = *radii, *material.tolist()
+    if given not in floor.laws:
+        floor.laws[given] = _law_of(floor, radii, material.tolist())
+    return floor.laws[given]
+
+
+def _law_of(floor: Floor, radii: tuple[float, float], material: list[float]) -> ContactLaw:
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
         return _cushioned(floor.layer, radii)
     other = (inf, 0.3) if floor.material is None else constants(floor.material)
-    E, nu = (float(value) for value in material)
+    E, nu = material
     law = _hertz(radii, (inf, 0.3) if isnan(E) else (E, nu), (inf, inf), other)
     if floor.restitution is None or floor.restitution == 1.0:
         return law
@@ -135,7 +190,9 @@ def constants(material: Any) -> tuple[float, float]:
     """(E [Pa], nu) of a material; InputError for what is none or has directions."""
     found = getattr(material, "constants", None)
     if found is None:
-        raise InputError(f"a material such as Solid(E, nu, rho); got {checks.shown(material)}.")
+        raise InputError(
+            f"material must be a material such as Solid(E, nu, rho); got {checks.shown(material)}."
+        )
     E, nu = found()[:2]
     return float(E), float(nu)
 

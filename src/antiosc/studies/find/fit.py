@@ -58,12 +58,18 @@ class Search:
 
     def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
         self.model, self.logs = model, [name for name in unknown if name != "place"]
-        self.spread, self.doubt = spread, doubt
+        self.spread = spread
+        # a mode's share in a signal is wrong by its value at the sensor and by that at the struck
+        # place, which all sensors have in common
+        count = len(model.rows)
+        together = doubt**2 * (np.eye(count) + 1) / 2
+        self.unshared = np.linalg.inv(np.linalg.cholesky(together))
 
     def cost(self, blow: Blow, signals: Array, trust: float = 1.0) -> tuple[float, Array]:
         """The cost, and all residuals; those of the signals times `trust`."""
         off = trust * (signals - self.model.data.compared).ravel()
-        rest = np.concatenate([off, blow.frequency / self.spread, blow.share.ravel() / self.doubt])
+        shares = self.unshared @ blow.share
+        rest = np.concatenate([off, blow.frequency / self.spread, shares.ravel()])
         return float(rest @ rest), rest
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
@@ -170,8 +176,9 @@ class Search:
         for s in range(m):
             at = p + J + s * J
             found[s : n * m : m, at : at + J] = seen.parts[:, s]
-        rows = np.arange(J + m * J)
-        found[n * m + rows, p + rows] = np.where(rows < J, 1 / self.spread, 1 / self.doubt)
+        rows = np.arange(J)
+        found[n * m + rows, p + rows] = 1 / self.spread
+        found[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
         return found, np.transpose(gains)
 
     def _finished(

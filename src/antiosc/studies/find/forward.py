@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ class Struck:
 
     Attributes
     ----------
-    omega, ratio_decay : (J,) frequencies [rad/s] and decay constants [1/s].
+    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s].
     rows, orders : (m, J), (m,) of the sensors.
     table : (P, J + 2) b, residual compliance and local compliance of the sites.
     """
@@ -99,7 +99,6 @@ class Struck:
     table: Array
     radius: Array
     law: ContactLaw
-    runs: list[int] = field(default_factory=lambda: [0])
 
     @property
     def exponent(self) -> float:
@@ -123,7 +122,6 @@ class Struck:
         if hasattr(law, "stiffness"):
             law = replace(law, stiffness=blow.stiffness)
         end = len(self.data.values) * self.data.dt - blow.start
-        self.runs[0] += 1
         return impact(
             body,
             RigidMass(blow.mass, blow.velocity),

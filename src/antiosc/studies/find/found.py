@@ -48,7 +48,7 @@ class FoundImpact(Brief):
     points, explained : (P, 3) sites of the scan [m], and (P,) the share of the signals that the
         best pulse at each explains.
     others : places [m] that explain the signals as well.
-    info : seconds, numbers of sites, modes and impacts.
+    info : seconds, numbers of sites and modes.
     """
 
     place: Array
@@ -88,9 +88,15 @@ class FoundImpact(Brief):
 
     def summary(self) -> str:
         """A table of what was found with its bars, and the message."""
-        rows = [f"place       {', '.join(f'{c:.5g}' for c in self.place)} m"]
-        rows[0] += f"  ± {self.bars['place']:.2g} m"
-        rows.append(f"{'start':<12}{self.start:.5g} s  ± {self.bars['start']:.2g} s")
+        return "\n".join([*(f"{name:<12}{value}" for name, value in self.rows()), self.message])
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and values of what was found, with their bars."""
+        place = ", ".join(f"{c:.5g}" for c in self.place)
+        rows = [
+            ("place", f"{place} m  ± {self.bars['place']:.2g} m"),
+            ("start", f"{self.start:.5g} s  ± {self.bars['start']:.2g} s"),
+        ]
         for name in ("peak_force", "impulse", "mass", "velocity", "stiffness", "E"):
             value = getattr(self, name)
             if value is None:
@@ -98,9 +104,14 @@ class FoundImpact(Brief):
             bar = self.bars[name]
             told = "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {bar:.2%}"
             unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
-            rows.append(f"{name:<12}{value:.5g}{unit.get(name, '')}  {told}")
-        rows.append(f"{'chi2':<12}{self.chi2:.3g}")
-        return "\n".join([*rows, self.message])
+            rows.append((name, f"{value:.5g}{unit.get(name, '')}  {told}"))
+        return [*rows, ("chi2", f"{self.chi2:.3g}")]
+
+    def numbers(self) -> dict[str, Any]:
+        """What was found, in SI units, with its bars, status and message."""
+        names = ("place", "direction", "mass", "velocity", "stiffness", "start", "E", "peak_force")
+        more = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")
+        return {name: getattr(self, name) for name in (*names, *more)}
 
     def _facts(self) -> list[tuple[str, str]]:
         place = ", ".join(f"{c:.4g}" for c in self.place)

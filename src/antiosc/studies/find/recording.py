@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +15,15 @@ from scipy import signal
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.base.files import check_readable
+from antiosc.measured.reading import rows_of
 
 #: Fewest samples, and most values of all signals.
 FEWEST, MOST = 32, 200_000
 #: Share of the power of a signal above its noise that lies in its band.
 IN_BAND = 0.995
+#: Most difference of two steps of a table's times over the step.
+UNEVEN = 0.01
 #: Periods of the record that the band holds at least.
 LINES = 4
 #: Transition of the filter over its band, and its attenuation [dB].
@@ -62,6 +68,8 @@ class Recording:
 
 def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: float) -> Recording:
     """Checked signals (n, m) of `count` sensors; InputError for others."""
+    if isinstance(signals, str | os.PathLike):
+        signals, rate = _read(checks.path("signals", signals), count, rate)
     rate = checks.positive("rate", rate, "Hz")
     values = checks.array("signals", signals, None)
     if values.ndim == 1 and count == 1:
@@ -97,6 +105,21 @@ def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: 
             )
         sigma = np.broadcast_to(sigma, (count,))
     return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
+
+
+def _read(path: Path, count: int, rate: Any) -> tuple[Array, Any]:
+    """The signals of a table, and their rate where its first column has the times."""
+    check_readable(path, "the signals")
+    values = rows_of(path)[1]
+    if values.shape[1] != count + 1:
+        return values, rate
+    t = values[:, 0]
+    if len(t) < FEWEST:
+        raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    if not step > 0 or np.abs(np.diff(t) - step).max() > UNEVEN * step:
+        raise InputError(f"the times in the first column of {path.name} do not ascend in one step.")
+    return values[:, 1:], 1 / step
 
 
 def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:

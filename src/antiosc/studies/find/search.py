@@ -21,6 +21,9 @@ BEGUN, KEPT = 4, 2
 FIRST_STEPS, LAST_STEPS = 5, 25
 #: Cost of a second search over that of the first, above which it does not go on.
 HOPELESS = 10.0
+#: chi² above which the best blow does not explain the signals, and the heavier impactors that are
+#: tried then: a lighter one does not touch again, and no small step adds a contact.
+POOR, HEAVIER = 2.0, (1.3, 2.0)
 #: Of a rigid wall: contact time over 2 × approach/velocity, and impulse over mass × velocity.
 HERTZ_TIME, REBOUND = 2.943, 1.6
 
@@ -61,7 +64,15 @@ def most_probable(
         for count, fit in enumerate(_kept(model, begun), start=BEGUN + 1):
             found.append(search.refined(fit.blow, LAST_STEPS))
             ready(count)
+        best = min(found, key=lambda fit: fit.cost)
+        if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
+            found += [search.refined(_heavier(best.blow, by), LAST_STEPS) for by in HEAVIER]
     return sorted(found, key=lambda fit: fit.cost)
+
+
+def _heavier(blow: Blow, by: float) -> Blow:
+    """The blow of a heavier impactor of the same momentum, which may touch once more."""
+    return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
 def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:

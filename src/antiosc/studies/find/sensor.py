@@ -18,8 +18,6 @@ from antiosc.fem.structure.structure import Structure
 
 #: Quantities of sensors: the time derivative of the displacement that each is made of.
 DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
-#: Their units.
-UNIT = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "strain": "1"}
 #: Points of a strain gauge along its length (Gauss–Legendre).
 GAUGE_POINTS = 6
 

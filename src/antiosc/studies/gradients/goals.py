@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from antiosc.studies.gradients.recorded import Recorded
 EQUAL = 1e-9
 #: Times of a run, besides the edges of its steps, at which the largest displacement is sought.
 TIMES = 1024
+#: Change of a sample for the derivative of a function of all, over the largest of its array.
+SAMPLE_CHANGE = 1e-6
 #: Times that the place of the largest displacement is sought, each time in a 16th of the interval.
 REFINED = 6
 
@@ -46,13 +49,16 @@ class Seeds:
         return places, np.reshape(weights, (len(ordered), width)).astype(float)
 
 
-def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds:
-    """The seeds of a goal by name; InputError for an unknown one."""
-    checks.choice("goal", goal, (*GOALS, *TIMED))
+def seeds(
+    found: Recorded, goal: str | Callable[[Sampled], float], contact: int, time: float | None
+) -> Seeds:
+    """The seeds of a goal by name, or of a function of a run; InputError for an unknown one."""
+    if not callable(goal) or isinstance(goal, type):
+        checks.choice("goal", goal, (*GOALS, *TIMED))
     if (goal in TIMED) != (time is not None):
         raise InputError(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
-            f" {goal}, time = {checks.shown(time)}."
+            f" {checks.shown(goal)}, time = {checks.shown(time)}."
         )
     empty = Seeds(
         value=0.0,
@@ -62,14 +68,17 @@ def seeds(found: Recorded, goal: str, contact: int, time: float | None) -> Seeds
         r=np.zeros_like(found.r),
     )
     if time is None:
-        GOALS[goal](found, contact, empty)
+        if callable(goal):
+            _of_function(found, contact, empty, goal)
+        else:
+            GOALS[goal](found, contact, empty)
         return empty
     end = float(found.run.time[-1])
     t = checks.number("time", time, "s")
     if not 0 <= t <= end:
         raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {t:g} s.")
     step, since = located(found.run, np.array([t]))
-    TIMED[goal](found, contact, empty, int(step[0]), float(since[0]))
+    TIMED[str(goal)](found, contact, empty, int(step[0]), float(since[0]))
     return empty
 
 
@@ -179,11 +188,11 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
         to.B += np.outer(moved, found.G[c])
 
 
-def _side(found: Recorded, c: int) -> Array:
-    """Weights (P,) of the columns in the displacement of the first end, along the force on it."""
-    first = found.parts[found.ends[c][0].partition(":")[0]]
+def _side(found: Recorded, c: int, end: int = 0) -> Array:
+    """Weights (P,) of the columns in the displacement of an end, along the force on the first."""
+    body = found.parts[found.ends[c][end].partition(":")[0]]
     own = np.zeros(found.G.shape[1])
-    own[first.columns] = -found.G[c, first.columns]
+    own[body.columns] = (1 if end else -1) * found.G[c, body.columns]
     return own
 
 
@@ -216,6 +225,105 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r
         to.readings = [(place, -weight) for place, weight in to.readings]
+
+
+@dataclass(eq=False)
+class Sampled:
+    """What a function of a run is given: a contact at the nodes of the run, arrays (n,).
+
+    Attributes
+    ----------
+    time : [s]; force : of the contact [N].
+    displacement, velocity : of the first end of the contact, along it [m], [m/s] (of `simulate` the
+        structure's site; the velocity without the residual compliance).
+    impactor_displacement, impactor_velocity : the same of the second end.
+    """
+
+    time: Array
+    force: Array
+    displacement: Array
+    velocity: Array
+    impactor_displacement: Array
+    impactor_velocity: Array
+
+
+def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
+    """A function of the samples at times that stay, by differences of each sample."""
+    s, run, J = found.system, found.run, found.system.omega.size
+    n = found.edges.size - 1
+    step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)
+    u = 0.5 * (np.arange(2 * n + 1) - 2 * step)
+    since = u * np.diff(found.edges)[step]
+    q, v = states(run, s, found.load, step, since)
+    push = -(forces(run, step, since) @ found.G)
+    first, second = _side(found, c), _side(found, c, 1)
+    arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}
+    for name, own in (("", first), ("impactor_", second)):
+        arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ own) + push @ (found.r @ own))
+        arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ own))
+    to.value = _number(goal, run.time, arrays)
+    weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))
+    for name in arrays:
+        slope = _slopes(goal, run.time, arrays, name)
+        if name == "force":
+            weights[:, 2 * J + c] += slope
+            continue
+        own = second if name.startswith("impactor") else first
+        if name.endswith("velocity"):
+            weights[:, J : 2 * J] += np.outer(slope, found.B @ own)
+            to.B += np.outer(slope @ v, own)
+        else:
+            weights[:, :J] += np.outer(slope, found.B @ own)
+            weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ own)
+            to.B += np.outer(slope @ q, own)
+            to.r += np.outer(slope @ push, own)
+    for k in np.flatnonzero(weights.any(axis=1)):
+        to.readings.append(((int(step[k]), float(u[k]), 0), weights[k]))
+
+
+def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:
+    run = Sampled(time=time, **arrays)
+    try:
+        value = goal(run)
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            f"the goal must be a function of a run that has time, {', '.join(arrays)}: {error}."
+        ) from error
+    return checks.number("the goal", value)
+
+
+def _slopes(
+    goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
+) -> Array:
+    """Central differences (n,) of a goal by the samples of one array; 0 if it reads none of it."""
+    value = arrays[name]
+    h = SAMPLE_CHANGE * float(np.abs(value).max(initial=0.0))
+    found = np.zeros(value.size)
+    if h == 0.0 or not _reads(goal, time, arrays, name):
+        return found
+    for k in range(value.size):
+        ends = []
+        for end in (value[k] - h, value[k] + h):
+            changed = value.copy()
+            changed[k] = end
+            ends.append(_number(goal, time, {**arrays, name: changed}))
+        found[k] = (ends[1] - ends[0]) / (2 * h)
+    return found
+
+
+def _reads(
+    goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
+) -> bool:
+    """Whether the goal takes an array."""
+    taken: set[str] = set()
+
+    class Watched(Sampled):
+        def __getattribute__(self, asked: str) -> Any:
+            taken.add(asked)
+            return super().__getattribute__(asked)
+
+    goal(Watched(time=time, **arrays))
+    return name in taken or "__dict__" in taken
 
 
 GOALS: dict[str, Callable[[Recorded, int, Seeds], None]] = {

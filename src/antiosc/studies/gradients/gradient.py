@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
@@ -16,14 +19,21 @@ from antiosc.contact.compiled import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation import engine
-from antiosc.studies.gradients.goals import Seeds, seeds
-from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_material
-from antiosc.studies.gradients.recorded import Recorded, recorded
+from antiosc.studies.gradients.changes import as_it_is, bar, changed, compared_runs, with_model
+from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
+from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
+from antiosc.studies.gradients.recorded import Part, Recorded, recorded
+
+if TYPE_CHECKING:
+    from antiosc.studies.gradients.of_part import Chain
 
 #: Speed of a touch or release, over the fastest, below which it grazes.
 GRAZING = 1e-6
 #: Relative change of a law's parameter by which the damping factor of its restitution is derived.
 CHANGE = 1e-6
+
+#: A run, a goal and its derivatives by all numbers of the march.
+Taken = tuple[Recorded, Seeds, engine.Slopes]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +48,8 @@ class Gradient(Brief):
         Name of a body -> {parameter: derivative}, arrays (N,) for `m` and `omega`.
     contacts : dict
         Ends (a, b) of a contact -> {parameter of its law, or gap: derivative}.
+    error : Gradient or None
+        The bars of all these numbers, >= 0; None: not asked for, or not known.
 
     A derivative has the unit of the goal over that of the parameter. None: there is none, as by m0
     where the site has no mass.
@@ -47,6 +59,7 @@ class Gradient(Brief):
     value: float
     bodies: dict[str, Values]
     contacts: dict[tuple[str, str], Values]
+    error: Gradient | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -78,11 +91,13 @@ class GradientNameError(InputError, AttributeError):
 
 def gradient(
     hit: Any,
-    goal: str,
+    goal: str | Callable[[Sampled], float],
     *,
     contact: tuple[str, str] | None = None,
     time: float | None = None,
     part: Any = None,
+    x: ArrayLike | None = None,
+    error: str | None = None,
 ) -> Gradient:
     """Derivatives of a result by masses, speeds, stiffnesses, gaps and the model's parameters.
 
@@ -94,17 +109,31 @@ def gradient(
     ----------
     hit : History or SceneHistory
         Of `simulate` or `Scene.run` with method="exact".
-    goal : str
+    goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
-        "displacement" [m] of that end at a `time`.
+        "displacement" [m] of that end at a `time`. Or a function of what the run has at its nodes,
+        arrays `time`, `force`, `displacement`, `velocity`, `impactor_displacement` and
+        `impactor_velocity` (`Sampled`), that returns a number: it is called some 1e4 times.
     contact : (str, str), optional
         Ends of the contact, where a scene has several.
     time : float, optional
         [s], of the goals "force" and "displacement".
-    part : Structure, optional
-        Of one isotropic material, from which the model was extracted: `g.E` and `g.rho` too. The
-        stiffness of the contact law stays.
+    part : Structure or callable, optional
+        From which the model was extracted: `g.E`, `g.nu`, `g.rho`, `g.thickness` and the other
+        numbers of its material and of a beam's section; of a laminate's layers arrays `thickness`
+        and `angle` [1/degree]. Of several materials they are {group: derivative}. The shapes of
+        the model are held, which is as good as the model's truncation. Or a function of `x` (n,)
+        that builds the structure, or its model: `g.x` (n,), by whatever x changes, nodes included,
+        with two extractions for each of its entries. The law of the contact stays, and of a
+        structure the place of the site and the radius of its patch.
+    x : array_like, shape (n,), optional
+        Where `part` is a function.
+    error : "estimate", optional
+        `g.error` has the bars of all derivatives by the same names, in their units: what changes
+        with finer steps; twice what changes with a quarter of the anti-oscillators less, or with
+        the residual mass on a spring; and, of a model extracted with error="estimate", twice what
+        changes with its `corrected()`. Three or four more runs, of `simulate` alone.
 
     Returns
     -------
@@ -116,19 +145,47 @@ def gradient(
     ------
     InputError
         For a history without its run, an unknown goal, contacts that are closed at the start, laws
-        made elsewhere, and a part of several materials or with attachments.
+        made elsewhere, and a part that is not that of the model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
-    material = None if part is None else _material(part)
-    found, wanted, slopes = derived(hit, goal, contact, time)
-    bodies = _bodies(found, wanted, slopes, material)
-    return Gradient(goal, wanted.value, bodies, _contacts(found, slopes))
+    if error is not None:
+        checks.choice("error", error, ("estimate",))
+    runs = [(hit, as_it_is), *(compared_runs(hit) if error is not None else ())]
+    taken = [derived(each, goal, contact, time) for each, _ in runs]
+    found = taken[0][0]
+    bodies = [_bodies(*each) for each in taken]
+    if part is not None:
+        body = model_name(found)
+        models = [turned for _, turned in runs]
+        for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
+            own[body] = own.get(body, {}) | values
+    all_of = [
+        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, slopes))
+        for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)
+    ]
+    return replace(all_of[0], error=bars(all_of)) if error is not None else all_of[0]
+
+
+def bars(found: list[Gradient]) -> Gradient:
+    """The bars of the first of these; the others are those of `compared_runs`."""
+    value, bodies, contacts = (
+        bar([getattr(each, name) for each in found]) for name in ("value", "bodies", "contacts")
+    )
+    return Gradient(found[0].goal, value, bodies, contacts)
+
+
+def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
+    """The name of a goal, or of a function."""
+    return goal if isinstance(goal, str) else str(getattr(goal, "__name__", "goal"))
 
 
 def derived(
-    hit: Any, goal: str, contact: tuple[str, str] | None = None, time: float | None = None
-) -> tuple[Recorded, Seeds, engine.Slopes]:
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+) -> Taken:
     """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
     found = recorded(hit)
     _refuse(found)
@@ -141,9 +198,36 @@ def derived(
     if answer != march.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
-            f" fastest speed, and {goal} has no derivative there; change an input slightly."
+            f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
     return found, wanted, slopes
+
+
+def _of_part(
+    hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
+) -> list[Values]:
+    """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
+    from antiosc.studies.gradients.of_part import Structure, by_part, by_shape  # loads dolfinx
+
+    if isinstance(part, Structure):
+        known = [which for which, each in enumerate(taken) if not which or _has_shapes(each, name)]
+        slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
+        own = dict(zip(known, slopes, strict=True))
+        return [own.get(which, {}) for which in range(len(taken))]
+    checks.function("part", part, "a Structure, or a function of x that builds one")
+    if x is None:
+        raise InputError("part is a function of x: give the x at which the run was made.")
+
+    def change(which: int, *ends: AntiOscillators) -> float:
+        before, after = (with_model(hit, name, models[which](each)) for each in ends)
+        return changed(*taken[which], before=before, after=after)
+
+    changes = [partial(change, which) for which in range(len(taken))]
+    return by_shape(part, checks.column("x", x), taken[0][0].parts[name].body, changes)
+
+
+def _has_shapes(taken: Taken, name: str) -> bool:
+    return taken[0].parts[name].body.shapes is not None
 
 
 def _refuse(found: Recorded) -> None:
@@ -176,59 +260,68 @@ def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
-def _material(part: Any) -> Any:
-    """The one material of a structure whose stiffness and mass all come from it."""
-    made = getattr(part, "made_of", None)
-    material = made[1] if made else None
-    values = getattr(material, "E", None), getattr(material, "rho", None)
-    if not made or made[2]["attached"] or not all(isinstance(each, float) for each in values):
-        raise InputError(
-            "part must be a Structure of one isotropic material without attachments: derivatives by"
-            " E and rho are known of those alone."
-        )
-    return material
-
-
-def _bodies(
-    found: Recorded, wanted: Seeds, slopes: engine.Slopes, material: Any
-) -> dict[str, Values]:
+def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
-    models = [each.body for each in found.parts.values() if isinstance(each.body, AntiOscillators)]
-    if material is not None and (len(models) != 1 or found.driven or models[0].sites):
-        raise InputError(
-            f"part needs a run with one extracted model of one site, without loads or a moving"
-            f" ground; this one has {len(models)} models."
-        )
-    s = found.system
-    by_B = slopes.beta.T @ found.G + wanted.B
-    by_r = found.G.T @ slopes.residual @ found.G + wanted.r
     result: dict[str, Values] = {}
-    for name, part in found.parts.items():
-        own, k = part.span, part.columns.start
-        one = isinstance(part.modes, ModalBody) and part.columns.stop - k == 1
-        if found.driven or not one:
-            continue
-        by = ByModes(
-            square=slopes.square[own],
-            decay=slopes.decay[own],
-            site=by_B[own, k],
-            r=float(by_r[k, k]),
-            load=slopes.loads[:, own].sum(axis=0),
-            start=slopes.v[own],
-            v=s.v[own],
-            g=s.loads[0, own],
-        )
-        touching = found.G[:, k] != 0
-        rows = s.beta[touching][:, own]
-        closing = float(rows[0] @ s.v[own]) if len(rows) else 0.0
-        result[name] = by_body(part.body, part.modes, by, closing)
-        if material is not None and isinstance(part.body, AntiOscillators):
-            result[name] |= by_material(part.body, part.modes, by, material)
-            local = part.body.local_compliance
-            for c in np.flatnonzero(touching):  # of Hertz's law, freed from that of the patch
-                freed = local > 0 and s.laws[c] is not found.laws[c]
-                result[name]["E"] -= slopes.laws[c, 1] * local / material.E if freed else 0.0
+    for name in found.parts:
+        by = _by_modes(found, wanted, slopes, name)
+        if by is not None:
+            part = found.parts[name]
+            result[name] = by_body(part.body, part.modes, by, _closing(found, part))
     return result
+
+
+def _by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
+    """Derivatives by the modes of a body of one site; None of others."""
+    part, s = found.parts[name], found.system
+    own, k = part.span, part.columns.start
+    if found.driven or not isinstance(part.modes, ModalBody) or part.columns.stop - k != 1:
+        return None
+    return ByModes(
+        square=slopes.square[own],
+        decay=slopes.decay[own],
+        site=slopes.beta[:, own].T @ found.G[:, k] + wanted.B[own, k],
+        r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
+        load=slopes.loads[:, own].sum(axis=0),
+        start=slopes.v[own],
+        v=s.v[own],
+        g=s.loads[0, own],
+    )
+
+
+def _closing(found: Recorded, part: Part) -> float:
+    """Speed [m/s] with which a body of one site closes its contact at the start."""
+    rows = found.system.beta[found.G[:, part.columns.start] != 0][:, part.span]
+    return float(rows[0] @ found.system.v[part.span]) if len(rows) else 0.0
+
+
+def model_name(found: Recorded) -> str:
+    models = [n for n, each in found.parts.items() if isinstance(each.body, AntiOscillators)]
+    if len(models) != 1:
+        raise InputError(
+            f"part needs a run with one extracted model; this one has {len(models)} models."
+        )
+    return models[0]
+
+
+def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> Chain:
+    """The chain to the part of a model."""
+    from antiosc.studies.gradients.of_part import chain  # loads dolfinx
+
+    by = _by_modes(found, wanted, slopes, name)
+    if by is None:
+        raise InputError(
+            "derivatives by the materials of a part need a model of one site, without loads or a"
+            " moving ground: give a function of x that builds the part, and x."
+        )
+    part = found.parts[name]
+    touching = np.flatnonzero(found.G[:, part.columns.start])
+    freed = [
+        c for c in touching if c < len(found.laws) and found.system.laws[c] is not found.laws[c]
+    ]
+    matrices = by_matrices(part.body, part.modes, by)
+    local = float(slopes.laws[freed, 1].sum()) if part.body.local_compliance > 0 else 0.0
+    return chain(part.body, part.modes, by, matrices, local)
 
 
 def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], Values]:

@@ -34,22 +34,6 @@ class ByModes:
     g: Array
 
 
-def by_material(model: AntiOscillators, modes: ModalBody, by: ByModes, material: Any) -> Values:
-    """Derivatives by E and rho of a part of one isotropic material.
-
-    All frequencies go with sqrt(E/rho), k0 with E, the masses and what gravity and a start take of
-    them with rho.
-    """
-    slope = by_model(model, modes, by)
-    stiffer = 0.5 * float(slope["omega"] @ model.omega)
-    heavier = float(slope["m"] @ model.m) + (slope["m0"] or 0.0) * model.m0
-    heavier += float(by.load @ by.g) + (0.0 if modes.inertia is None else float(by.start @ by.v))
-    return {
-        "E": (stiffer + slope["k0"] * model.k0) / material.E,
-        "rho": (heavier - stiffer) / material.rho,
-    }
-
-
 def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
     """Derivatives by the parameters of a body of one site; {} for a foreign one.
 
@@ -63,7 +47,7 @@ def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
         mass = body.mass
         found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ modes.b) / (2 * mass)
     elif isinstance(body, AntiOscillators):
-        found = by_model(body, modes, by)
+        found = by_model(body, modes, by_matrices(body, modes, by))
     else:
         return {}
     velocity = getattr(body, "velocity", 0.0)
@@ -76,19 +60,29 @@ def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
     return found
 
 
-def by_model(model: AntiOscillators, modes: ModalBody, by: ByModes) -> Values:
-    """Derivatives by m0, k0, m and omega of a model of one site.
+@dataclass(frozen=True, eq=False)
+class ByMatrices:
+    """Derivatives by the model's matrices in its own coordinates, K and M (C, C).
 
-    The modes solve K phi = x M phi in the coordinates lambda, phi' M phi = 1. With a massless site
-    (m0 = 0) the site follows the others, and its compliance r is the mode without inertia; there is
-    no derivative by m0 then: None.
+    phi (C, J): the modes.
+    """
+
+    K: Array
+    M: Array
+    phi: Array
+
+
+def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatrices:
+    """Derivatives by the matrices of a model of one site, coordinates lambda.
+
+    The modes solve K phi = x M phi, phi' M phi = 1. With a massless site (m0 = 0) the site follows
+    the others, and its compliance r is the mode without inertia.
     """
     hidden = model.hidden_count
     assert modes.shape is not None
     phi = modes.shape[: model.n + 1, hidden:]
     x = modes.omega[hidden:] ** 2
-    m, omega = model.m, model.omega
-    inertia = np.diag(np.concatenate(([model.m0], m)))
+    inertia = np.diag(np.concatenate(([model.m0], model.m)))
     square, site, load, start, v, g, decay = (
         each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
     )
@@ -116,12 +110,20 @@ def by_model(model: AntiOscillators, modes: ModalBody, by: ByModes) -> Values:
         by_K[0] -= at_site
         by_M[0] += modes.r * (phi @ (x * by_phi[0]))
         by_K[0, 0] -= modes.r**2 * by.r
-    springs = by_K[0, 0] + np.diag(by_K)[1:] - by_K[0, 1:] - by_K[1:, 0]
+    return ByMatrices((by_K + by_K.T) / 2, (by_M + by_M.T) / 2, phi)
+
+
+def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values:
+    """Derivatives by m0, k0, m and omega of a model of one site.
+
+    With a massless site there is no derivative by m0: None.
+    """
+    springs = by.K[0, 0] + np.diag(by.K)[1:] - 2 * by.K[0, 1:]
     return {
-        "m0": None if modes.r > 0 else float(by_M[0, 0]),
-        "k0": float(by_K[0, 0]),
-        "m": np.diag(by_M)[1:] + omega**2 * springs,
-        "omega": 2 * omega * m * springs,
+        "m0": None if modes.r > 0 else float(by.M[0, 0]),
+        "k0": float(by.K[0, 0]),
+        "m": np.diag(by.M)[1:] + model.omega**2 * springs,
+        "omega": 2 * model.omega * model.m * springs,
     }
 
 

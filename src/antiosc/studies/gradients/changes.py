@@ -1,0 +1,133 @@
+"""The change of a goal between two sets of bodies, to first order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.engine import Slopes
+from antiosc.simulation.error_budget import SAFETY
+from antiosc.simulation.history import History
+from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
+from antiosc.simulation.two_bodies import pose
+from antiosc.studies.gradients.goals import Seeds
+from antiosc.studies.gradients.recorded import Recorded
+
+#: Relative error of the forces of the runs that are compared, over that of the run; the least.
+FINER, LEAST = 0.1, 1e-7
+#: Share of the anti-oscillators without which a run shows what truncation changes.
+FEWER = 0.25
+#: Options of `simulate` that its error control reads.
+LIMITS = ("max_contacts", "max_steps")
+
+
+def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
+    """Change of the goal from one set of bodies to another, to first order."""
+    a, b = before.system, after.system
+    if a.omega.shape != b.omega.shape or found.system.omega.shape != a.omega.shape:
+        raise NotDifferentiableError(
+            "the number of modes changes with an input: build models with as many anti-oscillators."
+        )
+    pairs = [
+        (by.square, b.omega**2 - a.omega**2), (by.decay, b.decay - a.decay),
+        (by.beta, b.beta - a.beta), (by.residual, b.R - a.R), (by.loads, b.loads - a.loads),
+        (by.offsets, b.offsets - a.offsets), (by.q, b.q - a.q), (by.v, b.v - a.v),
+        (wanted.B, after.B - before.B), (wanted.r, after.r - before.r),
+    ]  # fmt: skip
+    total = sum(float(np.sum(slope * change)) for slope, change in pairs)
+    for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
+        total += float(slope @ (_leading(new) - _leading(old)))
+        if old.kernel[0].kind == march.TABLE and old is not new:  # type: ignore[attr-defined]
+            raise NotDifferentiableError(
+                "there are no derivatives by the curves of a table: make it outside of build."
+            )
+    return total
+
+
+def _leading(law: ContactLaw) -> Array:
+    """The parameters that the march has derivatives by, then 0."""
+    kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
+    count = {march.TABLE: 0, march.HERTZ: 2}.get(kind, march.LAW_SLOPES)
+    found = np.zeros(march.LAW_SLOPES)
+    found[: min(count, len(values))] = values[:count]
+    return found
+
+
+def options_of(hit: History) -> dict[str, Any] | None:
+    """The arguments of `simulate` of a run, beside the model; None of a scene."""
+    again = hit.budget.keywords["again"] if isinstance(hit.budget, partial) else None
+    return None if again is None else dict(again.keywords["options"])
+
+
+def with_model(hit: History, name: str, model: AntiOscillators) -> Assembly:
+    """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
+    options = options_of(hit)
+    if options is not None:
+        return pose(model, **{n: v for n, v in options.items() if n not in LIMITS})
+    scene = hit.assembly.scene
+    return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
+
+
+def as_it_is(model: AntiOscillators) -> AntiOscillators:
+    """The model itself."""
+    return model
+
+
+def fewer(model: AntiOscillators) -> AntiOscillators:
+    """The model with a quarter of its anti-oscillators less, at least one."""
+    return model.truncated(model.n - max(1, round(FEWER * model.n)))
+
+
+def compared_runs(
+    hit: History,
+) -> list[tuple[History, Callable[[AntiOscillators], AntiOscillators]]]:
+    """Runs beside which a gradient shows its errors, and what each makes of the model.
+
+    Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
+    may have (`antiosc.simulation.truncation`), and the model corrected for its mesh.
+    """
+    budget = hit.budget if isinstance(hit, History) else None
+    model = hit.assembly.scene.bodies.get("structure") if budget is not None else None
+    if not isinstance(budget, partial) or not isinstance(model, AntiOscillators) or not model.n:
+        raise InputError(
+            "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
+            " error= out."
+        )
+    again, known = budget.keywords["again"], max(hit.error.values(), default=1e-3)
+    tol = max(FINER * known, LEAST)
+    turns: list[Callable[[AntiOscillators], AntiOscillators]] = [as_it_is, fewer, softest]
+    if model.strain_error is not None:
+        turns.append(AntiOscillators.corrected)
+    return [(again(turned(model), tol), turned) for turned in turns]
+
+
+def bar(values: Sequence[Any]) -> Any:
+    """The bar of a derivative from those of the run and of `compared_runs`, name by name.
+
+    None where it is not known, as of m and omega, of which another model has others.
+    """
+    if isinstance(values[0], dict):
+        return {n: bar([(each or {}).get(n) for each in values]) for n in values[0]}
+    base, finer, *others = (
+        None if one is None or np.shape(one) != np.shape(values[0]) else np.asarray(one)
+        for one in values
+    )
+    if base is None or finer is None or (others[0] is None and others[1] is None):
+        return None
+    weights = (TRUNCATION_SAFETY, TRUNCATION_SAFETY, SAFETY)
+    less, soft, mesh = (
+        np.zeros(np.shape(base)) if one is None else weight * abs(one - finer)
+        for weight, one in zip(weights, (*others, None)[:3], strict=True)
+    )
+    total = abs(finer - base) + np.maximum(less, soft) + mesh
+    return total if np.ndim(total) else float(total)

@@ -1,0 +1,231 @@
+"""From derivatives by a reduced model's matrices to those by what its part is made of.
+
+The matrices of the model are those of the part on its shapes V, K_red = V'KV and M_red = V'MV.
+With the shapes held, a parameter p of the part changes them by V'(dK/dp)V and V'(dM/dp)V, to first
+order in the error of the shapes: no solve, and products with two assembled matrices a parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, without_warnings
+from antiosc.fem.extraction.extract import extract
+from antiosc.fem.extraction.wish import ErrorOption
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.site.functionals import functional
+from antiosc.fem.site.site import Site
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import ModalBody
+from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
+
+#: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
+#: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
+CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
+#: Largest difference of the part's energy from the model's, per shape of unit energy.
+SAME_PART = 1e-4
+#: Inputs below this have no scale of their own.
+LEAST = 1e-200
+#: Largest relative difference of the static mass of models that `build` gives beside x.
+SAME_MODEL = 1e-2
+#: Numbers of materials, sections and layers that are no parameters of K and M.
+IDLE = {"loss", "yield_strength", "outline"}
+#: Numbers of the layers of a laminate that are designed; the others are those of its materials.
+OF_LAYERS = {"thickness", "angle"}
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The derivatives of a goal by the matrices of a part's model, and the shapes (rows, C).
+
+    by_local : by the half-space compliance of the site's patch.
+    motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) that has
+        them: at the start, and of gravity.
+    """
+
+    model: AntiOscillators
+    by: ByMatrices
+    by_local: float
+    shapes: Array
+    motions: list[tuple[Array, Array]]
+
+    def slope(self, lower: Structure, upper: Structure, step: float) -> float:
+        """The derivative by a parameter at whose ends, `step` apart, are these parts."""
+        total = float(np.sum(self.by.K * self._change("K", lower, upper)))
+        total += float(np.sum(self.by.M * self._change("M", lower, upper)))
+        for by, motion in self.motions:
+            a, b = lower.rigid_inertia, upper.rigid_inertia
+            assert a is not None
+            assert b is not None
+            total += float(by @ dot(lower.comm, self.shapes, (b[1] - a[1]) @ motion))
+        if self.by_local:
+            site = site_of(self.model)
+            ends = [functional(each, site).local_compliance for each in (lower, upper)]
+            total += self.by_local * (ends[1] - ends[0])
+        return total / step
+
+    def reduced(self, part: Structure, name: str) -> Array:
+        """V'KV or V'MV (C, C) of a part."""
+        matrix = getattr(part, name)
+        return np.asarray(dot(part.comm, self.shapes, multiply(matrix, self.shapes)))
+
+    def _change(self, name: str, lower: Structure, upper: Structure) -> Array:
+        return self.reduced(upper, name) - self.reduced(lower, name)
+
+    def matrices(self) -> tuple[Array, Array]:
+        """K_red and M_red (C, C) of the model."""
+        m = self.model
+        K, M = np.diag(np.append(m.k0 + m.k.sum(), m.k)), np.diag(np.append(m.m0, m.m))
+        K[0, 1:] = K[1:, 0] = -m.k
+        return K, M
+
+    def check(self, part: Structure) -> None:
+        """InputError unless the model is that of the part: for one combination of the shapes."""
+        fits = self.shapes.shape[0] == part.rows
+        if fits:
+            K, _ = self.matrices()
+            mixed = 1 / np.sqrt(K.diagonal())
+            x = self.shapes @ mixed
+            energy = float(dot(part.comm, x, multiply(part.K, x)))
+            fits = abs(energy - mixed @ K @ mixed) <= SAME_PART * len(K)
+        if not fits:
+            raise InputError(
+                "part must be the structure from which the model of this run was extracted; its"
+                " stiffness on the shapes of the model is another."
+            )
+
+
+def chain(
+    model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
+) -> Chain:
+    """The chain to a part; InputError for a model without shapes."""
+    if model.shapes is None:
+        raise InputError("part needs a model with its shapes: extract it with shapes=True.")
+    psi = model.shapes
+    hidden = model.hidden_count
+    motions = []
+    for slope, value in ((by.start, by.v), (by.load, by.g)):
+        if modes.inertia is not None and value.any():
+            motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
+            motions.append((m.phi @ slope[hidden:], motion))
+    V = np.column_stack([psi[:, 0] - psi[:, 1:].sum(axis=1), psi[:, 1:]])
+    return Chain(model, m, local, V, motions)
+
+
+def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
+    """Derivatives of each chain by the numbers of a part's materials: of several {group: …}."""
+    to[0].check(part)
+    if part.made_of is None:
+        raise InputError(
+            "the materials of an assembly, or of matrices, are not known: give a function of x that"
+            " builds the part, and x."
+        )
+    mesh, given, options = part.made_of
+    several = isinstance(given, dict)
+    groups = dict(given) if several else {"": given}
+    found: list[Values] = [{} for _ in to]
+    for group, material in groups.items():
+        for name, step, made in _varied(material):
+            ends = []
+            for sign in (-1, 1):
+                other = {**groups, group: made(sign)}
+                with without_warnings():
+                    one = other if several else other[""]
+                    ends.append(Structure(mesh, one, part.supports, **options))
+            for values, each in zip(found, to, strict=True):
+                slope = each.slope(ends[0], ends[1], step)
+                own = values.setdefault(name, {}) if several else values
+                key = group if several else name
+                layered = hasattr(material, "layers")
+                own[key] = np.append(own.get(key, ()), slope) if layered else slope
+    return found
+
+
+def _varied(
+    item: Any, wanted: Container[str] = ()
+) -> Iterator[tuple[str, float, Callable[[int], Any]]]:
+    """Name, distance of the ends, and the end -1 or 1 of each number of a material.
+
+    `wanted`: of those names alone.
+    """
+    for name, value in values_of(item).items():
+        if wanted and name not in wanted:
+            continue
+        if is_dataclass(value) and name == "section":
+            for inner, step, made in _varied(value):
+                yield inner, step, lambda s, n=name, m=made: replace(item, **{n: m(s)})  # type: ignore[misc]
+        elif name == "layers":
+            for k, layer in enumerate(value):
+                for inner, step, made in _varied(layer, OF_LAYERS):
+                    yield (
+                        inner,
+                        step,
+                        lambda s, k=k, m=made: replace(  # type: ignore[misc]
+                            item, layers=(*item.layers[:k], m(s), *item.layers[k + 1 :])
+                        ),
+                    )
+        elif isinstance(value, float) and (value or name == "angle"):
+            h = TURN if name == "angle" else CHANGE * abs(value)
+            yield name, 2 * h, lambda s, n=name, v=value, h=h: replace(item, **{n: v + s * h})  # type: ignore[misc]
+
+
+def values_of(material: Any) -> dict[str, Any]:
+    """The arguments of a material, a section or a layer that K and M depend on."""
+    idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
+    names = {each.name for each in fields(material) if each.init} - idle
+    return {name: getattr(material, name) for name in sorted(names)}
+
+
+def by_shape(
+    build: Callable[[Array], Any],
+    x: Array,
+    model: AntiOscillators,
+    changes: Sequence[Callable[..., float]],
+) -> list[Values]:
+    """Derivatives x (n,) by the arguments of a function that builds the part, or its model.
+
+    Each of `changes(before, after)` is that of a goal between two models, to first order.
+    """
+    slopes = np.empty((len(changes), x.size))
+    for i in range(x.size):
+        h = SMALL * (abs(x[i]) if abs(x[i]) > LEAST else 1.0)
+        ends = [_extracted(build(x + s * h * np.eye(x.size)[i]), model) for s in (-1, 1)]
+        size = np.abs(model.m_st).max()
+        if np.abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st).max() > SAME_MODEL * size:
+            raise InputError(
+                "build(x) must give the part, or the model, of this run: its mass at the site is"
+                " another."
+            )
+        slopes[:, i] = [change(*ends) / (2 * h) for change in changes]
+    return [{"x": own} for own in slopes]
+
+
+def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
+    """The model of a part, extracted as `model` was."""
+    if isinstance(made, AntiOscillators):
+        return made
+    part = checks.instance("build(x)", made, Structure, "a Structure, or the model of one")
+    with without_warnings():
+        if model.info.method == "modes":
+            found = extract(part, site_of(model), model.n, "modes")
+        else:
+            estimated: ErrorOption = None if model.strain_error is None else "estimate"
+            found = extract(part, site_of(model), model.n, error=estimated)
+    return replace(found, damping=model.damping)
+
+
+def site_of(model: AntiOscillators) -> Site:
+    """The site of an extracted model; InputError where its place is not known."""
+    info = model.info
+    if model.sites or info.point is None or info.direction is None:
+        raise InputError(
+            "the place of the site is not known: let build(x) return the model, extracted there."
+        )
+    return Site(info.point, info.direction, model.patch_radius, snap=True)

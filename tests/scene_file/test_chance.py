@@ -1,0 +1,81 @@
+"""[monte_carlo] of scene files: what `ao.monte_carlo` finds with the same draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from scene_files import BEAM, BRACKET, HIT, antiosc, numbers, objects, table, written
+
+SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
+LAW = 'contact.stiffness = {kind = "lognormal", mean = 5e8, variation = 0.2}\n'
+DRAWN = f"[monte_carlo]\nn = 40\nseed = 3\n{SPEED}{LAW}"
+
+
+def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
+    path = written(tmp_path, BEAM + DRAWN)
+    assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
+    assert "0.99" in capsys.readouterr().out
+    model = objects(path, "run").model
+
+    def run(velocity, stiffness):
+        return model, ao.RigidMass(0.05, velocity), ao.Hertz(stiffness), 2e-3
+
+    inputs = {"velocity": ao.normal(1.0, 0.1), "stiffness": ao.lognormal(5e8, 0.2)}
+    many = ao.monte_carlo(run, inputs, 40, seed=3)
+    columns = table(tmp_path / "out/monte_carlo.csv")
+    assert np.array_equal(columns["impactor.velocity"], many.inputs["velocity"])
+    assert np.array_equal(columns["peak_force"], many.values["peak_force"])
+    found = numbers(tmp_path / "out")["monte_carlo"]
+    assert found["value"][0] == many.quantile("peak_force", 0.5).value
+
+
+@pytest.mark.slow
+def test_pictures_and_report(tmp_path):
+    path, page = (
+        written(tmp_path, BEAM + DRAWN + '[output]\nplot = "svg"\n'),
+        tmp_path / "page.html",
+    )
+    assert antiosc("monte-carlo", path, "--out", tmp_path / "out", "--report", page) == 0
+    assert (tmp_path / "out/monte_carlo.svg").exists()
+    assert "Random values" in page.read_text()
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_materials_and_points_are_drawn(tmp_path):
+    material = 'material.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
+    scene = f"{BRACKET}[extract]\nn = 8\n{HIT}[monte_carlo]\nn = 12\n"
+    many = objects(written(tmp_path, scene + material), "monte-carlo").sample
+    E = many.inputs["material.E"]
+    stiff = BRACKET.replace("E = 70e9", f"E = {E[0]:.17g}")
+    alone = written(tmp_path, f"{stiff}[extract]\nn = 8\n{HIT}", "alone.toml")
+    hit = objects(alone).history
+    assert many.values["peak_force"][0] == pytest.approx(hit.peak_force, rel=2e-3)
+    point = "point = {where = [[0.0, 0.02, 0.02], [0.0, 0.04, 0.02]], direction = [1, 0, 0],"
+    point += " radius = 6e-3, n = 8}\n"
+    many = objects(written(tmp_path, scene + point), "monte-carlo").sample
+    assert set(many.inputs["point"]) == {0, 1}
+    assert len(set(many.values["peak_force"])) == 2
+
+
+@pytest.mark.parametrize(
+    ("drawn", "held"),
+    [
+        ("n = 5", "draws nothing"),
+        ("impactor.velocity = 3.0", "table"),
+        ('impactor.velocity = {kind = "gamma", mean = 1.0}', "normal"),
+        ('impactor.velocity = {kind = "normal", mean = 1.0, sigma = -1.0}', "sigma"),
+        ('impactor.speed = {kind = "normal", mean = 1.0, sigma = 0.1}', "velocity"),
+        ('material.E = {kind = "normal", mean = 1.0, sigma = 0.1}', "impactor"),
+        ('point = {where = "skin"}', "mesh"),
+        (f"store = 'a.csv'\n{SPEED}", "store"),
+    ],
+)
+def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
+    assert antiosc("check", written(tmp_path, f"{BEAM}[monte_carlo]\n{drawn}\n")) == 1
+    told = capsys.readouterr().err
+    assert held in told
+    line = len(BEAM.splitlines()) + 1
+    assert any(f":{line + k}:" in told for k in (0, 1))
