@@ -55,7 +55,8 @@ def main(
     print(f"{part.describe()}\n{len(found)} sites in {spent:.1f} s: {found.info['seconds']}")
     for name, value in found.quantities().items():
         if np.isfinite(value).all():
-            low, high = value.argmin(), value.argmax()
+            known = np.flatnonzero(~found.doubtful)
+            low, high = known[value[known].argmin()], known[value[known].argmax()]
             print(
                 f"{name:15s} {value[low]:10.4g} at {_text(found.points[low])}, "
                 f"{value[high]:10.4g} at {_text(found.points[high])}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +20,8 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error
+from antiosc.simulation.impact_band import RigidWall
+from antiosc.studies import maps
 from paths import MESHES
 
 pytestmark = pytest.mark.fem
@@ -309,3 +313,34 @@ def test_shells_and_matrices_say_what_they_need(steel):
     shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
     with pytest.raises(ao.InputError, match="shells"):
         ao.impact_map(shell)
+
+
+def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
+    """In a corner of a face a quarter of the patch carries the whole force."""
+    middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)
+    with pytest.warns(ao.AccuracyWarning, match="cuts the patch"):
+        found = ao.impact_map(
+            steel, [middle, corner], direction=(0, 0, -1), radius=0.02, accuracy=1e9
+        )
+    assert found.doubtful.tolist() == [False, True]
+    hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
+    assert hard.hardest() == 0
+    assert "1 doubtful" in hard.summary()
+    mesh = meshio.read(hard.write(tmp_path / "map.vtu"))
+    assert mesh.point_data["doubtful"].tolist() == [0.0, 1.0]
+
+
+def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
+    """A half-space that is taken out where it is not there makes a contact harder than rigid."""
+    ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
+    wall = ao.simulate(RigidWall(), ball, law, 4e-4).peak_force
+    forces = np.array([0.5, 1.2]) * wall
+    batch = SimpleNamespace(
+        peak_force=forces, contact_time=forces, restitution=forces, impulse=forces, force=None
+    )
+    monkeypatch.setattr(maps, "simulate_many", lambda *_: batch)
+    monkeypatch.setattr(maps, "peak_deflections", lambda *_: forces)
+    points = [(0.06, 0.04, 0.03), (0.08, 0.04, 0.03)]
+    options = {"direction": (0, 0, -1), "radius": 0.025, "accuracy": 1e9}
+    found = ao.impact_map(steel, points, ball, law, 4e-4, **options)
+    assert found.doubtful.tolist() == [False, True]

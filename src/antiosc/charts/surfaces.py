@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
+#: Colour of what has no value to be trusted.
+GREY = "0.75"
 #: Direction of the light, and the darkest shade.
 LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
 
@@ -67,11 +69,13 @@ def draw_lines(
 
 
 def colour_scale(value: Array) -> ScalarMappable:
-    """Colours from the least to the largest value."""
+    """Colours from the least to the largest value; NaN is grey."""
+    from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), "viridis")
+    colours = colormaps["viridis"].with_extremes(bad=GREY)
+    return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), colours)
 
 
 def frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:

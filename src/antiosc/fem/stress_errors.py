@@ -19,9 +19,9 @@ def stress_jumps(
 
     `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
     """
-    parts = with_parts(structure).fields(shapes, part)
-    if not any(member.part.kind.name == "solid" for member, _ in parts):
+    if "solid" not in families(structure, shapes, part):
         return None
+    parts = with_parts(structure).fields(shapes, part)
     found, start = [], 0
     for member, own in parts:
         comm = member.part.mesh.comm
@@ -33,6 +33,12 @@ def stress_jumps(
         found += comm.gather(here, root=0) or []
         start += sum(sizes)
     return np.concatenate(found) if found else np.zeros(0)
+
+
+def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+    """Kinds of the parts that are looked at: "solid", "sheet", "beam", "truss"."""
+    fields = with_parts(structure).fields(shapes, part)
+    return {member.part.kind.name for member, _ in fields}
 
 
 def corner_at(

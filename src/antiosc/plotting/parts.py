@@ -52,6 +52,8 @@ class SurfaceMap(Protocol):
     def alone(self) -> IntArray: ...
     @property
     def info(self) -> dict[str, Any]: ...
+    @property
+    def doubtful(self) -> BoolArray: ...
 
     def quantities(self) -> dict[str, Array]:
         """Scalars of the map by name, (P,) each."""
@@ -67,6 +69,7 @@ def plot_map(
     Parameters
     ----------
     found : ImpactMap
+        Its doubtful sites are grey.
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
@@ -79,7 +82,9 @@ def plot_map(
         raise InputError(
             f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
         )
-    value, label = known[quantity], QUANTITY_LABELS.get(quantity, quantity)
+    grey = found.doubtful & ~found.doubtful.all()
+    value = np.where(grey, np.nan, known[quantity])
+    label = QUANTITY_LABELS.get(quantity, quantity)
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
     figure, axes, scale, unit = space(found.points, shown=path is None)
     x = scale * found.points
@@ -93,8 +98,9 @@ def plot_map(
         if len(alone):
             axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
     else:
-        dots = axes.scatter(*x.T, c=value, s=30, depthshade=False)
-        figure.colorbar(dots, ax=axes, shrink=0.7, pad=0.12, label=label)
+        scale = colour_scale(value)
+        axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
+        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
     frame(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return finished(figure, path)

@@ -35,6 +35,7 @@ class Margin(Brief):
     point : (3,) where, m.
     time : when, s.
     layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
+    contact : a sentence where the contact itself yields, which the values leave out; "" otherwise.
     """
 
     criterion: str
@@ -44,6 +45,7 @@ class Margin(Brief):
     time: float
     layer: int | None = None
     surface: str | None = None
+    contact: str = ""
 
     @property
     def exposure(self) -> float:
@@ -76,7 +78,8 @@ class Margin(Brief):
             )
         else:
             used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
-        return f"{verdict}: {used}; margin of safety {self.margin:.3g}"
+        beside = f"; {self.contact}" if self.contact else ""
+        return f"{verdict}: {used}; margin of safety {self.margin:.3g}{beside}"
 
     def __str__(self) -> str:
         return self.sentence

@@ -24,6 +24,7 @@ from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search, resolution
+from antiosc.results.contact_yield import contact_yield
 from antiosc.results.fields import counted, shapes_of
 from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
 from antiosc.results.margin import CRITERIA, Margin
@@ -69,9 +70,10 @@ class PeakField(Brief):
         strength is known; None for other quantities, and where no material has a strength.
     mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
         much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
-        0 in sheets and beams, else None.
+        0 in sheets and beams beside them, else None.
     doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
-        support, too large cells; "" otherwise.
+        support, too large cells; of sheets, that their error by the mesh is not estimated; ""
+        otherwise.
     """
 
     quantity: str
@@ -297,6 +299,11 @@ def peak_field(
             share = float(result.mesh_error[k] / result.values[k])
             told = resolution.doubt(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=told)
+        elif result.values.any():
+            result = replace(result, doubt=resolution.not_known(structure, shapes, part))
+    if result._margin is not None and result._margin.criterion == "yield":
+        told = contact_yield(structure, shapes, history)
+        result = replace(result, _margin=replace(result._margin, contact=told))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(

@@ -54,3 +54,15 @@ def doubt(structure: Structure, shapes: Array, part: str | None, x: Array, share
             " resolve it; make the cells there smaller"
         )
     return ""
+
+
+def not_known(structure: Structure, shapes: Array, part: str | None) -> str:
+    """That the error of the stresses of a part without solids is not known, if it has sheets."""
+    from antiosc.fem.stress_errors import families  # needs dolfinx
+
+    if "sheet" not in families(structure, shapes, part):
+        return ""
+    return (
+        "the error by the mesh is not estimated for shells, and under a point load or in the disc"
+        " of the site the stress grows with refinements: compare with cells of half the size"
+    )

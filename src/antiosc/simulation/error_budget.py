@@ -23,6 +23,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
 from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.simulation.history import History
+from antiosc.simulation.left_out import ENOUGH, left_out
 from antiosc.simulation.measured_errors import low_band, measured_errors
 from antiosc.simulation.model_errors import model_errors
 from antiosc.simulation.quantities import differences, floored
@@ -105,13 +106,21 @@ def _mesh(
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
     truncated = truncation_error(model, partial(_again, again, model, raw), tol=tol)
+    missed = left_out(model, raw.assembly)
+    least = missed if missed > ENOUGH else 0.0
+    if least:
+        doubts.append(
+            f"The {model.n} anti-oscillators are too few for this contact: the bar of the"
+            " truncation is a rough one; extract with a band."
+        )
     if len(raw.contacts) != len(softer.contacts):
         doubts.insert(
             0,
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
             f"{len(softer.contacts)} corrected): the contact times are not comparable.",
         )
-    return mesh, {name: getattr(truncated, name) for name in QUANTITIES}, share, safety, doubts
+    left = {name: max(getattr(truncated, name), least) for name in QUANTITIES}
+    return mesh, left, share, safety, doubts
 
 
 def _again(

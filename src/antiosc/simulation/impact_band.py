@@ -30,10 +30,10 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
             "give the band as a number."
         )
     endless = 1e6  # s
-    return BAND_OVER_PULSE * np.pi / pose(_Wall(), impactor, contact, endless).lasting
+    return BAND_OVER_PULSE * np.pi / pose(RigidWall(), impactor, contact, endless).lasting
 
 
-class _Wall(Body):
+class RigidWall(Body):
     """A body that does not move."""
 
     def modal(self) -> ModalBody:

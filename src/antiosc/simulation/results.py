@@ -289,9 +289,9 @@ def covers(history: Any) -> str:
     if not any(info.structure for info in facts):
         return "time integration"
     if any(getattr(one, "strain_error", None) is not None for one in bodies):
-        return "time integration; mesh: in error_budget"
+        return "time integration; truncation, mesh: in error_budget"
     remedy = ', error="estimate" of extract does' if any(i.meshed for i in facts) else ""
-    return f"time integration; mesh: not estimated{remedy}"
+    return f"time integration; truncation, mesh: not estimated{remedy}"
 
 
 def covered(history: Any) -> str:

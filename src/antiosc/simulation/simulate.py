@@ -21,7 +21,7 @@ from functools import partial
 from typing import Any
 
 from antiosc.base import checks, plausible
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
@@ -31,6 +31,7 @@ from antiosc.simulation.comparison import METHODS
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.history import History
+from antiosc.simulation.left_out import too_few
 from antiosc.simulation.measured_errors import warn_low_band
 from antiosc.simulation.refinement import check_range, solved
 from antiosc.simulation.truncation import Run, choose_n
@@ -115,6 +116,12 @@ def simulate(
     AccuracyError
         If the peak force is outside the range of validity of the contact law, or the coupling of
         the modes by the dampers of an assembly changes the impact by more than `tol`.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the run did not end as requested, or the anti-oscillators that a model was extracted with
+        are too few for the contact (`antiosc.simulation.left_out`).
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
@@ -132,6 +139,10 @@ def simulate(
         model, tol=accuracy, method=method, step=step, n=n, budget=budget, **options
     )
     verdict.tell()
+    if n != "auto" and (sentence := too_few(history)):
+        if getattr(model, "strain_error", None) is None:  # with one, the error budget tells it
+            warn(sentence, AccuracyWarning)
+        history = replace(history, message=f"{history.message} {sentence}")
     tell_rotation(*history.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:
@@ -216,9 +227,11 @@ def _truncated(
     }
     shortage = ""
     if choice.missing:
+        most = model.info.dofs
+        beyond = most is not None and model.n + choice.missing > most
+        more = "more than the mesh has" if beyond else f"about {choice.missing} more"
         shortage = (
             f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
-            f" {choice.error.worst:.2g}, more than tol = {tol:g}; about {choice.missing} more are"
-            f" needed."
+            f" {choice.error.worst:.2g}, more than tol = {tol:g}; {more} are needed."
         )
     return model.truncated(choice.n), errors, shortage

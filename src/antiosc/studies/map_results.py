@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base import files
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.brief import Brief
-from antiosc.base.checks import path as checked_path, whole
+from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.engineering import engineering, place, span
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
@@ -43,6 +43,9 @@ class ImpactMap(Brief):
     direct : (P,) bool, sites that were extracted separately.
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.
+    doubtful : (P,) bool, sites whose impact is not to be trusted: an edge cuts the patch or
+        supports hold a part of it, so that its half-space compliance does not hold, or the force
+        exceeds that on a rigid wall. `summary` and `plot` leave them out.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
@@ -74,9 +77,14 @@ class ImpactMap(Brief):
     exposure: Array | None = None
     stress_points: Array | None = None
     info: dict[str, Any] = field(default_factory=dict)
+    doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     impactor: LinearBody | None = None
     contact: ContactLaw | None = None
     duration: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.doubtful.size:
+            store(self, doubtful=np.zeros(len(self.points), dtype=bool))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -137,6 +145,7 @@ class ImpactMap(Brief):
         cells = [(kind, self.elements), ("vertex", self.alone[:, None])]
         surface = np.unique(self.names, return_inverse=True)[1].astype(float)
         data = {**self.quantities(), "direction": self.directions, "surface": surface}
+        data["doubtful"] = self.doubtful.astype(float)
         with files.complete(target, "the map") as part:
             try:
                 blocks = [(kind, numbers) for kind, numbers in cells if len(numbers)]
@@ -157,6 +166,18 @@ class ImpactMap(Brief):
         """Name of each group or part -> numbers of its sites, in their order."""
         return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
 
+    def hardest(self, own: IntArray | None = None) -> int:
+        """Number of the site of the largest peak force, of some or all that are not doubtful.
+
+        Of those that are, where there are no others.
+        """
+        if self.peak_force is None:
+            raise InputError("the map has no impacts: give impactor, contact and duration.")
+        own = np.arange(len(self)) if own is None else own
+        trusted = own[~self.doubtful[own]]
+        own = trusted if trusted.size else own
+        return int(own[np.argmax(self.peak_force[own])])
+
     def summary(self) -> str:
         """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
         surfaces = self.surfaces()
@@ -169,10 +190,12 @@ class ImpactMap(Brief):
             k0 = self.models.k0[own]
             row = f"{name or 'sites':<{width}}{len(own):>7}{span(k0.min(), k0.max(), 'N/m'):>32}"
             if self.peak_force is not None:
-                i = own[np.argmax(self.peak_force[own])]
+                i = self.hardest(own)
                 force = engineering(self.peak_force[i], "N", 4)
                 row += f"{force:>12}  {place(self.points[i])}"
             rows.append(row)
+        if self.doubtful.any():
+            rows.append(f"{self.doubtful.sum()} doubtful sites are left out of the peak forces")
         return "\n".join(rows)
 
     def plot(

@@ -32,19 +32,28 @@ from antiosc.fem.extraction.oscillators import (
 )
 from antiosc.fem.extraction.site_shapes import shapes_of_models
 from antiosc.fem.mpi import agree, collective, on_root
-from antiosc.fem.site.sites import Sites
+from antiosc.fem.site.sites import Sites, doubtful_patches
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
+from antiosc.simulation.impact_band import RigidWall
+from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.free_sites import FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap
 from antiosc.studies.map_stresses import largest_stresses
 
 #: The band where none is given, over the last free mode.
 WITHIN = 0.5
+#: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
+#: tolerance of the impact there.
+BEYOND, COARSE = 0.01, 1e-3
+AT_REST: dict[str, Any] = {
+    "initial_velocity": 0.0, "gravity": 0.0, "gap": None, "max_contacts": 10_000,
+    "max_steps": MAX_STEPS,
+}  # fmt: skip
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
 
@@ -162,6 +171,7 @@ def impact_map(
         skipped=found.count - len(sites),
         names=found.names,
         info=info,
+        doubtful=doubtful_patches(sites),
     )
     on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or contact is None or duration is None:
@@ -252,6 +262,9 @@ def _struck(
     def gathered(name: str) -> Array:
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
+    # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
+    on_wall = impact(RigidWall(), impactor, contact, duration, tol=COARSE, **AT_REST)[0].peak_force
+    peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}
     found: dict[str, Any] = {}
@@ -266,7 +279,8 @@ def _struck(
         impactor=impactor,
         contact=contact,
         duration=duration,
-        peak_force=gathered("peak_force"),
+        doubtful=result.doubtful | (peaks > (1 + BEYOND) * on_wall),
+        peak_force=peaks,
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),

@@ -94,3 +94,32 @@ def test_the_edge_of_a_support_is_told():
     assert "support" in peak.doubt
     assert peak.doubt in peak.summary()
     assert peak.mesh_error.shape == peak.values.shape
+
+
+def test_sheets_tell_that_their_error_is_not_known():
+    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=5e-3)
+    mesh = ao.read_mesh(parts.plate((4, 2), (0.2, 0.1)).dolfinx, gdim=3)
+    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
+    part, hit = held(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), 100.0)
+    peak = ao.peak_field(part, hit, body="part")
+    assert peak.mesh_error is None
+    assert "not estimated" in peak.doubt
+    assert peak.doubt in peak.summary()
+
+
+def test_a_contact_that_yields_is_told_beside_the_margin():
+    """The pressure is Hertz's of `contact_stress`; a soft blow and a part of rubber say nothing."""
+    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=8e-3, yield_strength=355e6)
+    mesh = ao.read_mesh(parts.plate((8, 4), (0.2, 0.1)).dolfinx, gdim=3)
+    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
+    model = ao.extract(part, ao.Site((0.1, 0.05, 0.0), (0, 0, -1)), n=20)
+    for speed, yields in ((2.0, True), (1e-4, False)):
+        ball = ao.Sphere(0.015, 210e9, 0.3, 7850.0, velocity=speed)
+        hit = ao.simulate(model, ball, ball.hertz(210e9, 0.3), 3e-4)
+        margin = ao.peak_field(part, hit).margin()
+        pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
+        assert (pressure > 1.6 * 355e6) == yields
+        assert bool(margin.contact) == yields
+        assert ("Thornton" in margin.sentence) == yields
+        if yields:
+            assert f"{1e-9 * pressure:.2f} GPa" in margin.sentence

@@ -190,7 +190,7 @@ def test_a_summary_tells_what_its_error_covers(error):
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
     told = "in error_budget" if error else 'not estimated, error="estimate"'
     for text in (hit.summary(), hit.numbers()["error_covers"]):
-        assert f"time integration; mesh: {told}" in text
+        assert f"time integration; truncation, mesh: {told}" in text
 
 
 def test_a_point_above_a_plane_part_is_off_it():

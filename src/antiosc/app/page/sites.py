@@ -70,7 +70,7 @@ def of_map(
         .astype(np.uint32)
         .ravel(),
         "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
-        "first": int(np.nanargmax(found.peak_force)),
+        "first": found.hardest(),
         "names": {name: SHOWN[name][0] for name in quantities},
         "units": {name: SHOWN[name][1] for name in quantities},
         "quantities": quantities | every,

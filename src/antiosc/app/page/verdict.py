@@ -62,12 +62,15 @@ def of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        low, high = (float(end(found.peak_force)) for end in (np.nanmin, np.nanmax))
+        hardest = found.hardest()
+        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[hardest])
         numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
         times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
         numbers.append(("contact time", " to ".join(times)))
-        where = place(found.points[int(np.nanargmax(found.peak_force))])
+        where = place(found.points[hardest])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
+        if found.doubtful.any():
+            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
     if found.peak_stress is not None:
         sentences.append(_most_dangerous(found))
     worst = float(found.error.max())
@@ -84,7 +87,8 @@ def _most_dangerous(found: ImpactMap) -> str:
     assert found.peak_stress is not None
     assert found.stress_points is not None
     share = found.exposure
-    i = int(np.nanargmax(found.peak_stress if share is None else share))
+    trusted = ~found.doubtful | found.doubtful.all()
+    i = int(np.nanargmax(np.where(trusted, found.peak_stress if share is None else share, np.nan)))
     told = (
         f"A blow at {place(found.points[i])} stresses the part most:"
         f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"

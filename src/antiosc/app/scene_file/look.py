@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from math import floor, log10
+from math import floor, log10, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +55,12 @@ ROOM = 0.1
 MERGED = 1e-6
 #: Distance over the size of the part within which nodes lie on a plane.
 ON_PLANE = 1e-6
+#: The material of a new scene, of the part and of the ball.
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
 THIN, SLENDER = 0.005, 0.03
+#: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
+LOWEST = 0.56
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,13 @@ class Look:
     def thickness(self) -> float:
         """A guess of a sheet's thickness, or of a bar's diameter."""
         return float(f"{(SLENDER if self.family == 'Beam' else THIN) * self.length:.1g}")
+
+    @property
+    def duration(self) -> float:
+        """Three half periods [s] of a sheet's lowest bending vibration, as if held at one end."""
+        E, nu, rho = STEEL["E"], STEEL["nu"], STEEL["rho"]
+        bending = self.thickness * sqrt(E / (12 * (1 - nu**2) * rho))
+        return float(f"{1.5 * self.length**2 / (LOWEST * bending):.1g}")
 
     def sentences(self, name: str) -> list[str]:
         """What was found, for the terminal."""

@@ -222,7 +222,7 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["monte_carlo"] = result_tables.sample_columns(found.sample)
     if found.map is not None:
         content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
-        content["map"] |= found.map.quantities()
+        content["map"] |= found.map.quantities() | {"doubtful": found.map.doubtful}
     return content
 
 

@@ -307,7 +307,7 @@ def map_rows(found: Any) -> Rows:
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
-            i = own[np.argmax(found.peak_force[own])]
+            i = found.hardest(own)
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))

@@ -7,10 +7,12 @@ import os
 import secrets
 from pathlib import Path
 
-from antiosc.app.scene_file.look import Look, draw, look, look_at_deck
+from antiosc.app.scene_file.look import STEEL, Look, draw, look, look_at_deck
 from antiosc.app.scene_file.pages import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
+from antiosc.simulation.impact_band import impact_band
+from antiosc.simulation.impactors import Sphere
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
@@ -42,9 +44,16 @@ def text(name: str, source: str, found: Look | None, drop: bool = False) -> str:
         family="Solid" if found is None else found.family,
         point=[0.0, 0.0, 0.1] if found is None else found.point,
         direction=[0.0, 0.0, -1.0] if found is None else found.direction,
+        band=_band(),
         drop=drop,
         json=json.dumps,
     )
+
+
+def _band() -> float:
+    """Highest circular frequency [rad/s] that the impact of the scene excites, two digits."""
+    ball = Sphere(radius=0.01, **STEEL, velocity=1.0)
+    return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 
 
 def _looked(part: Path) -> tuple[Look | None, list[str]]:

@@ -162,7 +162,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
             f"refine=[(point, {sites.radii[i]:g})] or take radius={rounded_up(sites.size[i]):g}.",
         )
-    cut = sites.share < WHOLE_PATCH
+    cut = _cut(sites)
     if cut.any():
         _warn(
             structure,
@@ -170,7 +170,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             "lies on the face, so its half-space compliance does not hold; move the site or take a "
             "smaller radius.",
         )
-    constrained = (1 - sites.moving > PARTLY) & (sites.local > 0)
+    constrained = _held(sites)
     if constrained.any():
         _warn(
             structure,
@@ -178,6 +178,19 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
             "site or take a smaller radius.",
         )
+
+
+def doubtful_patches(sites: Sites) -> BoolArray:
+    """Sites (P,) whose half-space compliance does not hold: `tell` warns of them."""
+    return _cut(sites) | _held(sites)
+
+
+def _cut(sites: Sites) -> BoolArray:
+    return np.asarray(sites.share < WHOLE_PATCH)
+
+
+def _held(sites: Sites) -> BoolArray:
+    return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
 
 
 def rounded_up(value: float) -> float:
