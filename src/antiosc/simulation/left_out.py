@@ -84,6 +84,7 @@ def too_few(hit: History) -> str:
         return ""
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {share:.0%} (above {ENOUGH:.0%} the peak force is not known);"
+        f" may change the force by {share:.0%} (above {ENOUGH:.0%} neither peak force nor contact"
+        " time is known);"
         " extract(…, band=ao.impact_band(impactor, contact)) takes as many as the contact needs."
     )
