@@ -59,13 +59,17 @@ def test_a_name_for_a_type_holds_what_the_type_holds():
         assert kinds_of(SimpleNamespace(__value__=annotation)) == kinds_of(annotation) != ()
 
 
+#: Bodies that are no impactors.
+BODIES = (ao.AntiOscillators, ao.LinearBody, ao.SoilCone)
+
+
 def test_every_public_class_of_a_section_is_in_its_list():
     """A new material, law, impactor or joint, and each constructor of a law or an impactor."""
     public = [getattr(ao, name) for name in ao.__all__ if inspect.isclass(getattr(ao, name))]
     public = [kind for kind in public if not inspect.isabstract(kind)]
     laws = [kind for kind in public if issubclass(kind, ao.ContactLaw)]
     impactors = [kind for kind in public if callable(getattr(kind, "modal", None))]
-    impactors = [kind for kind in impactors if kind not in (ao.AntiOscillators, ao.LinearBody)]
+    impactors = [kind for kind in impactors if kind not in BODIES]
 
     def constructors(kind: type) -> list[str]:
         names = inspect.getmembers(kind, inspect.ismethod)

@@ -137,7 +137,6 @@ def test_what_does_not_take_such_damping_says_so(tmp_path):
         lambda: ao.export(tmp_path / "a.c", DAMPED, BALL, LAW),
         lambda: ao.export(tmp_path / "a.fmu", DAMPED),
         lambda: ao.simulate(DAMPED, BALL, LAW, END, method="newmark"),
-        lambda: ao.Floor(model=DAMPED),
     ):
         with pytest.raises(InputError, match="DampingMatrix"):
             call()
