@@ -22,6 +22,7 @@ from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error
 from antiosc.simulation.impact_band import RigidWall
 from antiosc.studies import maps
+from antiosc.studies.map_results import hardest
 from paths import MESHES
 
 pytestmark = pytest.mark.fem
@@ -324,7 +325,7 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
         )
     assert found.doubtful.tolist() == [False, True]
     hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
-    assert hard.hardest() == 0
+    assert hardest(hard) == 0
     assert "1 doubtful" in hard.summary()
     mesh = meshio.read(hard.write(tmp_path / "map.vtu"))
     assert mesh.point_data["doubtful"].tolist() == [0.0, 1.0]

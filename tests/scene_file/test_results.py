@@ -43,7 +43,8 @@ class Map(SimpleNamespace):
 
 POINTS = np.array([(0, 0, 0), (1, 0, 0), (0, 1.25, 0), (1, 1, 2.0)])
 TWO = Map(points=POINTS, names=np.array(["u", "v", "u", "v"]), skipped=3,
-          k0=np.array([2e6, np.nan, 1e6, 3e6]), peak_force=np.array([10.0, 20.0, 30.0, 5.0]),
+          doubtful=np.zeros(4, bool), k0=np.array([2e6, np.nan, 1e6, 3e6]),
+          peak_force=np.array([10.0, 20.0, 30.0, 5.0]),
           write=lambda path: path, plot=lambda path: path.write_bytes(b"drawn"))  # fmt: skip
 ONE = Map(**{**vars(TWO), "names": np.array(["u"] * 4), "skipped": 0})
 

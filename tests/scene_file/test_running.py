@@ -349,7 +349,7 @@ kind = "impactor.hertz"
 E = 210e9
 nu = 0.3
 """
-    path = written(tmp_path, BEAM[:start] + hammer + BEAM[end:])
+    path = written(tmp_path, BEAM[:start].replace("n = 6", "n = 12") + hammer + BEAM[end:])
     assert antiosc("run", path, "--out", tmp_path) == 0
     found = objects(path)
     assert found.impactor.mass == 0.5

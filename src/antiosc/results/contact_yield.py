@@ -23,7 +23,7 @@ def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
     Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
     isotropic material.
     """
-    contacts = getattr(history, "contact_histories", ())
+    contacts: Any = getattr(history, "contact_histories", ())
     law = history.assembly.scene.contacts[0].law if len(contacts) == 1 else None
     if not isinstance(law, Hertz) or not contacts[0].peak_force > 0:
         return ""

@@ -1,11 +1,9 @@
 """Whether the anti-oscillators of an extracted model suffice for a contact, without a further run.
 
-What n anti-oscillators leave out of Z lies between two extremes. In one it is the residual mass m0,
-as in the model. In the other, n converged anti-oscillators leave m0 on a spring with the next
-frequency. Those of the Krylov method are, with λ_i = 1/ω_i² and λ_0 = 0 of m0, the Gauss–Radau rule
-of the measure of all masses over λ; the Gauss rule with the same moments, which has no mass at
-λ = 0, is the other extreme (Golub and Meurant, *Matrices, Moments and Quadrature*, 2010, ch. 6).
-With σ = 1/s² its Z lacks
+What the anti-oscillators of the Krylov method leave out of Z lies between two extremes. With
+λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are the Gauss–Radau rule of the measure of all
+masses over λ; the Gauss rule with the same moments, without a mass at λ = 0, is the other extreme
+(Golub and Meurant, *Matrices, Moments and Quadrature*, 2010, ch. 6). With σ = 1/s² its Z lacks
 
     D(s) = 1/Σ_i [(λ_i + σ)/m_i Π_(j≠i) ((λ_j + σ)/(λ_i - λ_j))²].
 
@@ -33,8 +31,15 @@ ENOUGH = 0.2
 
 
 def left_out(model: AntiOscillators, assembly: Assembly) -> float:
-    """Share of the force of an impact on a model in which both extremes differ, 0 … about 1."""
-    if model.m0 == 0 or model.n == 0:
+    """Share of the force of an impact on a model in which both extremes differ, 0 … about 1.
+
+    0 for models whose anti-oscillators have all converged, such as those of method="modes": what
+    they leave out is not bounded as closely.
+    """
+    info = model.info
+    if info.method != "krylov" or info.converged is None or info.converged >= model.n:
+        return 0.0
+    if model.m0 == 0:
         return 0.0
     system, (law,) = assembly.system, assembly.laws
     s = np.pi / assembly.lasting * RAY
@@ -55,11 +60,7 @@ def left_out(model: AntiOscillators, assembly: Assembly) -> float:
 
 def _lacking(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
     """What Z of the softer extreme has less, at complex s."""
-    omega, converged = model.omega, model.info.converged
-    if converged is None or converged >= model.n:
-        following = 2 * omega[-1] - omega[-2] if model.n > 1 else 2 * omega[0]
-        return np.asarray(model.m0 * s**4 / (following**2 + s**2))
-    lam, masses = np.append(0.0, omega**-2.0), np.append(model.m0, model.m)
+    lam, masses = np.append(0.0, model.omega**-2.0), np.append(model.m0, model.m)
     apart = abs(lam[:, None] - lam)
     apart.flat[:: lam.size + 1] = 1.0
     own = 2 * np.log(np.maximum(apart, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
@@ -72,18 +73,17 @@ def _lacking(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
 def too_few(hit: History) -> str:
     """That the anti-oscillators are too few for the contact; "" where they suffice.
 
-    Of models that `extract` made from a structure; the number of others is their maker's choice.
+    Of models that `extract` made by the Krylov method; other truncations are their maker's choice.
     """
     model = hit.model
     if not isinstance(model, AntiOscillators) or model.sites or not hit.run.touches:
-        return ""
-    if model.info.method not in ("krylov", "modes"):
         return ""
     share = left_out(model, hit.assembly)
     if share <= ENOUGH:
         return ""
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {share:.0%} (above {ENOUGH:.0%} the peak force is not known);"
+        f" may change the force by {share:.0%} (above {ENOUGH:.0%} neither peak force nor contact"
+        " time is known);"
         " extract(…, band=ao.impact_band(impactor, contact)) takes as many as the contact needs."
     )

@@ -166,18 +166,6 @@ class ImpactMap(Brief):
         """Name of each group or part -> numbers of its sites, in their order."""
         return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
 
-    def hardest(self, own: IntArray | None = None) -> int:
-        """Number of the site of the largest peak force, of some or all that are not doubtful.
-
-        Of those that are, where there are no others.
-        """
-        if self.peak_force is None:
-            raise InputError("the map has no impacts: give impactor, contact and duration.")
-        own = np.arange(len(self)) if own is None else own
-        trusted = own[~self.doubtful[own]]
-        own = trusted if trusted.size else own
-        return int(own[np.argmax(self.peak_force[own])])
-
     def summary(self) -> str:
         """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
         surfaces = self.surfaces()
@@ -190,7 +178,7 @@ class ImpactMap(Brief):
             k0 = self.models.k0[own]
             row = f"{name or 'sites':<{width}}{len(own):>7}{span(k0.min(), k0.max(), 'N/m'):>32}"
             if self.peak_force is not None:
-                i = self.hardest(own)
+                i = hardest(self, own)
                 force = engineering(self.peak_force[i], "N", 4)
                 row += f"{force:>12}  {place(self.points[i])}"
             rows.append(row)
@@ -206,3 +194,15 @@ class ImpactMap(Brief):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
         return plot_map(self, path, quantity)
+
+
+def hardest(found: ImpactMap, own: IntArray | None = None) -> int:
+    """Number of the site of the largest peak force, of some or all that are not doubtful.
+
+    Of those that are, where there are no others; of a map with impacts.
+    """
+    assert found.peak_force is not None
+    own = np.arange(len(found)) if own is None else own
+    trusted = own[~found.doubtful[own]]
+    own = trusted if trusted.size else own
+    return int(own[np.argmax(found.peak_force[own])])

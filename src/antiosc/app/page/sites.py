@@ -12,7 +12,7 @@ from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
 from antiosc.contact.compiled import is_compiled
 from antiosc.models.body import checked_body
-from antiosc.studies.map_results import ImpactMap
+from antiosc.studies.map_results import ImpactMap, hardest
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -70,7 +70,7 @@ def of_map(
         .astype(np.uint32)
         .ravel(),
         "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
-        "first": found.hardest(),
+        "first": hardest(found),
         "names": {name: SHOWN[name][0] for name in quantities},
         "units": {name: SHOWN[name][1] for name in quantities},
         "quantities": quantities | every,

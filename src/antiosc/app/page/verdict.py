@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base.engineering import engineering, percent, place, with_bar
 from antiosc.models.body import places_of
 from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.studies.map_results import ImpactMap
+from antiosc.studies.map_results import ImpactMap, hardest
 
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
@@ -62,12 +62,12 @@ def of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        hardest = found.hardest()
-        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[hardest])
+        worst_site = hardest(found)
+        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[worst_site])
         numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
         times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
         numbers.append(("contact time", " to ".join(times)))
-        where = place(found.points[hardest])
+        where = place(found.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
             sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")

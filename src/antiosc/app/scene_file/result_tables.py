@@ -14,6 +14,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.named_impactors import GRAVITY
+from antiosc.studies.map_results import hardest
 
 #: Names and values.
 Rows = list[tuple[str, str]]
@@ -307,7 +308,7 @@ def map_rows(found: Any) -> Rows:
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
-            i = found.hardest(own)
+            i = hardest(found, own)
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))
