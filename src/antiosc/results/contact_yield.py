@@ -28,10 +28,14 @@ def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
     if not isinstance(law, Hertz) or not contacts[0].peak_force > 0:
         return ""
     members = with_parts(structure).fields(shapes, None)
-    materials = {one for member, _ in members for one, _ in member.part.parts}
+    materials = {id(one): one for member, _ in members for one, _ in member.part.parts}
     striker = history.impactor
     own: list[Any] = [getattr(striker, name, None) for name in ("E", "nu")]
-    own += [getattr(one, name, None) for one in materials for name in ("E", "nu", "yield_strength")]
+    own += [
+        getattr(one, name, None)
+        for one in materials.values()
+        for name in ("E", "nu", "yield_strength")
+    ]
     if len(own) != 5 or not all(isinstance(value, float) for value in own):
         return ""
     E, nu, part_E, part_nu, strength = own
