@@ -27,7 +27,7 @@ from antiosc.simulation.history import History
 #: Points s of the ray over π/T, T the expected contact time.
 RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
 #: Share of the force from which a warning is given.
-ENOUGH = 0.2
+ENOUGH = 0.3
 
 
 def left_out(model: AntiOscillators, assembly: Assembly) -> float:
