@@ -32,7 +32,7 @@ def main(
     size: float = 0.06,
     mass: float = 0.1,
     velocity: float = 10.0,
-    n: int = 60,
+    n: int = 160,
     duration: float = 12e-3,
     out: Path = ROOT / "out",
 ) -> dict[str, dict[str, float]]:

@@ -36,6 +36,7 @@ def struck(supports, **options) -> tuple[ao.Structure, ao.ImpactMap]:
     return part, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", [True, False])
 def test_the_largest_stress_is_that_of_the_impact_by_itself(supports):
     part, found = struck(supports, yield_strength=YIELD)

@@ -11,6 +11,7 @@ from antiosc import closed_form
 NAMES = ("mass", "velocity", "stiffness")
 
 
+@pytest.mark.slow
 def test_bars_hold_what_more_oscillators_and_finer_steps_give() -> None:
     beam = closed_form.UniformBeam.timoshenko(
         E=70e9, nu=0.33, rho=2700.0, area=2e-4, inertia=1.7e-9, length=0.3

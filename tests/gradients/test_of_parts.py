@@ -68,6 +68,7 @@ def struck() -> tuple[ao.Structure, ao.History]:
     return part, push(part)
 
 
+@pytest.mark.slow
 def test_thickness_against_extracting_again(struck: tuple[ao.Structure, ao.History]) -> None:
     part, hit = struck
     g = ao.gradient(hit, "peak_force", part=part)
@@ -83,6 +84,7 @@ def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.Hi
     assert g.x[0] == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=0, abs=2e-3 * g.value)
 
 
+@pytest.mark.slow
 def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.History]) -> None:
     part, hit = struck
     g = ao.gradient(hit, "impulse", part=part)

@@ -94,6 +94,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert all(any(unit in caption for caption in captions) for unit in units[:4])
 
 
+@pytest.mark.slow
 def test_the_page_is_one_file_that_fetches_nothing_and_runs_its_own_program(made):
     _, source, page = made
     assert page.fetched == page.handlers == []

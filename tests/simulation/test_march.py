@@ -57,6 +57,7 @@ def test_the_structures_have_the_sizes_of_the_librarys() -> None:
     assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
 @pytest.mark.parametrize("t", [1e-3, 0.04, 1.3])
 def test_slopes_of_responses(ratio: float, t: float) -> None:

@@ -68,6 +68,7 @@ def test_sections_by_their_definitions():
 # --- One element ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_linear_element_is_the_classical_one():
     """One-point shear: 2-node Timoshenko element, e.g. Hughes, The FEM (1987), §5.4."""
     L = 0.3

@@ -60,6 +60,7 @@ def clamped_error(n, t, cell):
     return np.abs(factors / [first, second, second] - 1).max()
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("cell", [*CELLS, pytest.param("one way", marks=pytest.mark.slow)])
 def test_no_locking(cell):
@@ -102,6 +103,7 @@ def test_dropped_rotations_have_no_moment():
         assert mean == pytest.approx(np.zeros(2), abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.sample
 @pytest.mark.parametrize(("cell", "t"), [(c, t) for c in CELLS for t in (1e-1, 1e-3)])
 def test_frequencies_converge_with_the_fourth_order(cell, t):

@@ -50,6 +50,7 @@ def test_facets_of_a_bent_block():
     assert "curved surface" in faceted(mesh)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_gaps_of_a_ring(cell):
     """What a polygon of n sides lacks of an arc; at each end half a side is not known as curved."""
@@ -67,6 +68,7 @@ def test_gaps_of_a_ring(cell):
     assert mass == pytest.approx(STEEL["rho"] * 0.02 * 0.75 * cut / part.mass, rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_gaps_of_a_tube(cell):
     n = 15

@@ -115,6 +115,7 @@ def test_k0_of_nested_meshes(cell, order):
         assert abs(model.corrected().k0 - finest.k0) < 0.5 * (model.k0 - finest.k0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plane", ["stress", "strain", None])
 def test_stiffness_of_plane_parts_and_solids(plane):
     """Energies of affine displacements are those of K, isotropic figures those of textbooks."""

@@ -48,6 +48,7 @@ def test_all_modes_give_the_direct_harmonic_solution(case):
         assert np.abs(plain).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_zeros_of_the_model_are_the_free_frequencies(case):
     """The reduced system's own modes are those of the structure that move the site."""
     structure, b, rigid, model = case

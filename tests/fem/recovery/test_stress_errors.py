@@ -30,6 +30,7 @@ def kirsch(x: np.ndarray, a: float, stress: float) -> np.ndarray:
     return stress * a / (8 * G) * np.stack([u, v], axis=1)
 
 
+@pytest.mark.slow
 def test_the_stress_at_a_hole_is_three_times_that_far_away_within_its_estimated_error():
     """The exact displacements at the nodes of quadratic cells: what is left is recovery."""
     found = []
@@ -96,6 +97,7 @@ def test_the_edge_of_a_support_is_told():
     assert peak.mesh_error.shape == peak.values.shape
 
 
+@pytest.mark.slow
 def test_sheets_tell_that_their_error_is_not_known():
     shell = ao.Shell(210e9, 0.3, 7850.0, thickness=5e-3)
     mesh = ao.read_mesh(parts.plate((4, 2), (0.2, 0.1)).dolfinx, gdim=3)
