@@ -96,7 +96,7 @@ class Scene:
         def excess(radius: float) -> float:
             return self._inelasticity(ao.Sphere(radius, **NYLON, velocity=velocity)) - lam
 
-        self.sphere = ao.Sphere(brentq(excess, 1e-5, 10.0), **NYLON, velocity=velocity)
+        self.sphere = ao.Sphere(brentq(excess, 1e-5, 5.0), **NYLON, velocity=velocity)
         self.contact = self.sphere.hertz(ALUMINIUM["E"], ALUMINIUM["nu"])
         unit = zener.time_unit(self.sphere.mass, velocity, self.contact.stiffness)
         #: contact time on the infinite plate, s

@@ -203,7 +203,7 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     pytest.importorskip("dolfinx")
     target = tmp_path / "new.toml"
     assert antiosc("new", target, MESHES / "bracket.msh") == 0
-    sections_and_keys = r"^# (?=\[+[a-z.]+\]+( +#|$)|\w[\w.]* = )"
+    sections_and_keys = r"^# (?=\[+[a-z_.]+\]+( +#|$)|\w[\w.]* = )"
     text = re.sub(sections_and_keys, "", target.read_text(), flags=re.M)
     assert len(re.findall(r"^\w[\w.]* = ", text, re.M)) > 35
     text = re.sub(r"^(size|refine|unit) = .*", "", text, flags=re.M)  # not of this mesh
