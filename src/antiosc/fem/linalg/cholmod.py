@@ -76,7 +76,7 @@ class _Memory:
         self.work = [c_void_p() for _ in range(3)]  # X, Y and E of cholmod_l_solve2
 
     def __del__(self) -> None:
-        if not self.work:  # it was not started
+        if not self.work or byref is None:  # it was not started, or Python ends
             return
         for work in self.work:
             self.lib.cholmod_l_free_dense(byref(work), byref(self.common))
