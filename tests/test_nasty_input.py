@@ -37,7 +37,7 @@ DEAR = {
 ROOMS = ("plotting.", "Fall.", "Drops.", "Sample.", "PeakField.", "SavedFields.", "closed_form.")
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith(ROOMS)}
 #: Parameters that take the caller's own function: what that raises is the caller's.
-OWN_FUNCTIONS = {"make", "run", "build"}
+OWN_FUNCTIONS = {"make", "run", "build", "part"}
 
 QUICK = settings(
     max_examples=3,

@@ -257,3 +257,15 @@ def test_fitted_bodies_become_passive_models():
         assert np.abs(H - exact).max() < 1e-5 * np.abs(exact).max()
         power = (1j * w[:, None, None] * H).real
         assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()
+
+
+def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
+    """Two modes, half a per cent of noise: a body of 269 kg on a soft spring fitted its tail."""
+    f = np.linspace(5.0, 2000.0, 400)
+    iw = 2j * np.pi * f
+    part = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.1], omega=[2000.0], damping=ao.Damping(0.01))
+    noise = 0.005 * np.random.default_rng(1).standard_normal((400, 2)) @ [1, 1j]
+    H = part.modal().receptance(iw.imag) * iw**2 * (1 + noise)
+    model = ao.from_frf(ao.FRF(f, H, "accelerance"), damping="viscous")
+    assert model.k0 == pytest.approx(1e6, rel=0.02)
+    assert model.m_st < 0.2

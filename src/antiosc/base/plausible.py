@@ -17,6 +17,9 @@ from antiosc.base.errors import InputError, MeshError, warn
 
 #: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
 SLOWEST_WAVE, FASTEST_WAVE = 50.0, 20_000.0
+#: Speed of waves, √(E/ρ), that readers of decks give a material without mass, m/s: its mass is
+#: some 1e-9 of that of a real one.
+MASSLESS_WAVE = 1e8
 #: No solid as dense as this, kg/m³, has slower waves than this, m/s; none has faster ones than
 #: light.
 DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
@@ -59,7 +62,8 @@ class Material(Protocol):
 def of_material(one: Material) -> str:
     """What is implausible of a material; "" for nothing. InputError for what is impossible."""
     speed, name = one.bar_speed(), type(one).__name__
-    if SLOWEST_WAVE <= speed <= FASTEST_WAVE:
+    massless = 0.5 < speed / MASSLESS_WAVE < 2  # bending and shear may have other speeds
+    if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
         return _of_strength(getattr(one, "yield_strength", None))
     E, rho = getattr(one, "E", None), getattr(one, "rho", None)
     sentence = (

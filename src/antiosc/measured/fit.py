@@ -50,6 +50,9 @@ DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
 LEAST_MOTION = 0.01
 #: Most of the lowest line that is neither mass nor spring, where it shows which of the two.
 NEITHER = 0.5
+#: Number of the lowest lines, and most misfit there of a free body over that of a supported one:
+#: elsewhere a rigid-body motion may stand for a tail that does not fit.
+LOWEST, SEEN = 5, 2.0
 #: Ratio of the weights before and after a round below which the noise is known.
 SETTLED = 1.05
 
@@ -99,7 +102,9 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
         held = _finished(data, weight, replace(modes, rigid=None))
-        if _slight(data, best.modes) or held.cost < best.cost + STANDS**2 * max(best.chi2, 1.0):
+        stands = held.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
+        seen = _off_below(data, best.modes) < SEEN * _off_below(data, held.modes)
+        if _slight(data, best.modes) or not (stands and seen):
             best = held
     bodies = [best.modes, *_other_tails(data, best)]
     best = min(
@@ -109,6 +114,13 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
         other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, other, key=_cost)
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
+
+
+def _off_below(data: Measured, modes: Modes) -> float:
+    """Mean relative misfit of the lowest lines, which rigid-body motion moves most."""
+    low = slice(LOWEST)
+    fit = modes.receptance(data.w[low], data.pairs)
+    return float(np.mean(np.abs(fit / data.H[low] - 1)))
 
 
 def _slight(data: Measured, modes: Modes) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
+from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Block, Deck, IntArray, Place, some_rows
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
@@ -42,8 +43,6 @@ def nodes_of_block(block: Block) -> IntArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Roles of elements that are springs between other elements; rods alone are a truss.
 SPRINGS = {"rod", "panel"}
-#: √(E/ρ) of a material without density, m/s: its mass is some 1e-9 of that of a real one.
-MASSLESS_WAVE = 1e8
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
 
