@@ -107,6 +107,7 @@ def test_the_limit_stops_with_the_best_answer():
     assert "dofs would meet it" in hit.message
 
 
+@pytest.mark.slow
 def test_a_radius_is_chosen_and_resolved():
     site = ao.Site((0.25, 0.1), (0, -1))
     hit = ao.strike(coarse(), site, *IMPACT, tol=0.2, material=SHEET, supports=HELD)
@@ -114,6 +115,7 @@ def test_a_radius_is_chosen_and_resolved():
     assert not any("resolved" in note for note in hit.error_budget.notes)
 
 
+@pytest.mark.slow
 def test_wrong_requests():
     with pytest.raises(ao.InputError, match="needs a material"):
         ao.strike(coarse(), SITE, *IMPACT, tol=0.1)

@@ -76,6 +76,7 @@ def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
     assert np.linalg.norm(fall.impacts[0].spin_after) < 2.0  # the force passes the centre
 
 
+@pytest.mark.slow
 def test_sharp_and_flat_places(case: ao.Structure) -> None:
     with pytest.warns(ao.AccuracyWarning, match="radius"):
         ao.contact_at(case, (0.12, 0.06, 0.0), STEEL)

@@ -147,6 +147,7 @@ def hinge(tmp_path: Path) -> ao.Mesh:
     return ao.read_mesh(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["modes", "krylov"])
 @pytest.mark.parametrize("supports", [[ao.Support(lambda x: np.isclose(x[0], 0))], []],
                          ids=["supported", "free"])  # fmt: skip

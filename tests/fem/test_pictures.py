@@ -59,6 +59,7 @@ def test_the_picture_of_a_moved_sheet(hit, tmp_path):
         plot_deformed(structure, history, path, time=1.0)
 
 
+@pytest.mark.slow
 def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
     """A shell on a mesh with two coordinates moves along z: probe and series show it."""
     flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), np.array([0.2, 0.1])], [4, 2])

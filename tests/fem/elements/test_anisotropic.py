@@ -130,6 +130,7 @@ def test_bad_constants_are_refused(change, message):
         ao.AnisotropicSolid(-np.eye(6), 1.0)
 
 
+@pytest.mark.slow
 def test_a_patch_on_it_is_refused():
     part = ao.Structure(parts.box(), ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0))
     tip = part.mesh.dolfinx.geometry.x.max(axis=0) * [1, 0.5, 0.5]

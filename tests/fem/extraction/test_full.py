@@ -83,6 +83,7 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
+@pytest.mark.slow
 @pytest.mark.sample
 def test_residual_shape_goes_with_the_residual_compliance(plate):
     part, site = plate

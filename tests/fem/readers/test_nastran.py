@@ -35,6 +35,7 @@ def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
     assert set(ours.group("SPC 1")) == {2}
 
 
+@pytest.mark.slow
 def test_a_solid_deck_is_a_structure():
     tube = ao.read_model(DECKS / "tube.bdf")
     by_hand = ao.Structure(
