@@ -62,7 +62,7 @@ class Material(Protocol):
 def of_material(one: Material) -> str:
     """What is implausible of a material; "" for nothing. InputError for what is impossible."""
     speed, name = one.bar_speed(), type(one).__name__
-    massless = 0.5 < speed / MASSLESS_WAVE < 2  # bending and shear may have other speeds
+    massless = abs(speed / MASSLESS_WAVE - 1) < ROUNDING
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
         return _of_strength(getattr(one, "yield_strength", None))
     E, rho = getattr(one, "E", None), getattr(one, "rho", None)

@@ -113,7 +113,8 @@ class Sphere(Given, Body):
             rho=checks.positive("rho", rho, "kg/m^3"),
             velocity=checks.number("velocity", velocity, "m/s"),
         )
-        plausible.tell([plausible.of_sphere(self.radius, self.rho)])
+        if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
+            plausible.tell([plausible.of_sphere(self.radius, self.rho)])
 
     @property
     def mass(self) -> float:

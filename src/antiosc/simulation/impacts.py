@@ -176,11 +176,11 @@ class _Space:
         """
         at = march.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
-        if size == self.size:
-            return True
-        self.size = size
-        room = int(march.library.aom_batch_nodes(size)) <= self.time.size
-        return room and march.library.aom_batch_create(size, *at) == march.DONE
+        if size != self.size:
+            room = int(march.library.aom_batch_nodes(size)) <= self.time.size
+            made = room and march.library.aom_batch_create(size, *at) == march.DONE
+            self.size = size if made else -1
+        return size == self.size
 
     def taken(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
         """The nodes that were written, so many of each impact."""

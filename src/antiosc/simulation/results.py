@@ -101,7 +101,7 @@ class Results(Brief):
         Raises
         ------
         InputError
-            The file cannot be written.
+            The file cannot be written, or has the ending of a table.
         """
         target, table = checks.path("path", path), self.columns()
         if target.suffix.lower() in TABLES:

@@ -69,7 +69,7 @@ def options_of(hit: History) -> dict[str, Any] | None:
     return None if again is None else dict(again.keywords["options"])
 
 
-def with_model(hit: History, name: str, model: AntiOscillators) -> Assembly:
+def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
     """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
     options = options_of(hit)
     if options is not None:

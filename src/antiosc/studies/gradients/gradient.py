@@ -19,7 +19,7 @@ from antiosc.contact.compiled import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation import engine
-from antiosc.studies.gradients.changes import as_it_is, bar, changed, compared_runs, with_model
+from antiosc.studies.gradients.changes import as_it_is, bar, changed, compared_runs, assembly_with
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
 from antiosc.studies.gradients.recorded import Part, Recorded, recorded
@@ -219,7 +219,7 @@ def _of_part(
         raise InputError("part is a function of x: give the x at which the run was made.")
 
     def change(which: int, *ends: AntiOscillators) -> float:
-        before, after = (with_model(hit, name, models[which](each)) for each in ends)
+        before, after = (assembly_with(hit, name, models[which](each)) for each in ends)
         return changed(*taken[which], before=before, after=after)
 
     changes = [partial(change, which) for which in range(len(taken))]
