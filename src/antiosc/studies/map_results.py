@@ -205,4 +205,4 @@ def hardest(found: ImpactMap, own: IntArray | None = None) -> int:
     own = np.arange(len(found)) if own is None else own
     trusted = own[~found.doubtful[own]]
     own = trusted if trusted.size else own
-    return int(own[np.nanargmax(found.peak_force[own])])
+    return int(own[np.argmax(np.nan_to_num(found.peak_force[own], nan=-1.0))])
