@@ -6,7 +6,8 @@ from typing import Any
 
 import antiosc
 from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.run import Evaluation, telling
+from antiosc.app.scene_file.evaluation import Evaluation
+from antiosc.app.scene_file.run import telling
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base.errors import InputError
 

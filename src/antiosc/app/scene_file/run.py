@@ -8,33 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from antiosc.app.scene_file.build import Call, refused, replaced
-from antiosc.app.scene_file.read import Document
+from antiosc.app.scene_file.evaluation import Evaluation
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base import progress
-from antiosc.base.errors import AntioscError, InputError, warnings_to
+from antiosc.base.errors import AntioscError, warnings_to
 
 T = TypeVar("T")
 
-#: What is called -> what a progress line says meanwhile.
-DOING = {
-    "read_mesh": "reading the mesh",
-    **dict.fromkeys(
-        ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
-    ),
-    **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
-    "from_frf": "fitting the measurement",
-    **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
-    "simulate_many": "simulating the sweep",
-    "impact_map": "mapping the surface",
-    "nearby": "reducing structures nearby",
-    "probe": "motion of the probes",
-    **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
-    "drop": "computing the fall",
-    "find_impact": "finding the blow",
-    "Fall.peak": "peaks of the accelerometers",
-    "Fall.worst": "largest stresses",
-}
 #: Command -> the objects that it makes.
 COMMANDS = {
     "run": (
@@ -76,36 +56,6 @@ class Results:
     worst: Any = None
     found: Any = None
     warnings: list[str] = field(default_factory=list)
-
-
-class Evaluation:
-    """Makes the objects of calls, each once; a mistake of the scene gets its line."""
-
-    def __init__(self, document: Document) -> None:
-        self.document = document
-        self._made: dict[int, Any] = {}
-
-    def __call__(self, value: Any) -> Any:
-        """A value with the objects of the calls in it."""
-        return replaced(value, self._object)
-
-    def _object(self, call: Call) -> Any:
-        if call.made is not None:
-            return call.made
-        if id(call) not in self._made:
-            arguments = {name: self(value) for name, value in call.arguments.items()}
-            text = DOING.get(call.name)
-            with progress.doing(text) if text else contextlib.nullcontext():
-                self._made[id(call)] = self._called(call, arguments)
-        return self._made[id(call)]
-
-    def _called(self, call: Call, arguments: dict[str, Any]) -> Any:
-        try:
-            return call.make(**arguments)
-        except InputError as error:
-            if not call.place:
-                raise
-            raise self.document.problems.error(*refused(call, error)) from error
 
 
 def results(compiled: Compiled, wanted: Sequence[str]) -> Results:

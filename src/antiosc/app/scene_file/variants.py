@@ -9,6 +9,7 @@ from typing import Any
 
 from antiosc.app.scene_file import struck
 from antiosc.app.scene_file.build import Builder, Call
+from antiosc.app.scene_file.evaluation import Evaluation
 from antiosc.app.scene_file.locations import Place
 from antiosc.app.scene_file.problems import Problems, SceneFileError
 from antiosc.app.scene_file.sections import KIND, MODELS
@@ -90,8 +91,6 @@ class Alone:
 
     def made(self) -> Any:
         """Its object; a mistake has the line of the section that was varied."""
-        from antiosc.app.scene_file.run import Evaluation
-
         return Evaluation(self.build.document)(self.call)
 
 
