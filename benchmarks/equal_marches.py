@@ -1,7 +1,8 @@
 """Two libraries of the march on the same random scenes: how far their runs differ.
 
 The other library is that of another checkout, such as the one before a change in csrc. Bits are
-equal where the arithmetic is; where it is not, times and forces are compared at equal steps.
+equal where the arithmetic is; where it is not, times and forces are compared at equal steps. The
+free modes of the models are those of this checkout's library.
 
     .venv/bin/python benchmarks/equal_marches.py ../main/src/antiosc/libantiosc_march.so
 """
@@ -12,7 +13,7 @@ import argparse
 import inspect
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,9 @@ def main(other: Path, scenes: int = 1000, first: int = 0) -> dict[str, Any]:
     counts: Counter[str] = Counter()
     worst, differ = 0.0, []
     for number in range(first, first + scenes):
-        for kind, run in (("impact", impact), ("scene", scene)):
-            mine, theirs = (of(library, run, number) for library in libraries)
+        march.library = libraries[0]
+        for kind, run in (("impact", impact(number)), ("scene", scene(number))):
+            mine, theirs = (of(library, run) for library in libraries)
             off = difference(mine, theirs)
             counts["equal" if off == 0 else "close" if off <= CLOSE else "different"] += 1
             if off > CLOSE:
@@ -53,7 +55,7 @@ def main(other: Path, scenes: int = 1000, first: int = 0) -> dict[str, Any]:
     return {"counts": dict(counts), "worst": worst, "different": differ}
 
 
-def of(library: Any, run: Any, number: int) -> Any:
+def of(library: Any, run: Callable[[], ao.History]) -> Any:
     """The run of a scene by a library, or the sentence of its error."""
     march.library = library
     engine._kept.clear()
@@ -61,17 +63,19 @@ def of(library: Any, run: Any, number: int) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return run(number).run
+            return run().run
         except ao.AntioscError as error:
             return str(error)
 
 
-def impact(number: int) -> ao.History:
-    return ao.simulate(**fuzz.draw(np.random.default_rng(number)))
+def impact(number: int) -> Callable[[], ao.History]:
+    drawn = fuzz.draw(np.random.default_rng(number))
+    return lambda: ao.simulate(**drawn)
 
 
-def scene(number: int) -> ao.History:
-    return fuzz_scenes.draw(number).run(fuzz_scenes.DURATION)
+def scene(number: int) -> Callable[[], ao.History]:
+    drawn = fuzz_scenes.draw(number)
+    return lambda: drawn.run(fuzz_scenes.DURATION)
 
 
 def difference(mine: Any, theirs: Any) -> float:
