@@ -358,8 +358,8 @@ def _rounded(values: Any, size: float = 1.0) -> list[float]:
 
 def draw(found: Look, path: Path) -> None:
     """A picture of the part: its outer faces, the nodes that hold it, and the impact."""
-    from antiosc.charts.deformed import Deformed, deformed_figure
-    from antiosc.charts.figures import save_figure
+    from antiosc.base.charts.deformed import Deformed, deformed_figure
+    from antiosc.base.charts.figures import save_figure
 
     shade = found.held.astype(float)
     label = "1: held"

@@ -11,7 +11,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.error.bisection import inside, polygon
@@ -25,6 +24,7 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.family_limits import strip, thickness_shear
 from antiosc.models.model_info import BeamSection, FacetGaps, Patch
 
 # -- What the share "model" of an error budget must know of a struck beam.
