@@ -19,9 +19,9 @@ from antiosc.base.engineering import engineering, place as placed
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import collective, warn
+from antiosc.fem.fields.series import Frames
+from antiosc.fem.platform.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
-from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search, resolution
 from antiosc.results.contact_yield import contact_yield

@@ -11,7 +11,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.error.bisection import inside, polygon
 from antiosc.fem.error.gaps import faceted, mean_gaps
@@ -19,6 +18,7 @@ from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
 from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import compat
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure

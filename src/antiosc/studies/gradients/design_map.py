@@ -19,8 +19,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm, measure
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.studies.gradients.goals import Sampled
