@@ -95,7 +95,8 @@ def test_soil_as_a_floor_under_a_part_and_as_a_body(folder: Path) -> None:
     (folder / "drop.toml").write_text(SCENE[: SCENE.index("floor")] + floor + "\n" + footing)
     found = compiled(read("drop.toml"))
     cone = ao.soil_cone(0.4, 60e6, 0.3, 1800.0)
-    assert found.fall is not None and found.structure is not None
+    assert found.fall is not None
+    assert found.structure is not None
     assert found.fall.arguments["floor"].made.model == cone
     (carried,) = found.structure.arguments["attached"]
     assert carried.made == ao.Footing((0.06, 0.03, 0.0), 0.4, 60e6, 0.3, 1800.0)
@@ -103,7 +104,8 @@ def test_soil_as_a_floor_under_a_part_and_as_a_body(folder: Path) -> None:
     ground = BODIES.replace('[bodies.b]\nkind = "Obstacle"\n', body)
     (folder / "ground.toml").write_text(f'{MATRICES}dof = "z"\n{ground}')
     scene = compiled(read("ground.toml")).scene
-    assert scene is not None and scene.arguments["bodies"]["b"].made == cone
+    assert scene is not None
+    assert scene.arguments["bodies"]["b"].made == cone
 
 
 def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -175,9 +175,9 @@ def test_an_impact_on_a_cantilever_with_a_tip_damper(c):
 
 @pytest.mark.filterwarnings("ignore:the supports leave the structure free")
 def test_a_column_on_soil_is_the_rod_of_closed_form():
-    """Rod of impedance S = k + iwc - w^2 m at its foot: H = (cos qL + s sin qL)/(EA q (s cos - sin)).
+    """A rod of impedance S = k + iwc - w^2 m at its foot; EA q s = S.
 
-    k and c are those of a disk on the half-space and of its waves, for vertical and sideways motion.
+    k and c are those of a disk on the half-space and of its waves, upright and sideways.
     """
     r, G, nu, rho, L = 0.4, 60e6, 0.4, 1800.0, 2.0
     foot = ao.Footing("start", r, G, nu, rho, mass=100.0)
