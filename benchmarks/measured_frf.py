@@ -27,7 +27,7 @@ import scipy.linalg
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.models.body import Body
+from antiosc.models.body import Body, InModes
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.measured_errors import pulse_time
 
@@ -57,16 +57,6 @@ over error" the median for the peak force.
 
 Not passive, of {passive} models at 2000 frequencies from 0 to 100 times the band: {active}.
 """
-
-
-class InModes(Body):
-    """A part with all its modes."""
-
-    def __init__(self, omega: Array, b: Array, zeta: Array) -> None:
-        self._modes = ao.ModalBody(omega, b, decay=zeta * omega)
-
-    def modal(self) -> ao.ModalBody:
-        return self._modes
 
 
 def bar(random: np.random.Generator) -> tuple[Array, Array, float]:
@@ -179,7 +169,7 @@ def struck(kind: str, seed: int) -> Blow:
     random = np.random.default_rng(seed)
     omega, b, mass = KINDS[kind](random)
     zeta = np.exp(random.normal(np.log(random.uniform(0.002, 0.015)), 0.4, omega.size))
-    part = InModes(omega, b, zeta)
+    part = InModes(ao.ModalBody(omega, b, decay=zeta * omega))
     return Blow(omega, part, *blow(part, mass, random))
 
 
