@@ -120,7 +120,7 @@ def figures(hit: ao.SceneHistory, duration: float) -> dict[str, float]:
 
 def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
     """Motion of the free end, and the force on its plate: a row for each gap."""
-    figure, axes = plotting.panels(len(hits), 2, size=(11, 2.1 * len(hits)), sharex=True)
+    figure, axes = plotting.panels(len(hits), 2, size=(8, 2.2 * len(hits)), sharex=True)
     axes = np.reshape(axes, (len(hits), 2))
     t = np.linspace(0, duration, 5000)
     for (name, hit), (motion, force) in zip(hits.items(), axes, strict=True):

@@ -24,6 +24,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from antiosc.base import checks
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
 from antiosc.closed_form.family_limits import strip, thickness_shear
@@ -48,7 +49,7 @@ HERTZ_TIME = 2.9432
 
 
 @dataclass(frozen=True)
-class Advice:
+class Advice(Given):
     """Recommended element family and element size for one part and one impact.
 
     Attributes
