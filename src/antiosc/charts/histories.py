@@ -54,6 +54,8 @@ class Recorded(Protocol):
     @property
     def displacement(self) -> Array: ...
     @property
+    def indentation(self) -> Array: ...
+    @property
     def impactor_displacement(self) -> Array: ...
     @property
     def peak_force(self) -> float: ...
@@ -108,22 +110,24 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
 
 
 def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
-    """Displacements of the site and, dashed, of the impactor over time; contacts are shaded.
+    """Displacements of the site and, dashed, of what strikes it over time; contacts are shaded.
 
-    The displacement axis covers the motion of the site, and that of the impactor during contact.
+    The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
+    covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
     named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
     seen: list[Array] = []
     for (name, hit), width in zip(named.items(), widths(named), strict=True):
-        own, other = (name, None) if name else ("structure, at the site", "impactor")
+        own, other = (name, None) if name else _names(hit)
         (line,) = ax.plot(1e3 * hit.time, 1e3 * hit.displacement, lw=width, label=own)
         color = line.get_color() if name else "C1"
         dashes = {"ls": "--", "lw": width, "color": color}
-        ax.plot(1e3 * hit.time, 1e3 * hit.impactor_displacement, label=other, **dashes)
+        beside = 1e3 * (hit.displacement + hit.indentation)
+        ax.plot(1e3 * hit.time, beside, label=other, **dashes)
         first, last = _contact_span(hit)
-        during = (hit.time >= first) & (hit.time <= last)
-        seen += [1e3 * hit.displacement, 1e3 * hit.impactor_displacement[during]]
+        during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
+        seen += [1e3 * hit.displacement, beside[during]]
         if len(named) == 1 and hit.contacts:
             spans = [(1e3 * start, 1e3 * (end - start)) for start, end in hit.contacts]
             whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
@@ -174,6 +178,13 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 
     length = np.maximum(high - low, np.finfo(float).tiny)
     return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
+
+
+def _names(hit: Recorded) -> tuple[str, str]:
+    """The names of the bodies at both ends of the contact."""
+    contacts = getattr(hit, "contact_histories", ())
+    own, other = contacts[0].ends if contacts else ("structure", "impactor")
+    return f"{own}, at the site", str(other)
 
 
 def _contact_span(hit: Recorded) -> tuple[float, float]:

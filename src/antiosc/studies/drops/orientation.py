@@ -43,7 +43,7 @@ def orientation(
         R = onto(unit_vector("toward", toward), DOWN)
     elif asked:
         R = onto(_named(body, asked[0], given[asked[0]]), DOWN)
-    return tilted(checks.array("tilt", tilt, (3,))) @ R
+    return tilted(checks.array("tilt (degrees about x, y and z)", tilt, (3,))) @ R
 
 
 def tilted(angles: Array) -> Array:
