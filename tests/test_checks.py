@@ -96,7 +96,7 @@ def test_an_array_holds_real_numbers(value):
 
 @pytest.mark.parametrize("value", [1.0, [[1.0, 2.0]], [1.0, 2.0, 3.0], np.ones((2, 1))])
 def test_an_array_has_the_shape_asked(value):
-    with pytest.raises(ao.InputError, match=r"^m must be 2 numbers; got"):
+    with pytest.raises(ao.InputError, match=r"^m must have shape \(2\); got"):
         checks.array("m", value, (2,))
 
 

@@ -381,9 +381,6 @@ def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) 
         want is None or want == have for want, have in zip(shape, value.shape, strict=True)
     )
     if not fits:
-        if len(shape) == 1 and shape[0] is not None:
-            has = str(value.size) if value.ndim == 1 else f"an array of shape {value.shape}"
-            raise InputError(f"{name} must be {shape[0]} numbers; got {has}.")
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
         raise InputError(f"{name} must have shape {wanted}; got {value.shape}.")
 

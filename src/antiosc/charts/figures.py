@@ -173,11 +173,6 @@ def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, flo
     return low - below * size, high + above * size
 
 
-def rounded(value: float) -> str:
-    """Three digits."""
-    return f"{value:.3g}"
-
-
 def legend(ax: Axes) -> Axes:
     """A legend at the best place, if a curve has a name."""
     if ax.get_legend_handles_labels()[1]:

@@ -153,7 +153,7 @@ def advise(
             break
         reasons.append(f"{family} {' and '.join(lacks)}")
     if lam <= UNMOVED:
-        reasons.append(f"the part hardly moves during the contact: λ = {lam:.2g}")
+        reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
     size, bound = _element(family, frequency, length, thickness, E, nu, rho)
     return Advice(
         family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")

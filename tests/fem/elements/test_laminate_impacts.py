@@ -225,7 +225,7 @@ def test_directions_that_do_not_say_where():
     layers = stack([0, 90], 0.01)
     for axis, message in (
         ((0, 0, 0), "the length of axis must be > 0"),
-        ((1, 0), "axis must be 3 numbers; got 2"),
+        ((1, 0), r"axis must have shape \(3\)"),
     ):
         with pytest.raises(InputError, match=message):
             ao.Laminate(layers, axis=axis)
