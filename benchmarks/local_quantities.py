@@ -366,7 +366,7 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
     axes[0, 0].set_ylabel("largest error")
     axes[1, 0].set_ylabel("error of shock spectra (dB)")
     curves = {line.get_label(): line for ax in axes[0] for line in ax.lines}
-    figure.legend(curves.values(), curves, loc="outside lower center", ncols=3)
+    plotting.legend_below(figure, curves, 3)
     plotting.save_figure(figure, out / "local_quantities.png", dpi=120)
     (out / "local_quantities.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 

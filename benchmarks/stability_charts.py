@@ -40,7 +40,7 @@ def chart_numbers(
         ax.plot(numbers, limits[:, 1], "k--", label="the same with the contact's stiffness")
         ax.set(xscale="log", yscale="log", title=method, ylim=(edges_h[0], edges_h[-1]))
     _finish(fig, grid, image, ("anti-oscillators N", "step h (s)"))
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 2)
     plotting.save_figure(fig, path, dpi=120)
 
 
@@ -66,8 +66,7 @@ def chart_scenes(
         ax.set(xscale="log", title=method, xlim=_edges(ratios)[[0, -1]])
     axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
     _finish(fig, grid, image, ("step h / first contact", ""))
-    handles, labels = axes[0].get_legend_handles_labels()
-    fig.legend(handles[:1], labels[:1], loc="outside lower center")
+    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 1)
     plotting.save_figure(fig, path, dpi=120)
 
 

@@ -29,6 +29,7 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.charts.figures import few_log_ticks
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.quantities import differences
 
@@ -247,12 +248,13 @@ def chart(found: Found, path: Path) -> None:
             seconds, errors = ([row[key] for row in some] for key in ("seconds", "true"))
             axes.loglog(seconds, errors, ".-", label=f"{run}, order {order}")
         axes.set_title(name, fontsize=10)
+        few_log_ticks(axes)
     for axes in grid[-1]:
         axes.set_xlabel("CPU seconds")
     for axes in grid[:, 0]:
         axes.set_ylabel("relative error")
-    labelled = grid.flat[0].get_legend_handles_labels()
-    figure.legend(*labelled, loc="outside lower center", ncols=3)
+    handles, labels = grid.flat[0].get_legend_handles_labels()
+    plotting.legend_below(figure, dict(zip(labels, handles, strict=True)), 3)
     plotting.save_figure(figure, path, dpi=120)
 
 

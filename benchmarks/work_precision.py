@@ -261,7 +261,8 @@ def chart(table: list[dict[str, Any]], path: Path) -> None:
         row[0].set_ylabel("error of the force (L2)")
     for ax, name in zip(axes[-1], names.values(), strict=True):
         ax.set_xlabel(name)
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    plotting.legend_below(fig, dict(zip(labels, handles, strict=True)), 4)
     plotting.save_figure(fig, path, dpi=120)
 
 
