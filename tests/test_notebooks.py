@@ -38,7 +38,7 @@ def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.charts import figures
+    from antiosc.base.charts import figures
 
     told: list[bool] = []
     pyplot.switch_backend("agg")
@@ -54,7 +54,7 @@ def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkey
 def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
     """pyplot tells it how after that cell only, which would show the name of the figure."""
     matplotlib = pytest.importorskip("matplotlib.figure")
-    from antiosc.charts import figures
+    from antiosc.base.charts import figures
 
     formatters: dict[str, set[object]] = {"image/png": set()}
     shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=formatters))
