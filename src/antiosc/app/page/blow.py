@@ -128,5 +128,5 @@ def _computed(hit: History) -> dict[str, Any]:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
-    numbers |= {"restitution": hit.restitution, "contacts": len(hit.contacts)}
-    return {"time": time, "force": force, **numbers}
+    told = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    return {"time": time, "force": force, **numbers, **told}

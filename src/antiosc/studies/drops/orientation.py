@@ -45,8 +45,8 @@ def orientation(
         R = onto(_named(body, asked[0], given[asked[0]]), DOWN)
     angles = checks.array("tilt", tilt, None)
     if angles.shape != (3,):
-        given = checks.shown(tilt)
-        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {given}.")
+        shown = checks.shown(tilt)
+        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
     return tilted(angles) @ R
 
 
