@@ -339,7 +339,7 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
         "",
         options.code_state(),
     ]
-    figure, axes = plotting.panels(2, len(told), size=(4.2 * len(told), 6.4), sharey="row")
+    figure, axes = plotting.panels(2, len(told), size=(8, 6.4), sharey="row")
     for k, (case, about) in enumerate(told.items()):
         rows = {key.split()[1]: row for key, row in found.items() if key.split()[0] == case}
         counts = [int(n) for n in rows if n != "reference"]
@@ -364,12 +364,10 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
             ax.set_xticks(counts, [str(n) for n in counts])
             ax.minorticks_off()
     axes[0, 0].set_ylabel("largest error")
-    axes[1, 0].set_ylabel("shock spectra to 10 kHz: error (dB)")
+    axes[1, 0].set_ylabel("error of shock spectra (dB)")
     curves = {line.get_label(): line for ax in axes[0] for line in ax.lines}
-    axes[0, -1].legend(
-        curves.values(), curves, loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize="small"
-    )
-    plotting.save_figure(figure, out / "local_quantities.png", dpi=110)
+    plotting.legend_below(figure, curves, 3)
+    plotting.save_figure(figure, out / "local_quantities.png", dpi=120)
     (out / "local_quantities.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -171,7 +171,7 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
         y, 0, 1, rooms < 1, transform=ax.get_xaxis_transform(), alpha=0.2, label="predicted window"
     )
     ax.set(xlabel=r"step, $h\,\omega_{max}$", ylabel="error of the force", ylim=(3e-4, 3))
-    ax.legend(fontsize=8, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1))
+    ax.legend(fontsize=9, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1))
     plotting.save_figure(fig, path, dpi=120)
     return rows
 

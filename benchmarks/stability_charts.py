@@ -25,8 +25,8 @@ def chart_numbers(
     times: np.ndarray,
     path: Path,
 ) -> None:
-    fig, grid = plotting.panels(1, len(METHODS), size=(13, 4), sharey=True)
-    axes = grid[0]
+    fig, grid = plotting.panels(2, 2, size=(8, 6.4), sharex=True, sharey=True)
+    axes = grid.ravel()
     edges_n, edges_h = _edges(numbers), _edges(times)
     limits = np.array([stable_steps(full.truncated(int(n))) for n in numbers])
     for ax, method in zip(axes, METHODS, strict=True):
@@ -37,21 +37,18 @@ def chart_numbers(
                 kinds[i, int(np.flatnonzero(numbers == row["n"])[0])] = CLASSES.index(row["kind"])
         image = ax.pcolormesh(edges_n, edges_h, kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5)
         ax.plot(numbers, limits[:, 0], "k-", label=r"$h\,\omega_{max} = 2$")
-        ax.plot(numbers, limits[:, 1], "k--", label="with the contact's stiffness")
-        ax.set(xscale="log", yscale="log", title=method, xlabel="anti-oscillators N")
-        ax.set_ylim(edges_h[0], edges_h[-1])
-    axes[0].set_ylabel("step h [s]")
-    axes[-1].legend(fontsize=8)
-    bar = fig.colorbar(image, ax=axes, ticks=range(4))
-    bar.ax.set_yticklabels(CLASSES)
+        ax.plot(numbers, limits[:, 1], "k--", label="the same with the contact's stiffness")
+        ax.set(xscale="log", yscale="log", title=method, ylim=(edges_h[0], edges_h[-1]))
+    _finish(fig, grid, image, ("anti-oscillators N", "step h (s)"))
+    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 2)
     plotting.save_figure(fig, path, dpi=120)
 
 
 def chart_scenes(
     table: list[dict[str, Any]], scenes: list[Scene], ratios: np.ndarray, path: Path
 ) -> None:
-    fig, grid = plotting.panels(1, len(METHODS), size=(13, 5), sharey=True)
-    axes = grid[0]
+    fig, grid = plotting.panels(2, 2, size=(8, 8), sharex=True, sharey=True)
+    axes = grid.ravel()
     names = [s.name for s in scenes]
     for ax, method in zip(axes, METHODS, strict=True):
         kinds = np.full((len(names), ratios.size), np.nan)
@@ -65,13 +62,22 @@ def chart_scenes(
         )
         for j, scene in enumerate(scenes):
             limit = 2 / scene.model.modal().omega.max() / scene.unit
-            ax.plot([limit, limit], [j, j + 1], "k-", lw=2)
-        ax.set(xscale="log", title=method, xlabel="step / first contact")
-        ax.set_xlim(_edges(ratios)[0], _edges(ratios)[-1])
+            ax.plot([limit, limit], [j, j + 1], "k-", lw=2, label=r"$h\,\omega_{max} = 2$")
+        ax.set(xscale="log", title=method, xlim=_edges(ratios)[[0, -1]])
     axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
-    bar = fig.colorbar(image, ax=axes, ticks=range(4))
-    bar.ax.set_yticklabels(CLASSES)
+    _finish(fig, grid, image, ("step h / first contact", ""))
+    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 1)
     plotting.save_figure(fig, path, dpi=120)
+
+
+def _finish(fig: Any, grid: np.ndarray, image: Any, labels: tuple[str, str]) -> None:
+    """Labels of the outer axes, and the classes beside them."""
+    for ax in grid[-1]:
+        ax.set_xlabel(labels[0])
+    for ax in grid[:, 0]:
+        ax.set_ylabel(labels[1])
+    bar = fig.colorbar(image, ax=grid, ticks=range(4), aspect=40, pad=0.02)
+    bar.ax.set_yticklabels(CLASSES, rotation=90, va="center")
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

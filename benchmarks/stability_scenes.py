@@ -61,17 +61,17 @@ def hard_scenes(model: ao.AntiOscillators) -> list[Scene]:
     base = ao.Hertz(HERTZ)
     cases = [
         ("as in the article", model, STRIKER, base),
-        ("k_H x 1e3", model, STRIKER, ao.Hertz(1e3 * HERTZ)),
-        ("k_H x 1e6", model, STRIKER, ao.Hertz(1e6 * HERTZ)),
-        ("m0 x 1e-3", light(1e-3 * model.m0), STRIKER, base),
-        ("m0 x 1e-6", light(1e-6 * model.m0), STRIKER, base),
-        ("m0 x 1e-9", light(1e-9 * model.m0), STRIKER, base),
+        ("k_H × 10³", model, STRIKER, ao.Hertz(1e3 * HERTZ)),
+        ("k_H × 10⁶", model, STRIKER, ao.Hertz(1e6 * HERTZ)),
+        ("m0 × 10⁻³", light(1e-3 * model.m0), STRIKER, base),
+        ("m0 × 10⁻⁶", light(1e-6 * model.m0), STRIKER, base),
+        ("m0 × 10⁻⁹", light(1e-9 * model.m0), STRIKER, base),
         ("m0 = 0", light(0.0), STRIKER, base),
         *(
-            (f"mass ratio {ratio:.0e}", model, replace(STRIKER, mass=ratio * model.m_st), base)
-            for ratio in (1e-6, 1e-3, 1e3, 1e6)
+            (f"mass ratio 10{power}", model, replace(STRIKER, mass=ratio * model.m_st), base)
+            for power, ratio in {"⁻⁶": 1e-6, "⁻³": 1e-3, "³": 1e3, "⁶": 1e6}.items()
         ),
-        ("1e-9 m/s", model, replace(STRIKER, velocity=1e-9), base),
+        ("10⁻⁹ m/s", model, replace(STRIKER, velocity=1e-9), base),
         ("massless AO", ao.AntiOscillators(model.m0, model.k0, share, model.omega), STRIKER, base),
     ]
     scenes = []

@@ -29,6 +29,7 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.base.charts.figures import few_log_ticks
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.quantities import differences
 
@@ -234,7 +235,7 @@ def errors(scene: Scene, model: ao.AntiOscillators, hit: ao.History, true: ao.Hi
 
 def chart(found: Found, path: Path) -> None:
     """Error against CPU seconds, a panel for each scene."""
-    figure, grid = plotting.panels(2, (len(found) + 1) // 2, (11, 7))
+    figure, grid = plotting.panels(2, (len(found) + 1) // 2, (8, 6.4))
     for axes, (name, content) in zip(grid.flat, found.items(), strict=False):
         rows = content["runs"]
         own = [row for row in rows if row["run"] == "strike"]
@@ -246,11 +247,15 @@ def chart(found: Found, path: Path) -> None:
             some = [row for row in some if (row["n"], row["step"]) == (COUNTS[-1], STEPS[-1])]
             seconds, errors = ([row[key] for row in some] for key in ("seconds", "true"))
             axes.loglog(seconds, errors, ".-", label=f"{run}, order {order}")
-        axes.set_title(name)
-        axes.set_xlabel("CPU seconds (gmsh not included)")
+        axes.set_title(name, fontsize=10)
+        few_log_ticks(axes)
+    for axes in grid[-1]:
+        axes.set_xlabel("CPU seconds")
+    for axes in grid[:, 0]:
         axes.set_ylabel("relative error")
-    grid.flat[0].legend(fontsize=7)
-    plotting.save_figure(figure, path, dpi=110)
+    handles, labels = grid.flat[0].get_legend_handles_labels()
+    plotting.legend_below(figure, dict(zip(labels, handles, strict=True)), 3)
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def numbered(text: str) -> str:

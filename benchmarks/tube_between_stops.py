@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from options import command, compared
 
 import antiosc as ao
 from antiosc import plotting
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
@@ -119,9 +123,13 @@ def figures(hit: ao.SceneHistory, duration: float) -> dict[str, float]:
 
 
 def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
-    """Motion of the free end, and the force on its plate: a row for each gap."""
-    figure, axes = plotting.panels(len(hits), 2, size=(11, 2.1 * len(hits)), sharex=True)
-    axes = np.reshape(axes, (len(hits), 2))
+    """The tube; motion of the free end, and the force on its plate: a row for each gap."""
+    figure, axes = plotting.panels(len(hits) + 1, 2, size=(8, 2.0 * len(hits) + 1.6), sharex="row")
+    whole = figure.add_subplot(axes[0, 0].get_gridspec()[0, :])
+    for ax in axes[0]:
+        ax.remove()
+    sketch(whole)
+    axes = axes[1:]
     t = np.linspace(0, duration, 5000)
     for (name, hit), (motion, force) in zip(hits.items(), axes, strict=True):
         motion.plot(t, hit.at(t)["tube"].displacement("end") * 1e3, lw=1)
@@ -133,6 +141,21 @@ def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     plotting.save_figure(figure, path, dpi=120)
+
+
+def sketch(ax: Axes) -> None:
+    """The tube, its plates and the forces on its spans."""
+    ax.plot([0, LENGTH], [0, 0], lw=5, color="0.6", solid_capstyle="butt")
+    ax.plot([0, 0], [-0.6, 0.6], lw=6, color="k")
+    for name, place in PLATES.items():
+        for side in (-1, 1):
+            ax.plot(2 * [place * LENGTH], [0.25 * side, 0.8 * side], lw=4, color="C0")
+        ax.text(place * LENGTH, 0.9, f"plate {name}", ha="center")
+    for i, place in enumerate(SPANS.values()):
+        tail, tip = (place * LENGTH, -0.7 * (-1) ** i), (place * LENGTH, -0.1 * (-1) ** i)
+        ax.annotate("", tip, tail, arrowprops={"arrowstyle": "->", "color": "C3", "lw": 2})
+    ax.set(xlim=(-0.1, LENGTH + 0.15), ylim=(-0.9, 1.3))
+    ax.set_axis_off()
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ def charted(
         Scene(f"case 2, {m.n} anti-oscillators", m, STRIKER, law, 8e-3, steps) for m in (few, many)
     ]
     stiff = ao.Hertz(1e6 * HERTZ)
-    scenes.append(Scene("contact x 1e6", few, STRIKER, stiff, 1e-4, steps / 300))
+    scenes.append(Scene("contact × 10⁶", few, STRIKER, stiff, 1e-4, steps / 300))
     if bracket.is_file():
         model = ao.AntiOscillators.load(bracket)
         ball = ao.Sphere(0.01, 2.1e11, 0.3, 7850.0, 2.0)
@@ -246,33 +246,35 @@ def seconds_at(rows: list[dict[str, Any]], error: float) -> float:
 
 def chart(table: list[dict[str, Any]], path: Path) -> None:
     scenes = list(dict.fromkeys(r["scene"] for r in table))
-    fig, axes = plotting.panels(2, len(scenes), size=(4.2 * len(scenes) + 2, 7))
+    fig, axes = plotting.panels(len(scenes), 2, size=(8, 2.6 * len(scenes) + 0.6))
     names = {"seconds": "time (s)", "evaluations": "force evaluations"}
     styles = {m: "o-" for m in METHODS} | {m: "s--" for m in SOLVE_IVP}
-    for column, scene in zip(axes.T, scenes, strict=True):
+    for row, scene in zip(axes, scenes, strict=True):
         mine = [r for r in table if r["scene"] == scene and 0 < r["error"] < 2]
-        for ax, key in zip(column, names, strict=True):
+        for ax, key in zip(row, names, strict=True):
             series = {}
             for method in styles:
                 rows = [r for r in mine if r["method"] == method]
                 series[method] = [r[key] for r in rows], [r["error"] for r in rows]
-            plotting.plot_errors(series, ax, styles=styles).set_xlabel(names[key])
-        column[0].set_title(scene)
-    for row in axes:
-        row[0].set_ylabel("relative error of the force (L2)")
-    plotting.legend_beside(axes[0, -1])
+            plotting.plot_errors(series, ax, styles=styles)
+            ax.set_title(scene, fontsize=10)
+        row[0].set_ylabel("error of the force (L2)")
+    for ax, name in zip(axes[-1], names.values(), strict=True):
+        ax.set_xlabel(name)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    plotting.legend_below(fig, dict(zip(labels, handles, strict=True)), 4)
     plotting.save_figure(fig, path, dpi=120)
 
 
 def chart_contacts(rows: list[dict[str, Any]], path: Path) -> None:
-    fig, axes = plotting.panels(1, 2, size=(9, 3.6))
+    fig, axes = plotting.panels(1, 2, size=(8, 3.6))
     for ax, key, name in zip(axes.flat, ("scene", "step"), ("a scene", "a step"), strict=True):
         for n in dict.fromkeys(r["n"] for r in rows):
             mine = [r for r in rows if r["n"] == n]
             each = [1e3 * r["seconds"] / (r["steps"] if key == "step" else 1) for r in mine]
             ax.plot([r["contacts"] for r in mine], each, "o-", label=f"{n} modes")
         ax.set(xlabel="contacts", ylabel=f"time of {name} (ms)", ylim=(0, None))
-    plotting.legend_beside(axes.flat[1])
+    axes.flat[0].legend()
     plotting.save_figure(fig, path, dpi=120)
 
 

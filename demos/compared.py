@@ -79,12 +79,14 @@ def plot_hits(columns: Mapping[str, Mapping[str, ao.History]], path: Path) -> No
 def plot(
     times: NDArray[np.float64], lines: Mapping[str, NDArray[np.float64]], label: str, path: Path
 ) -> None:
-    """A curve over time (s) for each structure; `label` tells the quantity and its unit."""
-    figure, axes = plotting.panels(1, 1, size=(8, 4.5))
-    (axis,) = axes.ravel()
-    for name, values in lines.items():
-        axis.plot(times * 1e3, values, label=name, linewidth=1)
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel(label)
-    axis.legend()
+    """A panel over time (s) for each structure, the others grey; `label`: quantity and unit."""
+    size = (8, 2.4 * len(lines) + 0.4)
+    figure, axes = plotting.panels(len(lines), 1, size=size, sharex=True, sharey=True)
+    for axis, (name, values) in zip(axes.flat, lines.items(), strict=True):
+        for other in lines.values():
+            axis.plot(times * 1e3, other, color="0.8", linewidth=1)
+        axis.plot(times * 1e3, values, linewidth=1.2)
+        axis.set_title(name, fontsize=11)
+    axes[-1, 0].set_xlabel("time (ms)")
+    figure.supylabel(label, fontsize=11)
     plotting.save_figure(figure, path, dpi=120)

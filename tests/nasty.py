@@ -66,7 +66,7 @@ RESULTS = {
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
     *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
-    *("Sample", "Sensitivity", "Quantile", "NearbyModels"),
+    *("Sample", "Sensitivity", "Quantile", "NearbyModels", "Peak"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}

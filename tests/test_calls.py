@@ -56,6 +56,15 @@ def test_the_nearest_argument_is_named(call, says):
     assert isinstance(raised.value, TypeError)  # what Python itself raises
 
 
+@pytest.mark.parametrize("call", [lambda: ao.RigidMass(), lambda: ao.RigidMass(-1.0, 2.0)])
+def test_tracebacks_lead_from_the_call_to_its_reason(call):
+    with pytest.raises(ao.InputError) as raised:
+        call()
+    assert raised.value.__cause__ is None
+    files = [str(entry.path) for entry in raised.traceback]
+    assert not [name for name in files if name.endswith("base/calls.py")]
+
+
 def test_other_errors_and_pickles_are_as_before():
     class Own(ao.Linear):
         def __init__(self) -> None:

@@ -38,11 +38,33 @@ def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.base.charts.figures import new_figure
+    from antiosc.base.charts import figures
 
+    told: list[bool] = []
     pyplot.switch_backend("agg")
     monkeypatch.setattr(pyplot, "get_backend", lambda: backend)
+    monkeypatch.setattr(figures, "_let_notebook_draw", lambda: told.append(True))
     before = len(pyplot.get_fignums())
-    figure = new_figure((3.0, 2.0), shown=True)
+    figure = figures.new_figure((3.0, 2.0), shown=True)
     assert len(pyplot.get_fignums()) - before == (backend == "agg")
+    assert told == [True] * (backend != "agg")
     pyplot.close(figure)
+
+
+def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
+    """pyplot tells it how after that cell only, which would show the name of the figure."""
+    matplotlib = pytest.importorskip("matplotlib.figure")
+    from antiosc.base.charts import figures
+
+    formatters: dict[str, set[object]] = {"image/png": set()}
+    shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=formatters))
+    notebook, tools = ModuleType("IPython"), ModuleType("IPython.core.pylabtools")
+    notebook.get_ipython = lambda: shell
+    tools.select_figure_formats = lambda shell, formats: formatters["image/png"].update(formats)
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    monkeypatch.setitem(sys.modules, "IPython.core.pylabtools", tools)
+    figures._let_notebook_draw()
+    assert formatters["image/png"] == {"png"}
+    formatters["image/png"] = {matplotlib.Figure}  # as its user has set it
+    figures._let_notebook_draw()
+    assert formatters["image/png"] == {matplotlib.Figure}

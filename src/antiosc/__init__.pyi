@@ -295,6 +295,9 @@ from antiosc.studies.drops.floor import (
     SoftLayer as SoftLayer,
     contact_at as contact_at,
 )
+from antiosc.studies.drops.impacts import (
+    Peak as Peak,
+)
 from antiosc.studies.find.find import (
     find_impact as find_impact,
 )

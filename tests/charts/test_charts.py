@@ -11,6 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base.charts import figures
+from antiosc.base.engineering import engineering
 from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
@@ -28,11 +29,32 @@ def test_force_and_motion_are_those_of_the_history():
     model, striker = case_two(3)
     hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-3)
     line = plotting.plot_force(hit).lines[0]
-    assert np.array_equal(line.get_xdata(), 1e3 * hit.time)
+    assert np.array_equal(line.get_xdata(), 1e6 * hit.time)
     assert np.array_equal(line.get_ydata(), hit.force)
     site, mass = plotting.plot_motion({"3 AO": hit}).lines
     assert np.array_equal(site.get_ydata(), 1e3 * hit.displacement)
-    assert np.array_equal(mass.get_ydata(), 1e3 * hit.impactor_displacement)
+    assert np.allclose(mass.get_ydata(), 1e3 * hit.impactor_displacement, atol=1e-12)
+
+
+def test_the_motions_of_a_scene_meet_at_the_touch_under_the_names_of_its_bodies():
+    contact = ao.Contact("beam", "stop", ao.Linear(1e6), gap=2e-4)
+    pull = ao.Load("beam", [0.0, 1e-3, 2e-3], [0.0, -50.0, 0.0])
+    scene = ao.Scene({"beam": case_two(3)[0], "stop": ao.Obstacle()}, [contact], loads=[pull])
+    hit = scene.run(4e-3)
+    (ax,) = hit.plot().axes[1:]
+    beam, stop = ax.lines
+    assert np.allclose(stop.get_ydata(), -0.2)
+    low, high = ax.get_ylim()
+    assert low < -0.2 < high
+    assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == [
+        "beam, at the site",
+        "stop",
+    ]
+    touch = hit.contacts[0][0]
+    assert np.interp(1e3 * touch, beam.get_xdata(), beam.get_ydata()) == pytest.approx(
+        -0.2, rel=1e-2
+    )
+    assert np.diff(beam.get_xdata()).max() < 0.1  # nodes in flights, too
     ax = plotting.plot_force({"a": hit, "b": hit})
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["a", "b"]
 
@@ -93,12 +115,12 @@ def test_the_pulse_fills_the_axis_and_its_peak_is_marked():
     assert end - start < 0.05 / 20
     ax = plotting.plot_force(hit)
     low, high = ax.get_xlim()
-    assert low <= 1e3 * start
-    assert 1e3 * end <= high
-    assert 1e3 * (end - start) > 0.85 * (high - low)
+    assert low <= 1e6 * start
+    assert 1e6 * end <= high
+    assert 1e6 * (end - start) > 0.85 * (high - low)
     ((x, y),) = ax.lines[1].get_xydata()
-    assert (x, y) == pytest.approx((1e3 * hit.time[hit.force.argmax()], hit.peak_force))
-    assert f"{hit.peak_force:.4g} N" in ax.texts[0].get_text()
+    assert (x, y) == pytest.approx((1e6 * hit.time[hit.force.argmax()], hit.peak_force))
+    assert ax.texts[0].get_text().startswith(engineering(hit.peak_force, "N", 4))
     assert ax.get_ylim()[1] > hit.peak_force
 
 

@@ -34,6 +34,7 @@ def pulses(*spans: tuple[float, float, float], end: float = 0.2, **error: float)
     areas = np.diff(time) * (force[1:] + force[:-1]) / 2
     return SimpleNamespace(
         time=time, force=force, displacement=1e-5 * force, impactor_displacement=0.3 * time - 0.01,
+        indentation=0.3 * time - 0.01 - 1e-5 * force,
         peak_force=max((peak for _, _, peak in spans), default=0.0), error=error,
         contacts=[(a, b) for a, b, _ in spans],
         cumulative_impulse=np.append(0.0, np.cumsum(areas)),

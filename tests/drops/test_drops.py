@@ -459,7 +459,7 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"corner": "-x"}, "corner"),
         ({"height": 0.0}, "height"),
         ({"height": np.nan}, "height"),
-        ({"tilt": (1, 2)}, "tilt"),
+        ({"tilt": (1, 2)}, "three angles in degrees"),
         ({"spin": (0, 1e6, 0)}, "spin"),
         ({"until": 0}, "until"),
         ({"until": True}, "until"),

@@ -171,7 +171,10 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     assert browser.run("return page.site") == i
     read = browser.run(READ)
     same(read["cells"], ao.simulate(found.model(i), STRIKER, LAW, DURATION, tol=1e-6))
-    forces = browser.run("return Array.from(page.sites.values.peak_force)")
+    forces = browser.run(
+        """page.sites.strike(page.engine, page.set, page.blow);
+        return Array.from(page.sites.values.peak_force);"""
+    )
     assert forces == pytest.approx(found.peak_force, rel=3e-3)
     browser.run(
         """const kind = document.getElementById("kind");

@@ -168,12 +168,14 @@ def test_what_is_given_is_told_in_one_line():
             ao.Damping(ratio=[0.1] * 99),
         ),
         ao.Scene({"a": MODEL, "b": BALL}, [ao.Contact("a", "b", law)]),
+        ao.SoftLayer(1e-3, 1e6),
     ]
     for one in shown:
         text = repr(one)
         assert text.startswith(type(one).__name__)
         assert "\n" not in text
         assert len(text) < 120, text
+        assert one._repr_html_().startswith(f"<b>{type(one).__name__}</b><table><tr>")
     solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=240e6)
     assert eval(repr(solid), vars(ao)) == solid
     assert "loss" not in repr(solid)

@@ -48,29 +48,40 @@ class Brief:
         return "\n".join([type(self).__name__, *rows])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{escape(name)}</th>"
-            f"<td style='text-align:left'>{escape(value)}</td></tr>"
-            for name, value in self._known()
-        )
-        return f"<b>{escape(type(self).__name__)}</b><table>{rows}</table>"
+        return _table(self, self._known())
 
 
 class Given:
-    """Gives a dataclass a `repr` of one line: what differs from the defaults, in short."""
+    """Gives a dataclass a `repr` of one line and a table: what differs from the defaults."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         if "__repr__" not in cls.__dict__ and not issubclass(cls, Brief):
             cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
 
-    def __repr__(self) -> str:
-        told = [
-            f"{f.name}={_given(getattr(self, f.name, None))}"
+    def _told(self) -> list[tuple[str, str]]:
+        return [
+            (f.name, _given(getattr(self, f.name, None)))
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.repr and not f.name.startswith("_") and not _usual(f, getattr(self, f.name, None))
         ]
+
+    def __repr__(self) -> str:
+        told = (f"{name}={value}" for name, value in self._told())
         return f"{type(self).__name__}({', '.join(told)})"
+
+    def _repr_html_(self) -> str:
+        return _table(self, self._told())
+
+
+def _table(one: object, facts: list[tuple[str, str]]) -> str:
+    """HTML of an object: its kind, and a row for each fact."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th>"
+        f"<td style='text-align:left'>{escape(value)}</td></tr>"
+        for name, value in facts
+    )
+    return f"<b>{escape(type(one).__name__)}</b><table>{rows}</table>"
 
 
 def _usual(field: dataclasses.Field[Any], value: Any) -> bool:

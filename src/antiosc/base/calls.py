@@ -56,12 +56,16 @@ def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:
     @wraps(inner)
     def called(*args: Any, **kwargs: Any) -> Any:
         try:
-            return inner(*args, **kwargs)
-        except TypeError as error:
-            said = _misfit(inner, name, own, args, kwargs)
-            if said is None:
-                raise
-            raise CallError(said) from error
+            try:
+                return inner(*args, **kwargs)
+            except TypeError:
+                said = _misfit(inner, name, own, args, kwargs)
+                if said is None:
+                    raise
+                raise CallError(said) from None
+        except Exception as error:  # the traceback leads from the call into the function itself
+            error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
+            raise
 
     called.checks_calls = name  # type: ignore[attr-defined]
     return called

@@ -44,6 +44,8 @@ def span(low: float, high: float, unit: str = "", digits: int = 4) -> str:
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit of a column of a table whose largest value is given: (1e6, "µs")."""
+    if unit == "kg" and 0 < largest < 1:
+        return 1e3, "g"
     shown = engineering(largest, unit).rpartition(" ")[2] if largest else unit
     power = {f"{sign}{unit}": p for p, sign in PREFIXES.items()}.get(shown, 0)
     return 10.0**-power, shown if power else unit

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from antiosc.base import checks
+from antiosc.base.brief import Given
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import ModalBody
@@ -24,7 +25,7 @@ LIGHT = 1e-6
 
 
 @dataclass(frozen=True)
-class SoilCone:
+class SoilCone(Given):
     """The soil under a footing.
 
     Attributes

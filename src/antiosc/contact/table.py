@@ -48,8 +48,8 @@ class Tabulated(Hysteretic):
             )
         self.elastic = unloading is None
         self.valid_force = float(F[-1])
-        reach = f"{engineering(x[-1], 'm')} and {engineering(F[-1], 'N')}"
-        self._said = f"{len(x)} points, up to {reach}{'' if self.elastic else ', with unloading'}"
+        self._points = len(x)
+        self._reach = f"{engineering(x[-1], 'm')} and {engineering(F[-1], 'N')}"
         remains, xu, Fu = 0.0, x, F
         if unloading is not None:
             xu, Fu = _unloading(unloading, x, F)
@@ -61,8 +61,12 @@ class Tabulated(Hysteretic):
         if unloading is not None:
             self._check_loss(x)
 
+    def _told(self) -> list[tuple[str, str]]:
+        told = [("points", str(self._points)), ("up to", self._reach)]
+        return told if self.elastic else [*told, ("unloading", "given")]
+
     def __repr__(self) -> str:
-        return f"Tabulated({self._said})"
+        return f"Tabulated({', '.join(' '.join(fact) for fact in self._told())})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
         return (

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from antiosc.base.engineering import engineering
+from antiosc.base.engineering import engineering, percent
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
@@ -111,12 +111,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name, bar in self.bars.items():
-            causes = ", ".join(f"{cause} {_percent(getattr(bar, cause))}" for cause in self.causes)
+            causes = ", ".join(f"{c} {percent(getattr(bar, c))}" for c in self.causes)
             value = engineering(bar.value, QUANTITIES[name], 4)
-            lines.append(f"{name.replace('_', ' ')} {value} ± {_percent(bar.total)} %: {causes}")
+            lines.append(f"{name.replace('_', ' ')} {value} ± {percent(bar.total)}: {causes}")
         return "\n".join([*lines, *self.notes])
-
-
-def _percent(share: float) -> str:
-    """A share in per cent, two digits."""
-    return f"{100 * share:.2g}"

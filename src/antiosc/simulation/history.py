@@ -234,7 +234,8 @@ class History(HistoryResults):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        return plot_history(self, path)
+        own = (getattr(self, field.name) for field in fields(History))
+        return plot_history(History(*own) if self.named else self, path)  # with nodes in flights
 
     # -- at any time
 

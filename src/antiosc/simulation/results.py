@@ -16,7 +16,7 @@ from antiosc import __version__
 from antiosc.base import checks, files
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering, place as placed
+from antiosc.base.engineering import engineering, percent, place as placed
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
@@ -289,14 +289,14 @@ def covers(history: Any) -> str:
     if not any(info.structure for info in facts):
         return "time integration"
     if any(getattr(one, "strain_error", None) is not None for one in bodies):
-        return "time integration; truncation, mesh: in error_budget"
-    remedy = ', error="estimate" of extract does' if any(i.meshed for i in facts) else ""
-    return f"time integration; truncation, mesh: not estimated{remedy}"
+        return "time integration; truncation and mesh: see error_budget"
+    remedy = ': error="estimate" of extract does it' if any(i.meshed for i in facts) else ""
+    return f"time integration; truncation and mesh are not estimated{remedy}"
 
 
 def covered(history: Any) -> str:
     """The error of the force of a history, with what it covers."""
-    known = f"{history.error['force']:.1e}" if "force" in history.error else "not estimated"
+    known = percent(history.error["force"]) if "force" in history.error else "not estimated"
     return f"{known} ({covers(history)})"
 
 

@@ -24,6 +24,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from antiosc.base import checks
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
@@ -48,7 +49,7 @@ HERTZ_TIME = 2.9432
 
 
 @dataclass(frozen=True)
-class Advice:
+class Advice(Given):
     """Recommended element family and element size for one part and one impact.
 
     Attributes
@@ -152,7 +153,7 @@ def advise(
             break
         reasons.append(f"{family} {' and '.join(lacks)}")
     if lam <= UNMOVED:
-        reasons.append(f"the part hardly moves during the contact: λ = {lam:.2g}")
+        reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
     size, bound = _element(family, frequency, length, thickness, E, nu, rho)
     return Advice(
         family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")

@@ -128,4 +128,5 @@ def _computed(hit: History) -> dict[str, Any]:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
-    return {"time": time, "force": force, "restitution": hit.restitution, **numbers}
+    told = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    return {"time": time, "force": force, **numbers, **told}

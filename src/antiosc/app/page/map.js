@@ -1,8 +1,8 @@
 // The sites of a map, each with its own model: struck all at once for the colours, one for a click.
 
 class Sites {
-  constructor(data, blow, view) {
-    Object.assign(this, { data, blow, view, count: data.start.length - 1, values: {} });
+  constructor(data, view) {
+    Object.assign(this, { data, view, count: data.start.length - 1, values: {} });
     const { skin } = data;
     this.size = skin ? 2 * skin.half : Math.max(...[0, 1, 2].map((i) => spread(data.points, i))) || 1;
     view.centre = skin ? skin.middle : [0, 1, 2].map((i) => middle(data.points, i));
@@ -19,11 +19,12 @@ class Sites {
     return { omega, b: part("b"), decay: none, v: none, load: none, r: data.r[i], mobility: data.mobility[i], local: data.local[i] };
   }
 
-  // Strike every site.
-  strike(engine, set, duration, tol) {
+  // Strike every site; without settings it is the computed case, which the data hold.
+  strike(engine, set, blow) {
+    if (!set) return void (this.values = {});
     const force = new Float64Array(this.count), time = new Float64Array(this.count);
     for (let i = 0; i < this.count; i++) {
-      const hit = engine.strike(pose(this.body(i), this.blow, set), duration, tol);
+      const hit = engine.strike(pose(this.body(i), blow, set), blow.duration, blow.coarse);
       [force[i], time[i]] = [hit.peak_force, hit.contact_time];
     }
     this.values = { peak_force: force, contact_time: time };

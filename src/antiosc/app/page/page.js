@@ -27,7 +27,7 @@ class Page {
     document.body.classList.toggle("flat", !view || !(data.part || data.sites));
     if (view && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
-    if (data.sites) this.sites = new Sites(data.sites, data.blow, view || { axes: () => [], put() {}, draw() {} });
+    if (data.sites) this.sites = new Sites(data.sites, view || { axes: () => [], put() {}, draw() {} });
     if (view && this.sites) view.picked = (x, y) => this.choose(this.sites.near(x, y));
     this.chart = new Chart(find("chart"));
     this.kind = this.sites ? "peak_force" : "";
@@ -169,7 +169,8 @@ class Page {
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
       now.textContent = name in bars && Number.isFinite(bars[name]) ? `${plain} ± ${percent(bars[name])}` : plain;
       now.dataset.value = value;
-      before.textContent = computed[name] === undefined || computed[name] === null ? "" : engineering(computed[name], unit);
+      const known = computed[name] ?? null;
+      before.textContent = known === null ? "" : name === "contacts" ? String(known) : engineering(known, unit);
     }
     const notes = [];
     if (hit.answer) notes.push("The run stopped before its end: the numbers are not reliable.");
@@ -182,6 +183,8 @@ class Page {
     find("notes").textContent = notes.join(" ");
     find("back").disabled = this.at_start();
     find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
+    find("told").textContent = "Contact force" + (this.at_start() ? "" : "; dashed: the computed case")
+      + (bars.peak_force ? "; the band: the error bar" : "") + ".";
   }
 
   computed_here() {
@@ -197,7 +200,7 @@ class Page {
   // The picture of the present impact.
   rest() {
     if (this.rough) this.change(true);
-    if (this.sites) this.sites.strike(this.engine, this.set, this.blow.duration, this.blow.coarse);
+    if (this.sites) this.sites.strike(this.engine, this.at_start() ? null : this.set, this.blow);
     if (this.part) {
       this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
       this.part.follow(this.engine, this.hit, this.until);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -23,8 +24,8 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
 }
-#: What is told of a striker, with its unit.
-STRIKERS = {"mass": "kg", "velocity": "m/s"}
+#: What is told of a striker, with its unit, and the word before it.
+STRIKERS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
 class Headline(NamedTuple):
@@ -78,7 +79,7 @@ def of_map(found: ImpactMap) -> Headline:
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
         f" {engineering(found.band / (2 * np.pi), 'Hz')}; the mesh's error is not estimated."
     )
-    about = f"{_body(found.impactor)} strikes {found.info.get('structure', 'a part')}"
+    about = f"{_body(found.impactor)} strikes {_named(found.info.get('structure', 'a part'))}."
     return Headline(about if found.impactor else "Models over a surface", numbers, sentences)
 
 
@@ -101,17 +102,26 @@ def _most_dangerous(found: ImpactMap) -> str:
 
 
 def _struck(hit: Any, structure: Any) -> str:
-    part = "a model" if structure is None else structure.describe()
+    part = "a model" if structure is None else _named(structure.describe())
     places = list(places_of(hit.model).values())
     where = f" at {place(places[0])}" if len(places) == 1 else ""
     return f"{_body(hit.impactor)} strikes {part}{where}."
 
 
 def _body(body: Any) -> str:
-    """A striker in words: "Sphere (32.9 g, 2.00 m/s)"."""
-    values = ((getattr(body, name, None), unit) for name, unit in STRIKERS.items())
-    facts = [engineering(v, unit) for v, unit in values if isinstance(v, float) and v]
-    return type(body).__name__ + (f" ({', '.join(facts)})" if facts else "")
+    """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
+    kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
+    told = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
+    for name, (unit, word) in STRIKERS.items():
+        value = getattr(body, name, None)
+        if isinstance(value, float) and value:
+            told.append(f"{word} {engineering(value, unit)}")
+    return " ".join(told)
+
+
+def _named(described: str) -> str:
+    """What `Structure.describe` begins with: the name of the mesh, without its numbers."""
+    return re.split("[:,]", described, maxsplit=1)[0]
 
 
 def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> list[str]:
@@ -150,8 +160,8 @@ def _accuracy(budget: Mapping[str, Any]) -> str:
     """What limits the accuracy, and what to do."""
     if not budget:
         return (
-            "The mesh's error is not estimated, and there is no error bar:"
-            ' extract(…, error="estimate") gives one.'
+            "There is no error bar, for the mesh's error is not estimated:"
+            ' error="estimate" of extract gives one.'
         )
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))  # type: ignore[attr-defined]

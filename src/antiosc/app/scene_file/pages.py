@@ -6,7 +6,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from antiosc.app.scene_file.result_tables import shown
+from antiosc.app.scene_file.result_tables import shown, with_prefixes
 from antiosc.base.errors import MissingDependencyError
 from antiosc.base.isolation import loading
 
@@ -28,6 +28,7 @@ def rendered(template: str, **content: Any) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"shown": shown, "zipped": lambda columns: zip(*columns, strict=True)}
+    environment.filters |= {"shown": shown, "prefixed": with_prefixes}
+    environment.filters["zipped"] = lambda columns: zip(*columns, strict=True)
     environment.tests["numeric"] = lambda cell: shown(cell).strip("-–+.0123456789eE% ") == ""
     return str(environment.get_template(template).render(content))

@@ -20,7 +20,7 @@ from antiosc.app.scene_file.pages import rendered
 from antiosc.app.scene_file.report_pictures import Picture, pictures
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.base import checks, files
-from antiosc.base.engineering import engineering
+from antiosc.base.engineering import engineering, percent
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.history import History, SceneHistory
@@ -214,16 +214,16 @@ def _results(history: Any) -> list[Block]:
 
 
 def _errors(history: Any) -> list[Block]:
-    rows = [(f"time integration: {name}", f"{value:.2g}") for name, value in history.error.items()]
+    rows = [(f"time integration: {name}", percent(value)) for name, value in history.error.items()]
     rows.append(("these errors cover", covers(history)))
-    rows.append(("energy drift over the run", f"{history.energy.drift:.2g} of the energy"))
+    rows.append(("energy drift over the run, of the energy", percent(history.energy.drift)))
     budget: Any = tables.error_budget(history)
     if not budget:
         return [rows]
     columns: dict[str, Any] = {"Error budget": [name.replace("_", " ") for name in budget]}
     columns["value"] = [engineering(bar.value, QUANTITIES[name], 4) for name, bar in budget.items()]
     for cause in (*budget.causes, "total"):
-        columns[cause] = [f"{100 * getattr(bar, cause):.2g} %" for bar in budget.values()]
+        columns[cause] = [percent(getattr(bar, cause)) for bar in budget.values()]
     return [rows, columns, *budget.notes]
 
 

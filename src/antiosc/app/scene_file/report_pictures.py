@@ -18,6 +18,7 @@ from antiosc.base import progress
 from antiosc.base.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.base.charts.histories import plot_force, plot_motion
 from antiosc.base.charts.models import plot_model
+from antiosc.base.engineering import engineering, prefixed
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
@@ -128,7 +129,8 @@ def _of_history(found: Results, one_view: bool) -> Iterator[Picture]:
     if found.probes:
         yield _chart(
             "Probes",
-            "The signals of the probes, each divided by its largest value (in the legend).",
+            "The component of each probe with the largest value; of probes with several units each"
+            " is divided by its largest value, which the legend tells.",
             partial(_probes, found),
         )
     if found.structure is not None:
@@ -180,19 +182,34 @@ def _energies(hit: Any, ax: Any) -> None:
 
 
 def _probes(found: Results, ax: Any) -> None:
-    curves = (_probe(found, name) for name in found.probes)
-    _curves(ax, curves, "share of the largest value")
+    curves = [_probe(found, name) for name in islice(found.probes, CURVES)]
+    kinds = {(quantity, unit) for *_, quantity, unit in curves}
+    if len(kinds) == 1:
+        ((quantity, unit),) = kinds
+        factor, own = prefixed(
+            max(float(np.abs(values).max()) for _, _, values, *_ in curves), unit
+        )
+        label = f"{quantity.replace('_', ' ')} ({own})" if own else quantity.replace("_", " ")
+        _curves(ax, ((name, time, factor * values) for name, time, values, *_ in curves), label)
+        return
+    shares = []
+    for name, time, values, _, unit in curves:
+        largest = float(np.abs(values).max())
+        shares.append(
+            (f"{name}, at most {engineering(largest, unit)}", time, values / (largest or 1))
+        )
+    _curves(ax, shares, "share of the largest value")
 
 
-def _probe(found: Results, name: str) -> tuple[str, Any, Any]:
-    """The component with the largest value, divided by it."""
+def _probe(found: Results, name: str) -> tuple[str, Any, Any, str, str]:
+    """Name, times and values of the component with the largest value, its quantity and unit."""
     flat = result_tables.probe_columns(found, name)
     largest = np.abs(flat).max(axis=0)
     times = found.compiled.probes[name].arguments.get("times", found.history.time)
     k = int(np.argmax(largest))
     component, unit = list(result_tables.probe_components(found, name).items())[k]
-    told = f"{name} {component}".rstrip() + f", at most {largest[k]:.3g} {unit}"
-    return told, times, flat[:, k] / (float(largest[k]) or 1.0)
+    quantity = found.compiled.probes[name].arguments.get("quantity", "displacement")
+    return f"{name} {component}".rstrip(), times, flat[:, k], quantity, unit
 
 
 def _spectrum(model: Any, ax: Any) -> None:

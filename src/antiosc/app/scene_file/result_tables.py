@@ -77,7 +77,7 @@ def lines(rows: Rows) -> str:
 
 def columns(table: Mapping[str, Any]) -> str:
     """A table with a line of names; of long ones the first rows; units with prefixes."""
-    own = dict(_column(name, list(values)) for name, values in table.items())
+    own = with_prefixes(table)
     rows = list(zip(*own.values(), strict=True))
     cells = [list(own), *([shown(value) for value in row] for row in rows[:ROWS])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -86,6 +86,11 @@ def columns(table: Mapping[str, Any]) -> str:
     if len(rows) > ROWS:
         told.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
     return "\n".join(told)
+
+
+def with_prefixes(table: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The columns of a table, values with units in the prefix that suits the largest."""
+    return dict(_column(name, list(values)) for name, values in table.items())
 
 
 def _column(name: str, values: list[Any]) -> tuple[str, list[Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
@@ -87,7 +88,17 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
         pyplot = _matplotlib("pyplot")
         if "inline" not in pyplot.get_backend().lower():
             return pyplot.figure(figsize=size, layout="constrained")
+        _let_notebook_draw()
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
+
+
+def _let_notebook_draw() -> None:
+    """A notebook learns how to draw figures after the first cell with pyplot: not in that cell."""
+    with contextlib.suppress(ImportError, AttributeError):  # no notebook, or a strange one
+        shell = importlib.import_module("IPython").get_ipython()
+        if _matplotlib("figure").Figure not in shell.display_formatter.formatters["image/png"]:
+            tools = importlib.import_module("IPython.core.pylabtools")
+            tools.select_figure_formats(shell, {"png"})
 
 
 def _matplotlib(module: str = "") -> ModuleType:
@@ -107,6 +118,16 @@ def legend_beside(ax: Axes) -> Axes:
     """A legend to the right of the axes, where many names hide no data."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
     return ax
+
+
+def legend_below(figure: Figure, curves: Mapping[str, Any], columns: int) -> Figure:
+    """A legend of curves (label -> handle) below all panels of a figure."""
+    rows = -(-len(curves) // columns)
+    height = (0.25 * rows + 0.15) / figure.get_figheight()
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(0, height, 1, 1 - height))
+    figure.legend(list(curves.values()), list(curves), loc="lower center", ncols=columns)
+    return figure
 
 
 def few_log_ticks(ax: Axes) -> Axes:
@@ -171,11 +192,6 @@ def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, flo
     low, high = float(np.min(values)), float(np.max(values))
     size = (high - low) or max(abs(high), 1.0)
     return low - below * size, high + above * size
-
-
-def rounded(value: float) -> str:
-    """Three digits."""
-    return f"{value:.3g}"
 
 
 def legend(ax: Axes) -> Axes:

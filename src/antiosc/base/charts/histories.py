@@ -18,10 +18,10 @@ from antiosc.base.charts.figures import (
     finished,
     legend,
     panels,
-    rounded,
     widths,
     with_room,
 )
+from antiosc.base.engineering import engineering, prefixed
 from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ class Recorded(Protocol):
     @property
     def displacement(self) -> Array: ...
     @property
+    def indentation(self) -> Array: ...
+    @property
     def impactor_displacement(self) -> Array: ...
     @property
     def peak_force(self) -> float: ...
@@ -75,63 +77,69 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in named.values()]
     start, end = min(s for s, _ in spans), max(e for _, e in spans)
+    factor, unit = prefixed(end, "s")
     for (name, hit), width in zip(named.items(), widths(named), strict=True):
         many = len(hit.contacts) >= MANY_CONTACTS
         label = None if many else name or None
-        (line,) = ax.plot(1e3 * hit.time, hit.force, label=label, lw=0.6 if many else width)
+        (line,) = ax.plot(factor * hit.time, hit.force, label=label, lw=0.6 if many else width)
         if many:
             distinct = len(hit.contacts) <= DISTINCT_CONTACTS
             line.set(alpha=0.8 if distinct else 0.35, lw=1.0 if distinct else 0.6)
             window = (end - start) / WINDOWS
-            mean = f"mean over {rounded(1e3 * window)} ms"
+            mean = f"mean over {engineering(window, 's')}"
             time, force = running_mean(hit.time, hit.force, window)
             text = f"{name}, {mean}" if name else mean
-            ax.plot(1e3 * time, force, color=line.get_color(), lw=2, label=text)
+            ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
         error = _force_error(hit)
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
-            ax.fill_between(1e3 * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade)
+            ax.fill_between(
+                factor * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade
+            )
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
-            ax.plot(1e3 * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
+            ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
     room = 0.06 * (end - start)
-    ax.set_xlim(1e3 * (start - room), 1e3 * (end + room))
+    ax.set_xlim(factor * (start - room), factor * (end + room))
     means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
     ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
     if len(named) == 1:
-        _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end))
-    ax.set_xlabel("time (ms)")
+        _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end), factor)
+    ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
     return legend(ax)
 
 
 def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
-    """Displacements of the site and, dashed, of the impactor over time; contacts are shaded.
+    """Displacements of the site and, dashed, of what strikes it over time; contacts are shaded.
 
-    The displacement axis covers the motion of the site, and that of the impactor during contact.
+    The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
+    covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
     named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
+    factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
     seen: list[Array] = []
     for (name, hit), width in zip(named.items(), widths(named), strict=True):
-        own, other = (name, None) if name else ("structure, at the site", "impactor")
-        (line,) = ax.plot(1e3 * hit.time, 1e3 * hit.displacement, lw=width, label=own)
+        own, other = (name, None) if name else _names(hit)
+        (line,) = ax.plot(factor * hit.time, 1e3 * hit.displacement, lw=width, label=own)
         color = line.get_color() if name else "C1"
         dashes = {"ls": "--", "lw": width, "color": color}
-        ax.plot(1e3 * hit.time, 1e3 * hit.impactor_displacement, label=other, **dashes)
+        beside = 1e3 * (hit.displacement + hit.indentation)
+        ax.plot(factor * hit.time, beside, label=other, **dashes)
         first, last = _contact_span(hit)
-        during = (hit.time >= first) & (hit.time <= last)
-        seen += [1e3 * hit.displacement, 1e3 * hit.impactor_displacement[during]]
+        during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
+        seen += [1e3 * hit.displacement, beside[during]]
         if len(named) == 1 and hit.contacts:
-            spans = [(1e3 * start, 1e3 * (end - start)) for start, end in hit.contacts]
+            spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
             whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
     ax.set_ylim(*with_room(np.concatenate(seen), 0.08, 0.08))
-    ends = [1e3 * hit.time[-1] for hit in named.values()]
+    ends = [factor * hit.time[-1] for hit in named.values()]
     ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
-    ax.set_xlabel("time (ms)")
+    ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("displacement (mm)")
     return legend(ax)
 
@@ -176,6 +184,13 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
     return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
 
 
+def _names(hit: Recorded) -> tuple[str, str]:
+    """The names of the bodies at both ends of the contact."""
+    contacts = getattr(hit, "contact_histories", ())
+    own, other = contacts[0].ends if contacts else ("structure", "impactor")
+    return f"{own}, at the site", str(other)
+
+
 def _contact_span(hit: Recorded) -> tuple[float, float]:
     """First touch, and the release after which less than LATE of the impulse remains [s]."""
     contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
@@ -190,11 +205,13 @@ def _force_error(hit: Recorded) -> float:
     return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
 
 
-def _mark_peak(ax: Axes, hit: Recorded, middle: float) -> None:
+def _mark_peak(ax: Axes, hit: Recorded, middle: float, factor: float) -> None:
     """Write the largest force beside its mark, on the side with more space."""
     if hit.peak_force <= 0:
         return
     at = float(hit.time[int(np.argmax(hit.force))])
-    text = f"{hit.peak_force:.4g} N at {rounded(1e3 * at)} ms"
+    text = f"{engineering(hit.peak_force, 'N', 4)} at {engineering(at, 's')}"
     side, align = (9, "left") if at <= middle else (-9, "right")
-    ax.annotate(text, (1e3 * at, hit.peak_force), (side, 4), textcoords="offset points", ha=align)
+    ax.annotate(
+        text, (factor * at, hit.peak_force), (side, 4), textcoords="offset points", ha=align
+    )

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Points of a dynamic stiffness between two neighbouring antiresonances, and in total.
 POINTS_BETWEEN, MOST_POINTS = 160, 20_000
+#: Lowest frequency of the picture of a model, over its first antiresonance.
+LOWEST = 0.2
 
 
 class Reduced(Protocol):
@@ -99,19 +101,21 @@ def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
 
 
 def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """|Z| up to the last antiresonance, and below it the masses of the anti-oscillators.
+    """|Z| to above the last antiresonance, and below it the masses of the anti-oscillators.
 
     `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
     """
     _with_anti_oscillators(model)
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
-    edges = np.unique(np.concatenate(([0.0], model.omega, [1.1 * model.omega[-1]])))
+    ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
+    edges = np.unique(np.concatenate((ends, model.omega)))
     each = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
     # denser near the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
     plot_dynamic_stiffness(model, omega, axes[0, 0])
-    axes[0, 0].set_xlim(0, 1.1 * model.omega[-1] / (2 * np.pi))
+    axes[0, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))
+    few_log_ticks(axes[0, 0])
     plot_masses(model, axes[1, 0])
     return finished(figure, path)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
+from antiosc.base.brief import Given
 from antiosc.base.checks import array, kept, positive, store, within_range
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.solid import general_form
@@ -24,7 +25,7 @@ SYMMETRY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class AnisotropicSolid:
+class AnisotropicSolid(Given):
     """A linear-elastic solid with directions: wood, single crystals, unidirectional composites.
 
     Parameters

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 
 
 @dataclass(frozen=True)
-class Quantile:
+class Quantile(Given):
     """A quantile with the bar (low, high) of its sampling; inf where the sample is too small."""
 
     value: float

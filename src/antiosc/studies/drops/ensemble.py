@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
+from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.progress import counting
 from antiosc.simulation.executors import returned
@@ -28,7 +28,7 @@ QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
 
 
 @dataclass(frozen=True)
-class Tilts:
+class Tilts(Given):
     """What varies in an ensemble of falls.
 
     Parameters

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
@@ -27,7 +28,7 @@ LARGEST_LOSS = 1.0
 
 
 @dataclass(frozen=True)
-class SoftLayer:
+class SoftLayer(Given):
     """A soft sheet on a rigid floor, thin against the area of contact.
 
     Parameters
@@ -66,7 +67,7 @@ def _cushioned(layer: SoftLayer, radii: tuple[float, float]) -> ContactLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class Floor:
+class Floor(Given):
     """What a part falls on: the plane z = 0, below it a half-space, a rigid ground or a model.
 
     Parameters

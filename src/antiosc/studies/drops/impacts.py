@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.flight import State
@@ -85,12 +86,14 @@ class Impacts(tuple[Impact, ...]):
 
 
 @dataclass(frozen=True)
-class Peak:
-    """The largest value of a signal.
+class Peak(Given):
+    """The largest value of a signal, as `Fall.peak` finds it.
 
     Attributes
     ----------
-    value : in SI units; time : [s]; impact : number of the impact, from 0.
+    value : in SI units.
+    time : [s].
+    impact : number of the impact, from 0.
     """
 
     value: float

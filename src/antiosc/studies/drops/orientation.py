@@ -43,7 +43,11 @@ def orientation(
         R = onto(unit_vector("toward", toward), DOWN)
     elif asked:
         R = onto(_named(body, asked[0], given[asked[0]]), DOWN)
-    return tilted(checks.array("tilt", tilt, (3,))) @ R
+    angles = checks.array("tilt", tilt, None)
+    if angles.shape != (3,):
+        shown = checks.shown(tilt)
+        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
+    return tilted(angles) @ R
 
 
 def tilted(angles: Array) -> Array:

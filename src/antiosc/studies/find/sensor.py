@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.fem.fields import source
 from antiosc.fem.recovery.place import place
@@ -23,7 +24,7 @@ GAUGE_POINTS = 6
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Given):
     """A sensor on a structure: an accelerometer, a vibrometer, a strain gauge.
 
     Parameters
