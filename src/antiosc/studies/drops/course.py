@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.contact_scene import Held
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import Floor
@@ -103,7 +104,7 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
-    state, held, status = start, dict[int, float](), ""
+    state, held, status = start, dict[int, Held](), ""
     while not status:
         flight = Flight(body, state, setting.gravity, floor.ground)
         left = setting.duration - state.time
