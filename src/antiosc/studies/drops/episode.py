@@ -83,6 +83,17 @@ class Episode:
     def _node(self) -> int:
         return int(np.argmin(np.abs(self.history.time - self.duration)))
 
+    def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
+        (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
+        times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
+        path = path_of(body, self.start, self.posed, self.history, times)
+        at, axes = np.searchsorted(times, t), body.principal[1] @ self.posed.R.T
+        R, roots, a = path.R[at], np.sqrt(body.principal[0]), self.history.at(t)[BODY].a
+        L, torque = ((m[:, 3:6] * roots) @ axes for m in (path.v[at], a))
+        spin, turning = (np.einsum("na,nab->nb", m, R) @ body.inverse for m in (L, torque))
+        return R, spin, turning, a
+
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
         run = self.history.run
