@@ -80,8 +80,8 @@ class Course:
         """
         rows = [(self.start, 0.0)]
         for one in self.episodes:
-            rows += zip((one.start, one.end), one.stored, strict=True)
-        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
+            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        rows.append((self.end, rows[-1][1]))
         gravity = self.setting.gravity
         energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
         return np.array([s.time for s, _ in rows]), np.array(energies)

@@ -74,14 +74,10 @@ class Episode:
         return self.end.time - self.start.time
 
     @property
-    def stored(self) -> tuple[float, float]:
-        """Energy of the contacts at the start and at the end [J]: > 0 of those that go on."""
-        contact = self.history.energy.contact
-        return float(contact[0]), float(contact[self._node])
-
-    @property
-    def _node(self) -> int:
-        return int(np.argmin(np.abs(self.history.time - self.duration)))
+    def stored(self) -> float:
+        """Energy of the contacts at the end [J]: > 0 of those that go on."""
+        node = int(np.argmin(np.abs(self.history.time - self.duration)))
+        return float(self.history.energy.contact[node])
 
     def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
