@@ -53,7 +53,7 @@ def bar(modes: int = 2) -> FreeBody:
     shapes[:, :, 2] = [[shape(r, x) / np.sqrt(mass) for r in roots] for x, _, _ in points]
     moments = mass / 12 * np.array([width**2 + height**2, length**2 + height**2, length**2])
     return FreeBody(
-        mass, np.zeros(3), np.diag(moments), points, np.zeros(2), np.full((2, 2), 1e-3),
+        mass, np.diag(moments), points, np.zeros(3), np.zeros(2), np.full((2, 2), 1e-3),
         np.full((2, 2), np.nan), omega, 0.002 * omega, shapes, length,
     )  # fmt: skip
 
