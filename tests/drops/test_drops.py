@@ -330,7 +330,7 @@ def top(t: np.ndarray, F: np.ndarray) -> float:
 
 @pytest.mark.slow
 def test_a_bar_flies_as_in_a_floating_frame() -> None:
-    """The third peak depends on the vibration at the touch: 1e-4 rad of tilt change it by 0.5 %."""
+    """Three peaks; the third one depends on the vibration at the touch."""
     body, k = bar(), 2e8
     where = setting(ao.Hertz(k), impacts=3)
     start = started(body, where, (0.0, 30.0, 0.0))
@@ -338,8 +338,7 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
     peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
     mine = fall.impacts.column("peak_force")
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-4)
-    assert mine[2] == pytest.approx(peaks[2], rel=2e-3)
+    np.testing.assert_allclose(mine, peaks[:3], rtol=2e-4)
     assert mine[1] > 1.3 * mine[0]
 
 
