@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -55,25 +56,6 @@ class Tilts:
             checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
         if not any((self.sigma, self.height, self.friction, self.spin)):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
-
-
-def drawn(
-    tilts: Tilts, rng: np.random.Generator, body: FreeBody, start: State, setting: Setting
-) -> tuple[State, Setting]:
-    """One start and its setting."""
-    from scipy.spatial.transform import Rotation
-
-    if np.isinf(tilts.sigma):
-        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
-    else:
-        angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
-        R = turned(angle) @ start.R
-    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
-    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
-    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
-    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
-    own = replace(setting, height=height, floor=floor)
-    return hung(body, own, R, spin, start.velocity), own
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +123,20 @@ class _Tumble:
     tilts: Tilts
 
     def drawn(self, seed: Any) -> tuple[State, Setting]:
-        return drawn(self.tilts, np.random.default_rng(seed), self.body, self.start, self.setting)
+        """One start and its setting."""
+        tilts, own, rng = self.tilts, self.setting, np.random.default_rng(seed)
+        if np.isinf(tilts.sigma):
+            R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+        else:
+            angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+            R = turned(angle) @ self.start.R
+        height = own.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+        friction = max(own.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+        spin = self.start.spin(self.body) + tilts.spin * rng.standard_normal(3)
+        if tilts.friction:
+            own = replace(own, floor=replace(own.floor, friction=friction))
+        own = replace(own, height=height)
+        return hung(self.body, own, R, spin, self.start.velocity), own
 
     def __call__(self, seed: Any) -> dict[str, float]:
         impacts = fallen(self.body, *self.drawn(seed)).impacts

@@ -24,8 +24,8 @@ from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.floor import Ground
 from antiosc.studies.drops.rotation import free_rotation
 
-#: Angles [rad] that the body turns between two looks at its rigid motion, the first from afar.
-COARSE, TURN = 0.25, 0.02
+#: Angle [rad] that the body turns between two looks at its rigid motion.
+TURN = 0.05
 #: Most looks at one flight.
 MOST_LOOKS = 1_000_000
 #: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
@@ -186,29 +186,20 @@ class Flight:
         left.
         """
         parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
-        for start, end, _ in self._near(0.0, until, COARSE):
-            for first, last, which in self._near(start, end, TURN):
-                found = self._within(first, last, which, parted)
-                if found is not None:
-                    return found
-        return None
+        found = (self._within(*near, parted) for near in self._near(until))
+        return next((t for t in found if t is not None), None)
 
-    def _near(
-        self, start: float, end: float, turn: float
-    ) -> Iterator[tuple[float, float, IntArray]]:
-        """Intervals in which points may touch, in order, and which points.
-
-        turn: angle [rad] by which the body turns in an interval, roughly.
-        """
+    def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
+        """Intervals up to an end in which points may touch, in order, and which points."""
         body, every = self.body, np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
         # between two looks the height deviates from a straight line by a'' h^2/8 at most
         bend = self.gravity + 4 * spin**2 * reach
-        # a deviation of turn^2 of the size does no harm
-        h = max(turn / spin if spin > 0 else end - start, turn * np.sqrt(8 * body.extent / bend))
-        count = int(np.clip(np.ceil((end - start) / h), 1, MOST_LOOKS))
-        edges = np.linspace(start, end, count + 1)
+        # a deviation of TURN^2 of the size does no harm
+        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
+        count = int(np.clip(np.ceil(end / h), 1, MOST_LOOKS))
+        edges = np.linspace(0.0, end, count + 1)
         slack = bend * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
