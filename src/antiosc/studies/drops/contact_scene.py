@@ -119,8 +119,9 @@ def _rubbing(assembly: Assembly, on: Sequence[Held | None], span: float) -> Asse
             force[first : first + count] = o.friction
             drawn[first : first + count] = o.friction / stiffness
     offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn + system.R @ force]
-    given = {"breaks": np.array([0.0, span]), "loads": np.repeat(system.loads[:1], 2, axis=0)}
-    return replace(assembly, system=replace(system, offsets=offsets, **given))
+    breaks, loads = np.array([0.0, span]), np.repeat(system.loads[:1], 2, axis=0)
+    system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
+    return replace(assembly, system=system)
 
 
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:

@@ -23,6 +23,8 @@ from antiosc.studies.drops.rotation import turned
 
 #: Times that an orientation is put right by the spin that it has.
 SWEEPS = 5
+#: In place of 0 where it divides.
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +97,13 @@ def bent_back(
         ),
         axis=1,
     )
-    changes = (
+    change = 0.0
+    for new, last, size in (
         (offsets, ran.offsets, history.run.depth[:, : len(which)]),
         (loads, ran.loads, linear),
-    )
-    change = max(
-        float(np.abs(new - between(path.times, ran.breaks, last)).max())
-        / max(float(np.abs(size).max()), np.finfo(float).tiny)
-        for new, last, size in changes
-    )
+    ):
+        off = float(np.abs(new - between(path.times, ran.breaks, last)).max())
+        change = max(change, off / max(float(np.abs(size).max()), TINY))
     return replace(
         base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
     ), change

@@ -37,12 +37,12 @@ def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
     times = [f.start.time + np.linspace(0.0, f.longest(), DRAWN) for f in fall.flights]
-    times = [t[t <= fall.end.time] for t in times] + [[one.start.time] for one in fall.episodes]
-    states = [at(fall, float(t)) for t in np.unique(np.concatenate(times))]
-    t = [state.time for state in states]
-    height.plot(t, [state.centre[2] for state in states], label="centre of mass")
+    known = np.unique(np.concatenate([*times, [one.start.time for one in fall.episodes]]))
+    states = [at(fall, float(t)) for t in known[known <= fall.end.time]]
+    shown = [state.time for state in states]
+    height.plot(shown, [state.centre[2] for state in states], label="centre of mass")
     lowest = [state.heights(fall.body, fall.setting.floor.ground).min() for state in states]
-    height.plot(t, lowest, label="lowest point")
+    height.plot(shown, lowest, label="lowest point")
     height.set(xlabel="time (s)", ylabel="height (m)")
     height.legend(fontsize=8)
     energy = figure.add_subplot(grid[1, 0])
