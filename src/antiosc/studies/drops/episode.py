@@ -28,7 +28,7 @@ from antiosc.studies.drops.rotation import turned
 #: Duration of a first run, over the expected time of contact.
 LONG = 3.0
 #: A body may turn by this angle [rad] in an episode; if it still touches, another one follows.
-TURNS = 0.3
+TURNS = 0.6
 #: A contact belongs to the episode before if the body has not turned by more until it begins [rad].
 FOLLOWS = 0.01
 #: Longest run, over the first one.
@@ -43,7 +43,8 @@ MOST = 12
 LOOKS = 64
 #: A body that turns by less than this times tol [rad] keeps its lever arms.
 FROZEN = 4.0
-#: A scene runs again until its loads and gaps change by less than this times tol, so often at most.
+#: A scene runs again until its loads and gaps change by less than this times tol; after so many
+#: runs it is cut at half the turn.
 CLOSE, MOST_RUNS = 0.3, 12
 #: Relative error of an expected depth.
 DEPTH_ERROR = 1e-9
@@ -124,12 +125,13 @@ def episode(
     time, posed, bent = _expected(body, start, heights, floor)
     duration, longest = LONG * time, LONGEST * LONG * time
     extra: list[int] = []
+    turns = TURNS
     while True:
         which = _candidates(body, start, heights, time, held, extra)
         given = body, start, posed, bent, which, heights, held, floor, gravity
         base = scene_of(*given, duration)
         history = run(base, duration, tol)
-        end, touching = _end(body, history)
+        end, touching = _end(body, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
             duration *= 2
             continue
@@ -141,7 +143,11 @@ def episode(
             if change <= CLOSE * tol:
                 break
             history = run(on_arms, duration, tol)
-            end, touching = _end(body, history)
+            end, touching = _end(body, history, turns)
+        else:
+            if turns > TURNS / 8:
+                turns /= 2
+                continue
         missed = _missed(body, heights, path, which)
         if missed is None or missed in extra or len(which) >= MOST:
             break
@@ -211,18 +217,18 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(body: FreeBody, history: SceneHistory) -> tuple[float, bool]:
+def _end(body: FreeBody, history: SceneHistory, turns: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
     It ends when all has parted, but for contacts that follow soon; one that lasts is cut where the
-    body has turned by `TURNS`.
+    body has turned by `turns` [rad].
     """
     last = float(history.time[-1])
     times, nodes = np.linspace(0.0, last, LOOKS + 1), history.time[::2]
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
     turn = q[:, 3:6] / np.sqrt(body.principal[0])
     angle = np.linalg.norm(turn - turn[0], axis=1)
-    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > TURNS], last)[0])]
+    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
     end = 0.0
     for first, parts in sorted(s for c in history.contact_histories for s in c.contacts):
         if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
