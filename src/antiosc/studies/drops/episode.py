@@ -148,6 +148,7 @@ def episode(
             if turns > TURNS / 8:
                 turns /= 2
                 continue
+            path = path_of(body, start, posed, history, _times(base, history, end, tol))
         missed = _missed(body, heights, path, which)
         if missed is None or missed in extra or len(which) >= MOST:
             break
