@@ -16,6 +16,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.expected import deepest
 from antiosc.simulation.history import SceneHistory
 from antiosc.studies.drops.body import FreeBody
@@ -101,8 +102,7 @@ class Episode:
         """Normal impulses (sites,) [N s]."""
         t, f = self.forces()
         last = 2 * ((t.size - 1) // 2) + 1
-        f, h = f[:last], np.diff(t[:last:2])
-        return np.asarray((h[:, None] / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])).sum(axis=0))
+        return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
 def episode(
