@@ -119,7 +119,9 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
                 state = flight.at(left)
                 break
         touch = flight.at(found)
-        if not _same_impact(body, episodes, groups, found, bool(held)):
+        # one impact: its flights are shorter than the longest period of the modes, or its contact
+        soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
+        if not (held or soon):
             if len(groups) >= setting.impacts:
                 status = f"{len(groups)} impacts"
                 break
@@ -134,18 +136,6 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
         elif len(episodes) >= MOST_EPISODES:
             status = f"not at rest after {MOST_EPISODES} contacts"
     return Course(body, setting, start, state, episodes, flights, groups, status)
-
-
-def _same_impact(
-    body: FreeBody, episodes: list[Episode], groups: list[list[int]], flight: float, held: bool
-) -> bool:
-    """Whether an episode after a flight [s] belongs to the impact before it.
-
-    It does if the flight was shorter than the longest period of the modes, or than the contact.
-    """
-    if not groups:
-        return False
-    return held or flight < max(body.slowest, episodes[groups[-1][0]].duration)
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
