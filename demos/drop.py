@@ -35,7 +35,7 @@ def main(
     Parameters
     ----------
     height : of the lowest point, m
-    size : of the elements, m (3 mm: 190 000 dofs)
+    size : of the elements, m (3 mm: 113 000 dofs)
     impacts : after which the fall ends
     falls : of the ensemble; 1: none
     out : folder of the results

@@ -17,10 +17,11 @@ from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.flight import Flight, State, Swing, ringing
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
-from antiosc.studies.drops.rotation import free_rotation
+from antiosc.studies.drops.rotation import free_rotation, turned
 
 G = 9.81
 HALF = np.array([0.075, 0.035, 0.004])
@@ -52,7 +53,7 @@ def bar(modes: int = 2) -> FreeBody:
     shapes[:, :, 2] = [[shape(r, x) / np.sqrt(mass) for r in roots] for x, _, _ in points]
     moments = mass / 12 * np.array([width**2 + height**2, length**2 + height**2, length**2])
     return FreeBody(
-        mass, np.zeros(3), np.diag(moments), points, np.zeros(2), np.full((2, 2), 1e-3),
+        mass, np.diag(moments), points, np.zeros(3), np.zeros(2), np.full((2, 2), 1e-3),
         np.full((2, 2), np.nan), omega, 0.002 * omega, shapes, length,
     )  # fmt: skip
 
@@ -148,7 +149,7 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
     """Momentum and angular momentum, in space, with spin and vibration; energy, if none is lost."""
     body = bar()
     body.decay = np.zeros(2)
-    where = setting(ao.Hertz(1e9), friction, impacts=3)
+    where = setting(ao.Hertz(1e9), friction, impacts=3, tol=1e-4 if friction else 1e-5)
     start = hung(
         body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
     )
@@ -167,39 +168,71 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
         assert energy[-1] < energy[0]
         assert (np.diff(energy) < 1e-6 * energy[0]).all()
     else:
-        np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
+        np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
-def test_a_spinning_block_lands_as_eulers_equations_say() -> None:
-    """The first impact in space, where the body turns by half a degree and its spin with it."""
-    body, k = free_body(block(), 0, None, None), 1e7
-    where = setting(ao.Hertz(k), impacts=1)
+@pytest.mark.parametrize(("friction", "rounded"), [(0.0, 0.0), (0.3, 2e-3)])
+def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded: float) -> None:
+    """The first impact in space, where the body turns by 15 degrees and its spin with it."""
+    body, k = free_body(block(), 0, None, None), 1e6
+    body.balls[:] = rounded
+    where = setting(ao.Hertz(k), friction, impacts=1)
     start = hung(
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
-    fall = fallen(body, start, where)
-    one, inverse = fall.episodes[0], np.linalg.inv(body.tensor)
+    one = fallen(body, start, where).episodes[0]
+    R, v, L, peak = landed(body, one, k, friction)
+    assert one.forces()[1].sum(axis=1).max() == pytest.approx(peak, rel=5e-4)
+    assert np.degrees(np.arccos((np.trace(one.start.R.T @ R) - 1) / 2)) > 10
+    np.testing.assert_allclose(one.end.velocity, v, atol=2e-3)
+    np.testing.assert_allclose(one.end.momentum, L, atol=1e-3 * np.linalg.norm(L))
+    np.testing.assert_allclose(one.end.R, R, atol=3e-4)
 
-    def pressed(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        arms = body.points @ y[3:12].reshape(3, 3).T
-        return k * np.maximum(-y[2] - arms[:, 2], 0.0) ** 1.5, arms
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
-        R, (F, arms) = y[3:12].reshape(3, 3), pressed(y)
-        turning = np.cross(R @ inverse @ R.T @ y[15:], R.T).T
-        torque = [F @ arms[:, 1], -F @ arms[:, 0], 0.0]
-        return np.concatenate((y[12:15], turning.ravel(), [0, 0, F.sum() / body.mass - G], torque))
+def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.ndarray, ...]:
+    """Euler's equations through an episode, by the leapfrog: R, velocity, L and the peak force.
 
-    begin = one.start
-    y = np.concatenate((begin.centre, begin.R.ravel(), begin.velocity, begin.momentum))
-    t = np.linspace(0.0, one.duration, 400)
-    known = solve_ivp(rate, (0, t[-1]), y, "DOP853", t, rtol=1e-8, atol=1e-11, max_step=1e-4).y.T
-    peak = max(float(pressed(each)[0].sum()) for each in known)
-    assert fall.impacts[0].peak_force == pytest.approx(peak, rel=3e-4)
-    end = known[-1]
-    np.testing.assert_allclose(one.end.velocity, end[12:15], atol=1e-3)
-    np.testing.assert_allclose(one.end.momentum, end[15:], atol=1e-3 * np.linalg.norm(end[15:]))
-    np.testing.assert_allclose(one.end.R, end[3:12].reshape(3, 3), atol=1e-4)
+    The friction of each corner is that of a spring which slides.
+    """
+    s, inverse, down = one.start, np.linalg.inv(body.tensor), np.array([0.0, 0.0, 1.0])
+    stiff = float(one.history.assembly.system.slip[0, 1]) or 1.0
+    x, v, R, L = s.centre, s.velocity, s.R, s.momentum
+    drawn, peak, steps = np.zeros((len(body.points), 2)), 0.0, 500
+    h = one.duration / steps
+    way = h / 2
+    for n in range(steps + 1):
+        spin = R @ inverse @ R.T @ L
+        middle = turned(spin * way / 2) @ R
+        R = turned(middle @ inverse @ middle.T @ L * way) @ R
+        x = x + v * way
+        if n == steps:
+            break
+        spin, arms = R @ inverse @ R.T @ L, body.points @ R.T - body.balls[:, None] * down
+        N = k * np.maximum(-x[2] - arms[:, 2], 0.0) ** 1.5
+        drawn = np.where(N[:, None] > 0, drawn + h * (v + np.cross(spin, arms))[:, :2], 0.0)
+        size = np.maximum(np.linalg.norm(drawn, axis=1), 1e-300)
+        drawn *= np.minimum(friction * N / (stiff * size), 1.0)[:, None]
+        F = np.column_stack((-stiff * drawn, N)) if friction else N[:, None] * down
+        v, L = v + h * (F.sum(axis=0) / body.mass - G * down), L + h * np.cross(arms, F).sum(axis=0)
+        peak, way = max(peak, float(N.sum())), h / 2 if n == steps - 1 else h
+    return R, v, L, peak
+
+
+@pytest.mark.slow
+def test_a_contact_that_is_cut_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a new orientation, with its friction: the fall does not depend on where it is cut."""
+    body, found = free_body(block(), 0, None, None), []
+    where = setting(ao.Hertz(1e6), 0.3, impacts=1)
+    start = hung(
+        body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
+    )
+    for turns in (1.0, 0.05):
+        monkeypatch.setattr("antiosc.studies.drops.episode.TURNS", turns)
+        fall = fallen(body, start, where)
+        one = fall.impacts[0]
+        found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
+    assert len(fall.episodes) > 3
+    np.testing.assert_allclose(found[1], found[0], rtol=3e-3)
 
 
 def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,7 +330,7 @@ def top(t: np.ndarray, F: np.ndarray) -> float:
 
 @pytest.mark.slow
 def test_a_bar_flies_as_in_a_floating_frame() -> None:
-    """The third peak depends on the vibration at the touch: 1e-4 rad of tilt change it by 0.5 %."""
+    """Three peaks; the third one depends on the vibration at the touch."""
     body, k = bar(), 2e8
     where = setting(ao.Hertz(k), impacts=3)
     start = started(body, where, (0.0, 30.0, 0.0))
@@ -305,8 +338,7 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
     peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
     mine = fall.impacts.column("peak_force")
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=3e-4)
-    assert mine[2] == pytest.approx(peaks[2], rel=2e-3)
+    np.testing.assert_allclose(mine, peaks[:3], rtol=2e-4)
     assert mine[1] > 1.3 * mine[0]
 
 

@@ -98,12 +98,12 @@ def monte_carlo(
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
     with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as store_some:
         done = 0
-        for k, found in _made(run, given_of, executor):
+        for k, found in made(run, given_of, executor):
             rows.update(zip(parts[k], found, strict=True))
             store_some()
             done += len(found)
             ready(done)
-    return _sample(drawn, [rows[i] for i in range(size)])
+    return sample_of(drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> di
     return {name: value(what, drawn[name][i]) for name, what in inputs.items()}
 
 
-def _made(
+def made(
     run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
 ) -> Iterator[tuple[int, list[Row]]]:
     """Parts by their numbers, and their rows; those that the executor lost are failures."""
@@ -180,7 +180,7 @@ def _result(name: str, value: Any) -> float:
     return checks.number(name, value)
 
 
-def _sample(drawn: dict[str, Array], rows: list[Row]) -> Sample:
+def sample_of(drawn: dict[str, Array], rows: list[Row]) -> Sample:
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):
         raise AntioscError(f"all {len(rows)} runs failed, the first one so: {failed[0]}")

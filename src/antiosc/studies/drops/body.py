@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from antiosc.base.errors import InputError, finite_element_packages, without_war
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies import RigidBody
 from antiosc.simulation.impactors import Sphere
-from antiosc.studies.drops.skin import CORNER, hull, skin_of
+from antiosc.studies.drops.skin import CORNER, Skin, hull, skin_of
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -46,10 +46,10 @@ class FreeBody:
 
     Attributes
     ----------
-    mass : [kg]; centre : (3,) centre of mass in the axes of the mesh [m].
-    tensor : (3, 3) inertia about the centre [kg m^2].
+    mass : [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
     points : (V, 3) relative to the centre [m]; with `balls` > 0 the centre of a ball of that
         radius [m], of which the body's surface is a part there.
+    centre : (3,) of mass in the axes of the mesh [m].
     radii : (V, 2) principal radii for the law of the contact [m].
     materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
     omega, decay : (J,) of the elastic modes [rad/s], [1/s].
@@ -60,9 +60,9 @@ class FreeBody:
     """
 
     mass: float
-    centre: Array
     tensor: Array
     points: Array
+    centre: Array
     balls: Array
     radii: Array
     materials: Array
@@ -123,55 +123,40 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     if corner is not None:
         corner = checks.positive("corner_radius", corner, "m")
     if isinstance(part, Sphere):
-        return _sphere(part)
+        mass, radius, material = part.mass, part.radius, np.array([[part.E, part.nu]])
+        given = {"balls": np.array([radius]), "materials": material, "extent": 2 * radius}
+        return _stiff(mass, 0.4 * mass * radius**2 * np.eye(3), np.zeros((1, 3)), radius, **given)
     if isinstance(part, RigidBody):
-        return _rigid(part, corner)
+        if not part.sites:
+            raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
+        points, centre = np.array([x for x, _ in part.sites.values()]), np.asarray(part.centre)
+        radius = CORNER if corner is None else corner
+        return _stiff(part.mass, part.inertia, points - centre, radius, centre=centre)
     with finite_element_packages():
         from antiosc.fem.structure.structure import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
     return _elastic(part, modes, damping, corner)
 
 
-def _sphere(part: Sphere) -> FreeBody:
-    none = np.zeros(0)
-    return FreeBody(
-        mass=part.mass,
-        centre=np.zeros(3),
-        tensor=0.4 * part.mass * part.radius**2 * np.eye(3),
-        points=np.zeros((1, 3)),
-        balls=np.array([part.radius]),
-        radii=np.full((1, 2), part.radius),
-        materials=np.array([[part.E, part.nu]]),
-        omega=none,
-        decay=none,
-        shapes=np.zeros((1, 0, 3)),
-        extent=2 * part.radius,
-    )
-
-
-def _rigid(part: RigidBody, corner: float | None) -> FreeBody:
-    if not part.sites:
-        raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
-    points = np.array([point for point, _ in part.sites.values()])
+def _stiff(mass: float, tensor: Array, points: Array, radius: float, **given: Any) -> FreeBody:
+    """A body without modes, of points with a radius [m]."""
+    count, none = len(points), np.zeros(0)
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
-    radius = CORNER if corner is None else corner
-    return FreeBody(
-        mass=part.mass,
-        centre=np.asarray(part.centre),
-        tensor=part.inertia,
-        points=points - part.centre,
-        balls=np.zeros(len(points)),
-        radii=np.full((len(points), 2), radius),
-        materials=np.full((len(points), 2), np.nan),
-        omega=np.zeros(0),
-        decay=np.zeros(0),
-        shapes=np.zeros((len(points), 0, 3)),
-        extent=extent,
-    )
+    whole: dict[str, Any] = {
+        "centre": np.zeros(3),
+        "balls": np.zeros(count),
+        "radii": np.full((count, 2), radius),
+        "materials": np.full((count, 2), np.nan),
+        "extent": extent,
+    }
+    shapes = np.zeros((count, 0, 3))
+    return FreeBody(mass, tensor, points, omega=none, decay=none, shapes=shapes, **whole | given)
 
 
 def _elastic(structure: Structure, count: int, damping: Any, corner: float | None) -> FreeBody:
     """The free modes of a structure and the points of its hull."""
+    from scipy.spatial import cKDTree
+
     from antiosc.fem.extraction.eigenmodes import ModeSolver
     from antiosc.fem.fields import source
     from antiosc.fem.structure.structure import refuse_dampers
@@ -193,20 +178,20 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
     points, _, moved = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     own = hull(skin.points)
-    at = _same(points, skin.points[own])
+    at = cKDTree(points).query(skin.points[own])[1]
     notes: tuple[str, ...] = ()
     rounded = min(CORNER, structure.dimensions[2] / 4) if corner is None else corner
     if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():
         notes = (f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)",)
     if given is None:
         notes = (*notes, f"the modes have a damping ratio of {RATIO:g} (damping)")
-    centre = whole.centre
+    centre, arm = whole.centre, whole.point - whole.centre
+    tensor = whole.matrix[3:, 3:] - whole.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     balls = skin.balls[own]
-    site = _Residual(structure, phi, omega, skin.points[own], skin.normals[own], skin, own)
     body = FreeBody(
         mass=whole.mass,
         centre=centre,
-        tensor=_about_centre(whole.matrix, whole.point - centre, whole.mass),
+        tensor=(tensor + tensor.T) / 2,
         points=skin.points[own] - balls[:, None] * skin.normals[own] - centre,
         balls=balls,
         radii=np.array([skin.radii(i, rounded) for i in own]),
@@ -218,92 +203,43 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         notes=notes,
         structure=structure,
         basis=phi,
-        residual=site,
+        residual=partial(_residual, structure, phi, omega, skin, own),
     )
     if len(own) <= FEW:  # all of them will touch, and together they cost less
         body.sites(np.arange(len(own)))
     return body
 
 
-def _about_centre(matrix: Array, arm: Array, mass: float) -> Array:
-    """The inertia tensor about the centre from that about a point `arm` away from it."""
-    tensor = matrix[3:, 3:] - mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return np.asarray((tensor + tensor.T) / 2)
+def _residual(
+    structure: Structure, phi: Array, omega: Array, skin: Skin, own: IntArray, which: IntArray
+) -> tuple[Array, Array]:
+    """Shapes and residual compliances of patches at vertices of the hull `own`; see `sites`."""
+    from antiosc.fem.site.functionals import functionals
+    from antiosc.fem.site.site import Site
 
-
-def _same(points: Array, wanted: Array) -> IntArray:
-    """Numbers of the `points` (P, 3) that are the `wanted` ones."""
-    from scipy.spatial import cKDTree
-
-    return np.asarray(cKDTree(points).query(wanted)[1])
-
-
-@dataclass(eq=False)
-class _Residual:
-    """Shapes and residual compliances of patches at vertices of the hull."""
-
-    structure: Structure
-    phi: Array
-    omega: Array
-    points: Array
-    normals: Array
-    skin: Any
-    own: IntArray
-
-    def __call__(self, which: IntArray) -> tuple[Array, Array]:
-        from antiosc.fem.site.functionals import functionals
-        from antiosc.fem.site.site import Site
-
-        structure, skin = self.structure, self.skin
-        sites = []
-        for i in which.tolist():
-            normal, k = self.normals[i], self.own[i]
-            push = -normal if np.any(normal) else np.array([0.0, 0.0, 1.0])
-            solid = skin.half[k] == 0 and skin.sizes[k] > 0 and len(skin.triangles)
-            radius = float(skin.sizes[k]) if solid else None
-            point = tuple(self.points[i].tolist())
-            sites.append(Site(point, tuple(push.tolist()), radius, tangential=True))
-        with without_warnings():
-            found = functionals(structure, sites)
-        shapes, residual = [], []
-        B = np.column_stack([np.column_stack([f.b, *(a.b for a in f.across)]) for f in found])
-        C = _compliances(structure, B)
-        x = self.omega**2 + structure.shift
-        for n, (i, one) in enumerate(zip(which.tolist(), found, strict=True)):
-            b = B[:, 3 * n : 3 * n + 3]
-            axes = np.array([one.direction, *(a.direction for a in one.across)])
-            own, rigid = b.T @ self.phi, b.T @ structure.rigid_modes
-            r = C[n] - (own / x) @ own.T - rigid @ rigid.T / structure.shift
-            if not skin.sharp[self.own[i]]:
-                nu = float(np.nan_to_num(skin.materials[self.own[i], 1], nan=UNKNOWN_NU))
-                aside = (2 - nu) / (2 * (1 - nu))
-                r = r - one.local_compliance * np.diag([1.0, aside, aside])
-            residual.append(axes.T @ _positive(r) @ axes)
-            shapes.append((axes.T @ own).T)
-        return np.array(shapes), np.array(residual)
-
-
-def _compliances(structure: Structure, B: Array) -> Array:
-    """B'(K + sM)^-1 B (n, 3, 3) of the loads of n sites, three columns each."""
-    import scipy.sparse
-
-    from antiosc.fem.linalg.compliance import compliances
-    from antiosc.fem.linalg.solvers import OnOneRank
-
-    solver, count = structure.factorize(), B.shape[1] // 3
-    if not isinstance(solver, OnOneRank):
-        Y = solver.solve_block(B)
-        return np.array([B[:, k : k + 3].T @ Y[:, k : k + 3] for k in range(0, 3 * count, 3)])
-    # entries beside the diagonal from those of the sums: 2 b'Cc = (b + c)'C(b + c) - b'Cb - c'Cc
-    pairs = [(0, 1), (0, 2), (1, 2)]
-    sums = [B[:, k + i] + B[:, k + j] for k in range(0, 3 * count, 3) for i, j in pairs]
-    found = compliances(solver.cholesky, scipy.sparse.csr_matrix(np.column_stack([B, *sums])))
-    own, both = found[: 3 * count].reshape(-1, 3), found[3 * count :].reshape(-1, 3)
-    C = np.zeros((count, 3, 3))
-    C[:, range(3), range(3)] = own
-    for n, (i, j) in enumerate(pairs):
-        C[:, i, j] = C[:, j, i] = (both[:, n] - own[:, i] - own[:, j]) / 2
-    return C
+    sites = []
+    for k in own[which].tolist():
+        push = -skin.normals[k] if np.any(skin.normals[k]) else np.array([0.0, 0.0, 1.0])
+        solid = skin.half[k] == 0 and skin.sizes[k] > 0 and len(skin.triangles)
+        radius = float(skin.sizes[k]) if solid else None
+        sites.append(Site(tuple(skin.points[k]), tuple(push), radius, tangential=True))
+    with without_warnings():
+        found = functionals(structure, sites)
+    B = np.column_stack([np.column_stack([f.b, *(a.b for a in f.across)]) for f in found])
+    Y = structure.factorize().solve_block(B)
+    x, shapes, residual = omega**2 + structure.shift, [], []
+    for n, (k, one) in enumerate(zip(own[which], found, strict=True)):
+        b, y = (each[:, 3 * n : 3 * n + 3] for each in (B, Y))
+        axes = np.array([one.direction, *(a.direction for a in one.across)])
+        moved, rigid = b.T @ phi, b.T @ structure.rigid_modes
+        r = b.T @ y - (moved / x) @ moved.T - rigid @ rigid.T / structure.shift
+        if not skin.sharp[k]:
+            nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
+            aside = (2 - nu) / (2 * (1 - nu))
+            r = r - one.local_compliance * np.diag([1.0, aside, aside])
+        residual.append(axes.T @ _positive(r) @ axes)
+        shapes.append((axes.T @ moved).T)
+    return np.array(shapes), np.array(residual)
 
 
 def _positive(matrix: Array) -> Array:

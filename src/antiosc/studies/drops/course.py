@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.studies.drops.body import FreeBody
+from antiosc.studies.drops.contact_scene import Held
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import Floor
@@ -79,8 +80,8 @@ class Course:
         """
         rows = [(self.start, 0.0)]
         for one in self.episodes:
-            rows += zip((one.start, one.end), one.stored, strict=True)
-        rows.append((self.end, 0.0 if not self.episodes else rows[-1][1]))
+            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        rows.append((self.end, rows[-1][1]))
         gravity = self.setting.gravity
         energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
         return np.array([s.time for s, _ in rows]), np.array(energies)
@@ -103,7 +104,7 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
-    state, held, status = start, dict[int, float](), ""
+    state, held, status = start, dict[int, Held](), ""
     while not status:
         flight = Flight(body, state, setting.gravity, floor.ground)
         left = setting.duration - state.time
@@ -118,7 +119,9 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
                 state = flight.at(left)
                 break
         touch = flight.at(found)
-        if not _same_impact(body, episodes, groups, found, bool(held)):
+        # one impact: its flights are shorter than the longest period of the modes, or its contact
+        soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
+        if not (held or soon):
             if len(groups) >= setting.impacts:
                 status = f"{len(groups)} impacts"
                 break
@@ -133,18 +136,6 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
         elif len(episodes) >= MOST_EPISODES:
             status = f"not at rest after {MOST_EPISODES} contacts"
     return Course(body, setting, start, state, episodes, flights, groups, status)
-
-
-def _same_impact(
-    body: FreeBody, episodes: list[Episode], groups: list[list[int]], flight: float, held: bool
-) -> bool:
-    """Whether an episode after a flight [s] belongs to the impact before it.
-
-    It does if the flight was shorter than the longest period of the modes, or than the contact.
-    """
-    if not groups:
-        return False
-    return held or flight < max(body.slowest, episodes[groups[-1][0]].duration)
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:

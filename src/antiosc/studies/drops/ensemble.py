@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief, Given
-from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.errors import InputError
 from antiosc.base.progress import counting
-from antiosc.simulation.executors import returned
+from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Course, Setting, fallen, hung
+from antiosc.studies.drops.course import Setting, fallen, hung
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.rotation import turned
 
@@ -56,25 +56,6 @@ class Tilts(Given):
             checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
         if not any((self.sigma, self.height, self.friction, self.spin)):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
-
-
-def drawn(
-    tilts: Tilts, rng: np.random.Generator, body: FreeBody, start: State, setting: Setting
-) -> tuple[State, Setting]:
-    """One start and its setting."""
-    from scipy.spatial.transform import Rotation
-
-    if np.isinf(tilts.sigma):
-        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
-    else:
-        angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
-        R = turned(angle) @ start.R
-    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
-    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
-    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
-    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
-    own = replace(setting, height=height, floor=floor)
-    return hung(body, own, R, spin, start.velocity), own
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,6 +113,40 @@ class Drops(Brief):
         ]
 
 
+@dataclass(frozen=True, eq=False)
+class _Tumble:
+    """One fall from a seed: the values of its impacts by name and number."""
+
+    body: FreeBody
+    start: State
+    setting: Setting
+    tilts: Tilts
+
+    def drawn(self, seed: Any) -> tuple[State, Setting]:
+        """One start and its setting."""
+        tilts, own, rng = self.tilts, self.setting, np.random.default_rng(seed)
+        if np.isinf(tilts.sigma):
+            R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+        else:
+            angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+            R = turned(angle) @ self.start.R
+        height = own.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+        friction = max(own.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+        spin = self.start.spin(self.body) + tilts.spin * rng.standard_normal(3)
+        if tilts.friction:
+            own = replace(own, floor=replace(own.floor, friction=friction))
+        own = replace(own, height=height)
+        return hung(self.body, own, R, spin, self.start.velocity), own
+
+    def __call__(self, seed: Any) -> dict[str, float]:
+        impacts = fallen(self.body, *self.drawn(seed)).impacts
+        return {
+            f"{name} {k}": value
+            for name in QUANTITIES
+            for k, value in enumerate(impacts.column(name).tolist())
+        }
+
+
 def tumbles(
     body: FreeBody,
     start: State,
@@ -143,60 +158,24 @@ def tumbles(
 ) -> Drops:
     """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    parts = [seeds[k : k + AT_ONCE] for k in range(0, n, AT_ONCE)]
-    own = body.alone()
-    found: list[tuple[Array, dict[str, list[float]]] | str] = []
+    fall = _Tumble(body.alone(), start, setting, ensemble)
+    parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
+    found: dict[int, list[Any]] = {}
     with counting("falls", n) as ready:
-        for done in _calls(executor, (own, start, setting, ensemble), parts):
-            found += done
-            ready(len(found))
-    good = [one for one in found if not isinstance(one, str)]
-    if not good:
-        raise AntioscError(f"all falls failed, the first one so: {found[0]}")
-    most = max(len(values["peak_force"]) for _, values in good)
-    nothing: tuple[Array, dict[str, list[float]]] = (start.R, {name: [] for name in QUANTITIES})
-    whole = [nothing if isinstance(one, str) else one for one in found]
+        for k, rows in made(fall, parts, executor):
+            found[k] = rows
+            ready(sum(map(len, found.values())))
+    sample = sample_of({}, [row for k in sorted(found) for row in found[k]])
+    most = sum(name.startswith(QUANTITIES[0]) for name in sample.values)
     table = {
-        name: np.array([v[name] + [np.nan] * (most - len(v[name])) for _, v in whole])
+        name: np.column_stack([sample.values[f"{name} {k}"] for k in range(most)])
+        if most
+        else np.zeros((n, 0))
         for name in QUANTITIES
     }
     return Drops(
         table,
-        np.array([R for R, _ in whole]),
-        np.array([len(v["peak_force"]) for _, v in whole]),
-        {i: one for i, one in enumerate(found) if isinstance(one, str)},
+        np.array([fall.drawn(s)[0].R for s in seeds]),
+        np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1),
+        sample.failed,
     )
-
-
-def _calls(executor: Executor | None, given: Any, parts: Sequence[Any]) -> Any:
-    """The results of parts of an ensemble, in order."""
-    if executor is None:
-        return (_some(given, part) for part in parts)
-    calls: list[tuple[Any, dict[str, Any]]] = [((given, part), {}) for part in parts]
-    return map(_raised, returned(executor, _some, calls))
-
-
-def _raised(found: Any) -> Any:
-    if isinstance(found, AntioscError):
-        raise found
-    return found
-
-
-def _some(given: tuple[FreeBody, State, Setting, Tilts], seeds: Sequence[Any]) -> list[Any]:
-    """The numbers of some falls: orientation and values of the impacts, or why it failed."""
-    body, start, setting, ensemble = given
-    found: list[Any] = []
-    for seed in seeds:
-        own, there = drawn(ensemble, np.random.default_rng(seed), body, start, setting)
-        try:
-            with without_warnings():
-                fall = fallen(body, own, there)
-        except AntioscError as error:
-            found.append(str(error))
-            continue
-        found.append((own.R, _numbers(fall)))
-    return found
-
-
-def _numbers(fall: Course) -> dict[str, list[float]]:
-    return {name: fall.impacts.column(name).tolist() for name in QUANTITIES}

@@ -2,10 +2,10 @@
 
 The points that may touch are sites with a normal and two tangential directions. The scene has the
 body as it is expected to be in the middle of the contact, turned and bent by the first point that
-touches. Where it turns more than the tolerance permits, the scene runs once more, with the change
-of the lever arms and of the spin that the first run shows as given loads and gaps: the error is
-then of the second order in the turn (`turning`). The modal state of the flight is that of the scene
-at its start; at the end, when all has parted, the scene's state becomes a flight (`hand_over`).
+touches. It runs again, with the change of the lever arms and of the gaps on the path of the run
+before as given loads and gaps, until that no longer matters (`path.bent_back`): the result is that
+of the body that turns, and its energy is kept as the tolerance demands. The modal state of the
+flight is that of the scene at its start; its state at the end becomes a flight (`handed_over`).
 """
 
 from __future__ import annotations
@@ -15,20 +15,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import without_warnings
+from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.expected import deepest
 from antiosc.simulation.history import SceneHistory
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, arms_of, integrated, run, scene_of, turning
+from antiosc.studies.drops.contact_scene import BODY, Held, arms_of, run, scene_of
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of
-from antiosc.studies.drops.hand_over import handed_over
+from antiosc.studies.drops.path import Path, bent_back, handed_over, path_of
 from antiosc.studies.drops.rotation import turned
 
 #: Duration of a first run, over the expected time of contact.
 LONG = 3.0
 #: A body may turn by this angle [rad] in an episode; if it still touches, another one follows.
-TURNS = 0.03
+TURNS = 0.6
+#: A contact belongs to the episode before if the body has not turned by more until it begins [rad].
+FOLLOWS = 0.01
 #: Longest run, over the first one.
 LONGEST = 32.0
 #: Points that may touch are first those lower than this many times the way in a time of contact.
@@ -39,8 +42,11 @@ APART = 0.04
 MOST = 12
 #: Looks at the rotation in an episode.
 LOOKS = 64
-#: An episode in which the body turns by more than this times tol [rad] runs twice (`turning`).
+#: A body that turns by less than this times tol [rad] keeps its lever arms.
 FROZEN = 4.0
+#: A scene runs again until its loads and gaps change by less than this times tol; after so many
+#: runs it is cut at half the turn.
+CLOSE, MOST_RUNS = 0.3, 12
 #: Relative error of an expected depth.
 DEPTH_ERROR = 1e-9
 
@@ -54,7 +60,7 @@ class Episode:
     start, end : states of the body; `posed` that which the scene is linear about.
     history : of the scene, whose time begins with `start`; it goes on beyond `end`.
     which : (n,) numbers of the points in contact, sites "0" and on of the scene's body.
-    held : number of a point -> its height [m], of contacts that go on at the end.
+    held : number of a point -> its contact, of those that go on at the end.
     """
 
     start: State
@@ -62,7 +68,7 @@ class Episode:
     posed: State
     history: SceneHistory
     which: IntArray
-    held: dict[int, float]
+    held: dict[int, Held]
 
     @property
     def duration(self) -> float:
@@ -70,14 +76,21 @@ class Episode:
         return self.end.time - self.start.time
 
     @property
-    def stored(self) -> tuple[float, float]:
-        """Energy of the contacts at the start and at the end [J]: > 0 of those that go on."""
-        contact = self.history.energy.contact
-        return float(contact[0]), float(contact[self._node])
+    def stored(self) -> float:
+        """Energy of the contacts at the end [J]: > 0 of those that go on."""
+        node = int(np.argmin(np.abs(self.history.time - self.duration)))
+        return float(self.history.energy.contact[node])
 
-    @property
-    def _node(self) -> int:
-        return int(np.argmin(np.abs(self.history.time - self.duration)))
+    def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
+        (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
+        times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
+        path = path_of(body, self.start, self.posed, self.history, times)
+        at, axes = np.searchsorted(times, t), body.principal[1] @ self.posed.R.T
+        R, roots, a = path.R[at], np.sqrt(body.principal[0]), self.history.at(t)[BODY].a
+        L, torque = ((m[:, 3:6] * roots) @ axes for m in (path.v[at], a))
+        spin, turning = (np.einsum("na,nab->nb", m, R) @ body.inverse for m in (L, torque))
+        return R, spin, turning, a
 
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
@@ -89,8 +102,7 @@ class Episode:
         """Normal impulses (sites,) [N s]."""
         t, f = self.forces()
         last = 2 * ((t.size - 1) // 2) + 1
-        f, h = f[:last], np.diff(t[:last:2])
-        return np.asarray((h[:, None] / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])).sum(axis=0))
+        return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
 def episode(
@@ -100,53 +112,57 @@ def episode(
     floor: Floor,
     gravity: float,
     tol: float,
-    held: dict[int, float] | None = None,
+    held: dict[int, Held] | None = None,
 ) -> Episode:
     """The contact that begins at `start`.
 
     Parameters
     ----------
     heights : (V,) of all points over the floor [m].
-    held : number of a point -> its height, of contacts that go on from an episode before.
+    held : number of a point -> its contact, of those that go on from an episode before.
     """
     held = held or {}
     time, posed, bent = _expected(body, start, heights, floor)
-    duration = LONG * time
-    longest = LONGEST * duration
+    duration, longest = LONG * time, LONGEST * LONG * time
     extra: list[int] = []
-    again = True
-    while again:
+    turns = TURNS
+    while True:
         which = _candidates(body, start, heights, time, held, extra)
-        gaps = np.array([held.get(i, max(float(heights[i]), 0.0)) for i in which.tolist()])
-        with without_warnings():
-            scene = scene_of(body, posed, bent, which, gaps, floor, gravity)
-            history = run(scene, duration, tol)
-        looks = np.linspace(0.0, float(history.time[-1]), LOOKS + 1)
-        q = history.states(looks)[0][:, history.assembly.spans[BODY]]
-        end, touching = _end(body, history, looks, q)
-        cut = touching and end == history.time[-1] and not history.status
-        if again := cut and duration < longest:
+        given = body, start, posed, bent, which, heights, held, floor, gravity
+        base = scene_of(*given, duration)
+        history = run(base, duration, tol)
+        end, touching = _end(body, history, turns)
+        if touching and end == history.time[-1] < longest and not history.status:
             duration *= 2
             continue
-        missed = _missed(body, posed, heights, q[looks <= end], which)
-        if again := missed is not None and missed not in extra and len(which) < MOST:
-            extra.append(missed)
-    if float(_turns(body, q[looks <= end]).max()) > FROZEN * tol:
-        with without_warnings():
-            turned_by = turning(body, start, posed, which, history, end)
-            history = integrated(turned_by, duration, tol)
-        looks = np.minimum(looks, history.time[-1])
-        end, touching = _end(body, history, looks, history.states(looks)[0])
-    state, heights_at_end = handed_over(body, start, posed, history, end, which, floor)
-    pairs = zip(which.tolist(), heights_at_end.tolist(), strict=True)
-    below = {i: h for i, h in pairs if h < 0} if touching else {}
-    return Episode(start, state, posed, history, which, below)
+        for _ in range(MOST_RUNS):
+            path = path_of(body, start, posed, history, _times(base, history, end, tol))
+            if path.angles.max() <= FROZEN * tol:
+                break
+            on_arms, change = bent_back(body, posed, which, base, history, path)
+            if change <= CLOSE * tol:
+                break
+            history = run(on_arms, duration, tol)
+            end, touching = _end(body, history, turns)
+        else:
+            if turns > TURNS / 8:
+                turns /= 2
+                continue
+            path = path_of(body, start, posed, history, _times(base, history, end, tol))
+        missed = _missed(body, heights, path, which)
+        if missed is None or missed in extra or len(which) >= MOST:
+            break
+        extra.append(missed)
+    state, below = handed_over(body, start, posed, history, path, which, floor)
+    return Episode(start, state, posed, history, which, below if touching else {})
 
 
-def _turns(body: FreeBody, q: Array) -> Array:
-    """Angles (n,) [rad] by which the body has turned at displacements q (n, 6 + J), or more."""
-    turn = q[:, 3:6] / np.sqrt(body.principal[0])
-    return np.asarray(np.linalg.norm(turn - turn[0], axis=1))
+def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
+    """Times (n,) up to an end at which the path is looked at; it is straight between them."""
+    count = 1 + int(np.ceil(1 / np.sqrt(tol)))
+    spans = [span for c in history.contact_histories for span in c.contacts]
+    t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
+    return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
 def _expected(
@@ -180,7 +196,7 @@ def _candidates(
     start: State,
     heights: Array,
     time: float,
-    held: dict[int, float],
+    held: dict[int, Held],
     extra: list[int],
 ) -> IntArray:
     """The points that may touch: low ones, apart from each other, the lowest first.
@@ -202,49 +218,39 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(body: FreeBody, history: SceneHistory, times: Array, q: Array) -> tuple[float, bool]:
+def _end(body: FreeBody, history: SceneHistory, turns: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
-    q : (n, 6 + J) modal displacements of the body at times (n,).
-
-    It ends when all has parted for good, or until the body has turned too far: contacts that follow
-    within a third of `TURNS` belong to it. A contact that lasts is cut where it has turned by it.
+    It ends when all has parted, but for contacts that follow soon; one that lasts is cut where the
+    body has turned by `turns` [rad].
     """
     last = float(history.time[-1])
-    spans: list[tuple[float, float]] = []
-    for start, end in sorted(
-        span for contact in history.contact_histories for span in contact.contacts
-    ):
-        if spans and start <= spans[-1][1]:
-            spans[-1] = spans[-1][0], max(spans[-1][1], end)
-        else:
-            spans.append((start, end))
-    if not spans:
+    times, nodes = np.linspace(0.0, last, LOOKS + 1), history.time[::2]
+    q = history.states(times)[0][:, history.assembly.spans[BODY]]
+    turn = q[:, 3:6] / np.sqrt(body.principal[0])
+    angle = np.linalg.norm(turn - turn[0], axis=1)
+    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
+    end = 0.0
+    for first, parts in sorted(s for c in history.contact_histories for s in c.contacts):
+        if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
+            break
+        end = max(end, parts)
+    if end == 0.0:
         return last, False
-    angle = _turns(body, q)
-    nodes = history.time[::2]
-    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > TURNS], last)[0])]
-    for (_, end), (following, _) in zip(spans, [*spans[1:], (np.inf, 0.0)], strict=True):
-        if end > too_far or end >= last * (1 - 1e-12):
-            return float(too_far), True
-        if following > last or np.interp(following, times, angle) > TURNS / 3:
-            return end, False
-    return last, True
+    lasts = end > too_far or end >= last * (1 - 1e-12)
+    return float(too_far if lasts else end), bool(lasts)
 
 
-def _missed(body: FreeBody, posed: State, heights: Array, q: Array, which: IntArray) -> int | None:
-    """The point that sinks deepest into the floor during the scene though it is no contact.
+def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> int | None:
+    """The point that sinks deepest into the floor on a path though it is no contact.
 
-    heights : (V,) of all points at the start [m]; q : (n, 6 + J) modal displacements of the body.
+    heights : (V,) of all points at the start [m].
     """
-    moments, axes = body.principal
-    moved = q - q[0]
-    arms = arms_of(body, posed, np.arange(len(body.points)))
-    turned_by = (moved[:, 3:6] / np.sqrt(moments)) @ (axes @ posed.R.T)
-    rises = np.column_stack((moved[:, 2] / np.sqrt(body.mass), turned_by[:, :2], moved[:, 6:]))
-    rows = np.column_stack((np.ones(len(arms)), arms[:, 1], -arms[:, 0], body.shapes @ posed.R[2]))
-    lowest = (heights + rises @ rows.T).min(axis=0)
-    apart = np.linalg.norm(arms[:, None] - arms[which], axis=2).min(axis=1) > APART * body.extent
-    lowest[~apart] = np.inf
+    up = path.R[:, 2]
+    found = np.einsum("nd,vjd,nj->nv", up, body.shapes, path.q[:, 6:], optimize=True)
+    found += path.q[:, 2:3] / np.sqrt(body.mass) + up @ body.points.T
+    lowest = heights + (found - found[0]).min(axis=0)
+    off = np.linalg.norm(body.points[:, None] - body.points[which], axis=2).min(axis=1)
+    lowest[off <= APART * body.extent] = np.inf
     deepest = int(np.argmin(lowest))
     return deepest if lowest[deepest] < -1e-4 * body.extent else None

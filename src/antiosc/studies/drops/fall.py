@@ -17,7 +17,6 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Course, fallen, nudged
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
@@ -156,12 +155,11 @@ class Fall(Course, Brief):
         return np.asarray(elastic @ phi.T + _carried(body, spin[None], np.zeros((1, 3)), arm))
 
     def _in_contact(self, one: Episode, t: Array, arm: Array, phi: Array) -> Array:
-        body, R = self.body, one.posed.R
-        own = one.history.at(np.clip(t - one.start.time, 0.0, one.history.time[-1]))[BODY]
-        moments, axes = body.principal
-        linear = own.a[:, :3] / np.sqrt(body.mass) + [0.0, 0.0, self.setting.gravity]
-        spin, turning = ((m[:, 3:6] / np.sqrt(moments)) @ axes for m in (own.v, own.a))
-        return np.asarray(linear @ R + own.a[:, 6:] @ phi.T + _carried(body, spin, turning, arm))
+        body, since = self.body, np.clip(t - one.start.time, 0.0, one.history.time[-1])
+        R, spin, turning, own = one.motion(body, since)
+        linear = own[:, :3] / np.sqrt(body.mass) + [0.0, 0.0, self.setting.gravity]
+        carried = _carried(body, spin, turning, arm)
+        return np.asarray(np.einsum("nb,nba->na", linear, R) + own[:, 6:] @ phi.T + carried)
 
     def peak(
         self,
@@ -300,5 +298,5 @@ def warn_of(fall: Fall) -> None:
 def _carried(body: FreeBody, spin: Array, turning: Array, arm: Array) -> Array:
     """Acceleration (n, 3) of a point by the spin and its change, all in the axes of the body."""
     gyration = np.cross(spin, spin @ body.tensor)
-    turning = turning - gyration @ np.linalg.inv(body.tensor)
+    turning = turning - gyration @ body.inverse
     return np.asarray(np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm)))

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from antiosc.base import march
 from antiosc.base._types import Array, BoolArray, IntArray
@@ -25,8 +24,8 @@ from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.floor import Ground
 from antiosc.studies.drops.rotation import free_rotation
 
-#: Angles [rad] that the body turns between two looks at its rigid motion, the first from afar.
-COARSE, TURN = 0.25, 0.02
+#: Angle [rad] that the body turns between two looks at its rigid motion.
+TURN = 0.05
 #: Most looks at one flight.
 MOST_LOOKS = 1_000_000
 #: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
@@ -41,10 +40,8 @@ TOUCH = 1e-10
 WEAK = 0.9
 #: In place of 0 where it divides.
 LEAST = np.finfo(float).tiny
-#: A height over a time is a polynomial through these places (-1 to 1), which misses 1e-16 of a mode
-#: that has this phase [rad] in it.
-PLACES, PHASE = chebyshev.chebpts1(24), 8.0
-FITTED = np.linalg.inv(chebyshev.chebvander(PLACES, PLACES.size - 1))
+#: Times at which a touch is looked for at once, and the way over the extent that is straight.
+PLACES, STRAIGHT = 33, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,29 +186,20 @@ class Flight:
         left.
         """
         parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
-        for start, end, _ in self._near(0.0, until, COARSE):
-            for first, last, which in self._near(start, end, TURN):
-                found = self._within(first, last, which, parted)
-                if found is not None:
-                    return found
-        return None
+        found = (self._within(*near, parted) for near in self._near(until))
+        return next((t for t in found if t is not None), None)
 
-    def _near(
-        self, start: float, end: float, turn: float
-    ) -> Iterator[tuple[float, float, IntArray]]:
-        """Intervals in which points may touch, in order, and which points.
-
-        turn: angle [rad] by which the body turns in an interval, roughly.
-        """
+    def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
+        """Intervals up to an end in which points may touch, in order, and which points."""
         body, every = self.body, np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
         # between two looks the height deviates from a straight line by a'' h^2/8 at most
         bend = self.gravity + 4 * spin**2 * reach
-        # a deviation of turn^2 of the size does no harm
-        h = max(turn / spin if spin > 0 else end - start, turn * np.sqrt(8 * body.extent / bend))
-        count = int(np.clip(np.ceil((end - start) / h), 1, MOST_LOOKS))
-        edges = np.linspace(start, end, count + 1)
+        # a deviation of TURN^2 of the size does no harm
+        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
+        count = int(np.clip(np.ceil(end / h), 1, MOST_LOOKS))
+        edges = np.linspace(0.0, end, count + 1)
         slack = bend * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
@@ -244,23 +232,15 @@ class Flight:
 
     def _located(self, start: float, end: float, which: IntArray) -> float:
         """The time at which the first of some points reaches the floor, which all do."""
-        from scipy.optimize import brentq
-
-        count = np.ceil(self._swing.rates.max(initial=0.0) * (end - start) / PHASE)
-        if count > 1:
-            t = np.linspace(start, end, int(count) + 1)
-            i = int(np.argmax((self.heights(t[1:], which) < 0).any(axis=1)))
-            start, end = float(t[i]), float(t[i + 1])
-        half = 0.5 * (end - start)
-        series = FITTED @ self.heights(start + half * (1 + PLACES), which)
-        found = 1.0
-        for own in series.T.tolist():
-            height = partial(_series, own)
-            if height(-1.0) <= 0:
+        while True:
+            t = np.linspace(start, end, PLACES)
+            low = self.heights(t, which).min(axis=1)
+            if low[0] <= 0:
                 return start
-            if height(found) < 0:
-                found = float(brentq(height, -1.0, found, xtol=1e-14, rtol=1e-14))
-        return start + half * (1 + found)
+            i = int(np.argmax(low < 0)) or PLACES - 1
+            start, end, way = float(t[i - 1]), float(t[i]), float(low[i - 1] - low[i])
+            if way <= STRAIGHT * self.body.extent:
+                return start + (end - start) * float(low[i - 1]) / way
 
     def _sizes(self, t: Array) -> Array:
         """Largest elastic displacements (n, V) of the points [m] from times (n,) on."""
@@ -286,11 +266,3 @@ class Flight:
         if self.ground is not None and np.any(self.start.floor):
             fastest = max(fastest, float(self._floor_swing.rates.max()))
         return min(span / 2, 2 * np.pi / (LOOKS * fastest) if fastest else span)
-
-
-def _series(coefficients: list[float], x: float) -> float:
-    """A series of Chebyshev's polynomials, by Clenshaw."""
-    first = second = 0.0
-    for c in coefficients[:0:-1]:
-        first, second = 2 * x * first - second + c, first
-    return x * first - second + coefficients[0]

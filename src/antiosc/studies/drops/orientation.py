@@ -73,34 +73,22 @@ def onto(direction: Array, other: Array) -> Array:
 
 def _named(body: FreeBody, kind: str, name: Any) -> Array:
     """The unit direction in the body that points down where a face, edge or corner is lowest."""
-    signs = _signs(body, kind, name)
-    if signs is None:
-        return _group(body, name)
-    low, high = body.points.min(axis=0), body.points.max(axis=0)
-    if kind == "face":
-        return signs
-    at = np.where(signs > 0, high, low) * (signs != 0)
-    # next to the corner of the box may be none of the part: the point that lies farthest along it
-    if kind == "corner":
-        at = body.points[np.argmax(body.points @ signs)]
-    return at / np.linalg.norm(at)
-
-
-def _signs(body: FreeBody, kind: str, name: Any) -> Array | None:
-    """The signs (3,) of "+x-z" ..., or None for the name of a group of faces."""
     checks.text(kind, name)
-    found = re.findall(r"([+-])([xyz])", name)
-    axes = [axis for _, axis in found]
-    count = FACES[kind]
-    if "".join(s + a for s, a in found) != name or len(set(axes)) != count or len(axes) != count:
+    found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
+    if not len(name) / 2 == len(found) == FACES[kind]:
         if kind == "face" and body.structure is not None:
-            return None
+            return _group(body, name)
         example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
         raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
-    signs = np.zeros(3)
-    for sign, axis in found:
-        signs["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
-    return signs
+    signs = np.array([found.get(axis, 0.0) for axis in "xyz"])
+    if kind == "face":
+        return signs
+    # next to the corner of the box may be none of the part: the point that lies farthest along it
+    at = body.points[np.argmax(body.points @ signs)]
+    if kind == "edge":
+        low, high = body.points.min(axis=0), body.points.max(axis=0)
+        at = np.where(signs > 0, high, low) * (signs != 0)
+    return np.asarray(at / np.linalg.norm(at))
 
 
 def _group(body: FreeBody, name: str) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +12,19 @@ import numpy as np
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.charts.figures import finished, new_figure
+from antiosc.base.charts.surfaces import LIGHT
 from antiosc.base.errors import InputError
 from antiosc.studies.drops.course import Course
-from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.skin import skin_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Frames of a film in a second, and points of a flight that are drawn.
 RATE, DRAWN = 25, 60
-#: Most triangles of a surface that are drawn.
-TRIANGLES = 6000
+#: Most triangles of a surface that are drawn, and their colour.
+TRIANGLES, COLOUR = 6000, (0.35, 0.55, 0.8)
 
 
 def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -33,9 +36,13 @@ def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path
     _posed(axes, fall, first)
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
-    t, low, centre = _heights(fall)
-    height.plot(t, centre, label="centre of mass")
-    height.plot(t, low, label="lowest point")
+    times = [f.start.time + np.linspace(0.0, f.longest(), DRAWN) for f in fall.flights]
+    known = np.unique(np.concatenate([*times, [one.start.time for one in fall.episodes]]))
+    states = [at(fall, float(t)) for t in known[known <= fall.end.time]]
+    shown = [state.time for state in states]
+    height.plot(shown, [state.centre[2] for state in states], label="centre of mass")
+    lowest = [state.heights(fall.body, fall.setting.floor.ground).min() for state in states]
+    height.plot(shown, lowest, label="lowest point")
     height.set(xlabel="time (s)", ylabel="height (m)")
     height.legend(fontsize=8)
     energy = figure.add_subplot(grid[1, 0])
@@ -52,36 +59,20 @@ def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path
     return finished(figure, path)
 
 
-def _heights(fall: Course) -> tuple[Array, Array, Array]:
-    """Times [s], and heights of the lowest point and of the centre [m]."""
-    every = np.arange(len(fall.body.points))
-    rows: list[tuple[float, float, float]] = []
-    ends = [one.start.time for one in fall.episodes] + [fall.end.time]
-    for flight in fall.flights:
-        end = min((e for e in ends if e >= flight.start.time), default=fall.end.time)
-        for t in np.linspace(0.0, end - flight.start.time, DRAWN):
-            low = float(flight.heights(np.array([t]), every).min())
-            rows.append((flight.start.time + t, low, float(flight.at(t).centre[2])))
-    found = np.array(rows)
-    return found[:, 0], found[:, 1], found[:, 2]
-
-
 def _surface(fall: Course) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or lines of the hull."""
-    body = fall.body
-    if body.structure is not None:
-        from antiosc.studies.drops.skin import skin_of
-
-        skin = skin_of(body.structure)
-        every = max(1, len(skin.triangles) // TRIANGLES)
-        if every == 1 and len(skin.triangles):
-            return skin.points - body.centre, skin.triangles
+    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
+    body = fall.body
+    if body.structure is not None:
+        skin = skin_of(body.structure)
+        if 0 < len(skin.triangles) < TRIANGLES:
+            return skin.points - body.centre, skin.triangles
     points = body.points
     if body.balls.any() and len(points) == 1:  # a ball
-        grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 3), axis=-1).reshape(-1, 3)
-        grid = grid[np.abs(grid).max(axis=1) == 1]
+        grid = np.array(
+            [x for x in product(np.linspace(-1, 1, 9), repeat=3) if max(map(abs, x)) == 1]
+        )
         points = body.balls[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
     try:
         return points, np.asarray(ConvexHull(points).simplices)
@@ -95,8 +86,6 @@ def _posed(
     """Draw the part in a state above the floor."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    from antiosc.base.charts.surfaces import LIGHT
-
     points, triangles = _surface(fall) if surface is None else surface
     x = points @ state.R.T
     x[:, 2] += state.centre[2]
@@ -109,8 +98,8 @@ def _posed(
         corners = x[triangles]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         shade = np.abs(normal @ LIGHT) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
-        colours = np.outer(0.55 + 0.45 * shade, [0.35, 0.55, 0.8])
-        axes.add_collection3d(Poly3DCollection(corners, facecolors=np.clip(colours, 0, 1)))
+        colours = np.clip(np.outer(0.55 + 0.45 * shade, COLOUR), 0, 1)
+        axes.add_collection3d(Poly3DCollection(corners, facecolors=colours))
     else:
         axes.scatter(*x.T, s=12)
     top = max(float(x[:, 2].max()), half)
@@ -151,8 +140,7 @@ def film(fall: Course, path: str | os.PathLike[str], seconds: float) -> Path:
 
 
 def at(fall: Course, time: float) -> State:
-    """The state at a time [s] of the fall; during a contact that at its start or end."""
-    before = [f for f in fall.flights if f.start.time <= time]
-    flight: Flight = before[-1] if before else fall.flights[0]
-    ends = [one for one in fall.episodes if flight.start.time <= one.start.time <= time]
-    return ends[-1].start if ends else flight.at(time - flight.start.time)
+    """The state at a time [s] of the fall; during a contact that at its start."""
+    flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
+    since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
+    return since[-1] if since else flight.at(time - flight.start.time)
