@@ -176,7 +176,7 @@ WRONG = {
     "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n": (2, "without a stiffness"),
     "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n*MASS,ELSET=P\n": (2, "MASS without a value"),
     "*ELEMENT,TYPE=ROTARYI,ELSET=P\n8,2\n*ROTARYINERTIA,ELSET=P\n1,2,3,4\n": (2, "products"),
-    "*ELEMENT,TYPE=MASS,ELSET=P\n8,99\n*MASS,ELSET=P\n1.\n": (2, "does not define"),
+    "*ELEMENT,TYPE=MASS,ELSET=P\n8,99\n*MASS,ELSET=P\n1.\n": (1, "no node 99"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0\n": (2, "six coordinates"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T,TYPE=S\n1,0,0,0,1,0\n": (2, "six coordinates"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0,2,0,0\n": (2, "gives no axes"),
