@@ -119,8 +119,12 @@ class Whole:
             label = np.array([int(word)])
         except ValueError:
             return self.sets.get((keyword, (within.prefix + word).upper()))
-        rows = (within.mesh.nodes if keyword == "NSET" else within.mesh.elements).rows(label)
-        return within.placed(keyword, rows) if rows[0] >= 0 else None
+        only = list(self.instances.values())[1:2] * (not within.name and len(self.instances) == 2)
+        for one in (within, *only):  # numbers of the assembly are those of an only instance
+            rows = (one.mesh.nodes if keyword == "NSET" else one.mesh.elements).rows(label)
+            if rows[0] >= 0:
+                return one.placed(keyword, rows)
+        return None
 
     def _rows(self, keyword: str, word: str, place: Place, within: Instance) -> IntArray:
         found = self.find(keyword, word, within)

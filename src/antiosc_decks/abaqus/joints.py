@@ -10,6 +10,7 @@ import numpy as np
 from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
 from antiosc_decks.abaqus.assembly import NONE, Instance, Whole, nodes_of
 from antiosc_decks.abaqus.cards import Card, Row
+from antiosc_decks.abaqus.properties import Orientations
 from antiosc_decks.abaqus.ties import Surface, surfaces_of, tie
 from antiosc_decks.model.constraints import Constraints, Term
 
@@ -44,8 +45,9 @@ class _Joints:
 
     def __init__(self, whole: Whole, joints: Constraints, surfaces: dict[str, Surface]) -> None:
         self.whole, self.joints, self.surfaces = whole, joints, surfaces
-        #: reference node and nodes of the last *COUPLING
-        self.current: tuple[int, IntArray] | None = None
+        self.orientations = Orientations(whole.cards)
+        #: reference node and nodes of the last *COUPLING, and that
+        self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
         if name.upper() not in self.surfaces:
@@ -181,7 +183,7 @@ class _Joints:
         """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
         surface = self._surface(card.needed("SURFACE"), card.place)
         node = self.whole.node(card.needed("REFNODE"), card.place, within)
-        self.current = node, surface.nodes
+        self.current = node, surface.nodes, card
 
     def coupled(self, card: Card, within: Instance) -> None:
         """*KINEMATIC and *DISTRIBUTING."""
@@ -191,9 +193,11 @@ class _Joints:
         if rows:
             within.refuse_turned(card)
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
-        node, nodes = self.current
+        node, nodes, given = self.current
         if card.keyword == "KINEMATIC":
-            self._rigid(node, nodes, motions, card.place)
+            self._rigid(node, nodes, motions, given, within)
+        elif given.option("ORIENTATION") and len(motions) < 6:
+            raise card.place.error("*DISTRIBUTING of some motions is read along the deck's axes.")
         else:
             self._mean(card, node, motions, nodes, np.ones(len(nodes)))
 
@@ -203,7 +207,7 @@ class _Joints:
         node = self.whole.node(card.needed("REFNODE"), card.place, within)
         for row in card.rows():
             nodes = self.whole.nodes(row.word(0), row.place, within)
-            self._rigid(node, nodes, _range(row, 1), row.place)
+            self._rigid(node, nodes, _range(row, 1), card, within)
 
     def distributing_coupling(self, card: Card, within: Instance) -> None:
         """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
@@ -217,8 +221,20 @@ class _Joints:
             self._mean(card, reference, range(6), nodes, every)
             self.whole.deck.left[kind] -= 1
 
-    def _rigid(self, node: int, nodes: IntArray, motions: Sequence[int], place: Place) -> None:
-        self.joints.rigid(nodes[nodes != node], self.joints.leader(node), motions, place)
+    def _rigid(
+        self, node: int, nodes: IntArray, motions: Sequence[int], card: Card, within: Instance
+    ) -> None:
+        """Motions of nodes, along the axes of the card's ORIENTATION=, follow those of one."""
+        leader, joints, name = self.joints.leader(node), self.joints, card.option("ORIENTATION")
+        nodes = nodes[nodes != node]
+        if not name:
+            joints.rigid(nodes, leader, motions, card.place)
+            return
+        frames = self.orientations.at(name, card.place, within, joints.deck.points[nodes])
+        of_supports = joints.frames
+        joints.frames = dict(zip(nodes.tolist(), frames, strict=True))
+        joints.rigid(nodes, leader, motions, card.place, own=True)
+        joints.frames = of_supports
 
     def _mean(
         self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array

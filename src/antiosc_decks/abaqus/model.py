@@ -18,7 +18,7 @@ from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.abaqus.properties import Orientations, materials_of
+from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
 from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, roles_of, vary_thickness
 from antiosc_decks.model import copies
 from antiosc_decks.model.builder import ModelBuilder
@@ -134,17 +134,15 @@ class _Supports:
             raise card.place.error("*TRANSFORM needs six coordinates, TYPE=R or C.")
         shift = within.shift if kind == "C" else 0.0
         a, b = np.reshape(values, (2, 3)) @ within.turn.T + shift
-        for node in nodes:
-            if kind == "R":
-                x, z = a, np.cross(a, b)
-            else:
-                z = b - a
-                x = self.whole.deck.points[node] - a
-                x = x - (x @ z) / (z @ z) * z if z.any() else x
-            if not (np.linalg.norm(x) and np.linalg.norm(z)):
-                raise card.place.error("*TRANSFORM gives no axes.")
-            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-            self.frames[int(node)] = np.stack([x, np.cross(z, x), z])
+        if kind == "C" and (a != b).any():
+            frames = around_axis(a, b, self.whole.deck.points[nodes])
+        else:
+            z = np.cross(a, b) if kind == "R" else np.zeros(3)
+            axes = [v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, np.cross(z, a), z)]
+            frames = np.broadcast_to(np.array(axes), (len(nodes), 3, 3))
+        if np.linalg.norm(frames, axis=2).min(initial=1.0) < 0.5:
+            raise card.place.error("*TRANSFORM gives no axes.")
+        self.frames.update(zip(nodes.tolist(), frames, strict=True))
 
     def apply(self) -> None:
         """Give the builder the fixed motions, along the axes of the deck."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.io.deck import Array, Place
 from antiosc_decks.abaqus.assembly import Instance
-from antiosc_decks.abaqus.cards import Card, Row
+from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model import properties as profiles
 from antiosc_decks.model.properties import Material, isotropic, of_stiffness
 
@@ -101,48 +101,60 @@ class Orientations:
         own = self._cards.get((within.prefix + name).upper())
         return own or self._cards.get(name.upper())
 
-    def _given(
-        self, name: str, place: Place, within: Instance
-    ) -> tuple[Card, Instance, str, list[Row]]:
-        """(card, its instance, R or C, its lines)."""
+    def cylindrical(self, name: str, within: Instance) -> bool:
+        """Whether there is an orientation of this name about the axis of a cylinder."""
+        found = self.find(name, within)
+        return found is not None and found[0].option("SYSTEM").upper().startswith("C")
+
+    def at(self, name: str, place: Place, within: Instance, x: Array) -> Array:
+        """Directions 1, 2 and 3 of an *ORIENTATION (n, 3, 3) at points; those are rows."""
         found = self.find(name, within)
         if found is None:
             raise place.error(f"there is no orientation {name!r} (*ORIENTATION, NAME=).")
         card, of = found
-        return card, of, card.option("SYSTEM", "RECTANGULAR").upper()[:1], card.rows()
-
-    def cylinder(
-        self, name: str, place: Place, within: Instance
-    ) -> tuple[Array, Array, float] | None:
-        """(a point of the axis, its direction, degrees about the normal); None of a rectangular."""
-        card, of, system, rows = self._given(name, place, within)
-        if system != "C":
-            return None
-        a, b = np.reshape(card.first().reals(6), (2, 3))
-        if (a == b).all() or len(card.first().fields) < 6:
-            raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
-        along = of.turn @ (b - a) / np.linalg.norm(b - a)
-        return of.turn @ a + of.shift, along, rows[1].real(1) if len(rows) > 1 else 0.0
-
-    def frame(self, name: str, place: Place, within: Instance) -> Array:
-        """Directions 1, 2 and 3 of an *ORIENTATION, as rows."""
-        card, of, system, rows = self._given(name, place, within)
-        if system != "R" or not rows or "DEFINITION" in card.options:
-            raise card.place.error(
-                "*ORIENTATION is read as RECTANGULAR, by two points, and of shells as CYLINDRICAL."
-            )
-        a, b, origin = np.reshape(rows[0].reals(9), (3, 3))
-        normal = np.cross(of.turn @ (a - origin), of.turn @ (b - origin))
+        first, rows = card.first(), card.rows()
+        if self.cylindrical(name, within):
+            a, b = np.reshape(first.reals(6), (2, 3)) @ of.turn.T + of.shift
+            if (a == b).all():
+                raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
+            return around_axis(a, b, x)
+        system = card.option("SYSTEM", "R").upper()
+        if not system.startswith("R") or not rows or "DEFINITION" in card.options:
+            raise card.place.error("*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
+        a, b, origin = np.reshape(first.reals(9), (3, 3)) @ of.turn.T
+        normal = np.cross(a - origin, b - origin)
         if not normal.any():
             raise card.place.error("the two points of *ORIENTATION give no plane.")
-        x = of.turn @ (a - origin) / np.linalg.norm(a - origin)
-        z = normal / np.linalg.norm(normal)
-        if len(rows) > 1 and (degrees := rows[1].real(1)):
+        one, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
+        if degrees := self.degrees(name, within):
             if rows[1].word(0) != "3":
                 raise rows[1].place.error("*ORIENTATION is read with a rotation about 3 only.")
             angle = math.radians(degrees)
-            x = math.cos(angle) * x + math.sin(angle) * np.cross(z, x)
-        return np.stack([x, np.cross(z, x), z])
+            one = math.cos(angle) * one + math.sin(angle) * np.cross(z, one)
+        return np.broadcast_to(np.stack([one, np.cross(z, one), z]), (len(x), 3, 3))
+
+    def degrees(self, name: str, within: Instance) -> float:
+        """The angle in the second line: about 3, on shells about the normal."""
+        found = self.find(name, within)
+        rows = found[0].rows() if found else []
+        return rows[1].real(1) if len(rows) > 1 else 0.0
+
+    def frame(self, name: str, place: Place, within: Instance) -> Array:
+        """Directions 1, 2 and 3, as rows, of an *ORIENTATION that is the same everywhere."""
+        frame = self.at(name, place, within, np.zeros((1, 3)))[0]
+        if self.cylindrical(name, within):
+            raise place.error(
+                f"the orientation {name!r} is CYLINDRICAL; here it must be RECTANGULAR."
+            )
+        return np.asarray(frame)
+
+
+def around_axis(a: Array, b: Array, x: Array) -> Array:
+    """Radial, circumferential and axial directions (n, 3, 3) at points; zero on the axis."""
+    along = (b - a) / np.linalg.norm(b - a)
+    out = x - a - ((x - a) @ along)[:, None] * along
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.stack([out, np.cross(along, out), np.broadcast_to(along, out.shape)], axis=1)
 
 
 #: SECTION= of beams by its first letters -> least number of dimensions, how many must be > 0.

@@ -27,6 +27,8 @@ from antiosc_decks.model.properties import Material
 
 #: Sine of the angle below which a direction is normal to a shell.
 NORMAL = 0.05
+#: Degrees by which the angle of a layer may differ between elements.
+SAME_ANGLE = 0.5
 SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
 #: OFFSET= of shells -> the share of the thickness from the middle surface to the nodes.
 OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
@@ -160,65 +162,58 @@ class Sections:
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row], within: Instance
     ) -> tuple[str, dict[str, Any]]:
-        top = common_direction(normals_of(self.whole.deck, elements))
-        length = self.builder.units.length
-        axis: Any = np.array([1.0, 0.0, 0.0])
-        if card.option("ORIENTATION"):
-            axis = self._direction(card.option("ORIENTATION"), card.place, within, elements)
+        deck, length = self.whole.deck, self.builder.units.length
+        normals = normals_of(deck, elements)
+        known = [row for row in rows if self.orientations.find(row.word(3), within)]
+        name = card.option("ORIENTATION") or (known[0].word(3) if known else "")
+        if name:
+            axis = self._directions(name, card.place, within, elements)
         else:
             within.refuse_turned(card)
-            if top is not None and abs(top[0]) > math.cos(math.radians(0.1)):
-                axis = np.array([0.0, 0.0, 1.0])
+            across = np.abs(normals[:, :1]) > math.cos(math.radians(0.1))
+            axis = np.where(across, np.eye(3)[2], np.eye(3)[0])
         layers: list[dict[str, float]] = []
         for row in rows:
             material = self._material(row.word(2) or card.option("MATERIAL"), row.place)
-            angle = self._angle(row, axis, top, within)
+            angle = row.real(3) if row not in known else 0.0
+            if row in known:
+                own = self._directions(row.word(3), row.place, within, elements)
+                angle = _turned(axis, own, normals, row.place)
             layers.append(self.builder.layer(material, row.real(0), angle))
             solid = material.constants is not None and np.isfinite(material.constants).all()
-            if isinstance(axis, dict) and solid and material.isotropic is None:
+            names = name, row.word(3)
+            if any(self.orientations.cylindrical(n, within) for n in names) and (
+                solid and material.isotropic is None
+            ):
                 self.builder.tell_once(
                     f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX "
                     "has them: 1 along the radius; on shells 1 is around the axis, as Abaqus has it"
                 )
+        alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
         return "Laminate", {
             "layers": layers,
-            "axis": axis if isinstance(axis, dict) else axis.tolist(),
+            "axis": axis[0].tolist() if alike else everywhere(deck, elements, axis, length),
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
-            "top": top_of(self.whole.deck, elements, length),
+            "top": top_of(deck, elements, length),
         }
 
-    def _direction(self, name: str, place: Place, within: Instance, elements: IntArray) -> Any:
-        """Direction 1 of an *ORIENTATION: one, or about the axis of a cylinder one in each element.
+    def _directions(self, name: str, place: Place, within: Instance, elements: IntArray) -> Array:
+        """Direction 1 of an *ORIENTATION in each element.
 
-        Where it is the normal of a shell, it is direction 2.
+        Where that about an axis is the normal of a shell, it is direction 2.
         """
-        around = self.orientations.cylinder(name, place, within)
-        if around is None:
-            return self.orientations.frame(name, place, within)[0]
-        origin, along, degrees = around
         deck = self.whole.deck
-        normals = normals_of(deck, elements)
-        out = np.array([x.mean(axis=0) for x in corners_of(deck, elements)]) - origin
-        out -= (out @ along)[:, None] * along
-        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
-        is_normal = np.linalg.norm(np.cross(out, normals), axis=1) < NORMAL
-        first = np.where(is_normal[:, None], np.cross(along, out), out)
-        first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-        angle = math.radians(degrees)
-        first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
-        return everywhere(deck, elements, first, self.builder.units.length)
-
-    def _angle(self, row: Row, axis: Any, top: Array | None, within: Instance) -> float:
-        """Degrees from the axis of the stack to direction 1 of a layer."""
-        if self.orientations.find(row.word(3), within) is None:
-            return row.real(3)
-        if top is None or isinstance(axis, dict):
-            raise row.place.error(
-                "layers with an *ORIENTATION of their own need a flat shell; give angles instead."
-            )
-        own = self.orientations.frame(row.word(3), row.place, within)[0]
-        a, b = (v - (v @ top) * top for v in (axis, own))
-        return math.degrees(math.atan2(np.cross(a, b) @ top, a @ b))
+        centres = np.array([x.mean(axis=0) for x in corners_of(deck, elements)])
+        frames = self.orientations.at(name, place, within, centres)
+        first = frames[:, 0]
+        if self.orientations.cylindrical(name, within):
+            normals = normals_of(deck, elements)
+            is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
+            first = np.where(is_normal[:, None], frames[:, 1], first)
+            first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
+            angle = math.radians(self.orientations.degrees(name, within))
+            first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
+        return first
 
     # --- Beams ------------------------------------------------------------------------------------
 
@@ -254,6 +249,19 @@ class Sections:
         length = self.builder.units.length
         arguments["section"] = profile.section(length)
         return "Beam", {**arguments, "orientation": first.tolist(), "offset": offset * length}
+
+
+def _turned(axis: Array, own: Array, normals: Array, place: Place) -> float:
+    """Degrees from directions to others about the normals, the same in all elements."""
+    flat = [v - np.einsum("ni,ni->n", v, normals)[:, None] * normals for v in (axis, own)]
+    sine = np.einsum("ni,ni->n", np.cross(*flat), normals)
+    degrees = np.degrees(np.arctan2(sine, np.einsum("ni,ni->n", *flat)))
+    if np.abs((degrees - degrees[0] + 90) % 180 - 90).max() > SAME_ANGLE:
+        raise place.error(
+            "the *ORIENTATION of this layer turns against that of the section, or of the first "
+            "layer, from element to element; give the layers angles instead."
+        )
+    return float(degrees[0])
 
 
 def _positive(card: Card, what: str) -> float:

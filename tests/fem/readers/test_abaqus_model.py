@@ -173,7 +173,7 @@ WRONG = {
     "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n7\n4.\n": (3, "motions from 1 to 6"),
     "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n1\n4.\n": (3, "motions from 1 to 6"),
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,2\n*SPRING,ELSET=S\n\n4.\n": (2, "coincide"),
-    "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n": (2, "without a stiffness"),
+    "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n": (2, "without a value"),
     "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n*MASS,ELSET=P\n": (2, "MASS without a value"),
     "*ELEMENT,TYPE=ROTARYI,ELSET=P\n8,2\n*ROTARYINERTIA,ELSET=P\n1,2,3,4\n": (2, "products"),
     "*ELEMENT,TYPE=MASS,ELSET=P\n8,99\n*MASS,ELSET=P\n1.\n": (1, "no node 99"),
