@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Place
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
 from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
 from antiosc_decks.abaqus.table import account_for
@@ -119,12 +119,19 @@ class Whole:
             label = np.array([int(word)])
         except ValueError:
             return self.sets.get((keyword, (within.prefix + word).upper()))
+        found = self._numbered(keyword, within, lambda known: known.rows(label))
+        return found if len(found) else None
+
+    def _numbered(
+        self, keyword: str, within: Instance, rows_of: Callable[[Numbering], IntArray]
+    ) -> IntArray:
+        """Rows of numbers; those of the assembly may be of its only instance."""
         only = list(self.instances.values())[1:2] * (not within.name and len(self.instances) == 2)
-        for one in (within, *only):  # numbers of the assembly are those of an only instance
-            rows = (one.mesh.nodes if keyword == "NSET" else one.mesh.elements).rows(label)
-            if rows[0] >= 0:
+        for one in (within, *only):
+            rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
+            if (rows >= 0).any():
                 return one.placed(keyword, rows)
-        return None
+        return NONE
 
     def _rows(self, keyword: str, word: str, place: Place, within: Instance) -> IntArray:
         found = self.find(keyword, word, within)
@@ -188,7 +195,7 @@ class Whole:
         strict = len(self.instances) > 1 and not within.name
         for row in card.rows():
             if "GENERATE" in card.options:
-                found.append(_ranged(row, keyword, of))
+                found.append(self._numbered(keyword, of, _ranged(row)))
                 if strict and not len(found[-1]):
                     raise row.place.error(
                         f"*{keyword} in the assembly selects nothing; name the instance "
@@ -220,8 +227,8 @@ class Whole:
                 sets[keyword][self.spelling[name]] = cells
 
 
-def _ranged(row: Row, keyword: str, within: Instance) -> IntArray:
-    """Rows of the existing numbers in a range, which may be wide."""
+def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
+    """What selects the existing numbers in a range, which may be wide."""
     if len(row.fields) < 2:
         raise row.place.error("GENERATE needs a first and a last number.")
     first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
@@ -229,8 +236,7 @@ def _ranged(row: Row, keyword: str, within: Instance) -> IntArray:
         step = 1
     if step < 1 or last < first:
         raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
-    numbering = within.mesh.nodes if keyword == "NSET" else within.mesh.elements
-    return within.placed(keyword, numbering.between(first, last, step))
+    return lambda known: known.between(first, last, step)
 
 
 def nodes_of(deck: Deck, elements: IntArray) -> IntArray:

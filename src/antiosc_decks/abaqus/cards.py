@@ -113,7 +113,7 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             continue
         while line.endswith(",") and number < len(lines):
             following = lines[number].strip()
-            if following.startswith("*"):
+            if following[:1] in "*+-.0123456789":  # numbers are data
                 break
             line += following
             number += 1

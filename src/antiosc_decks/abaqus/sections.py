@@ -27,6 +27,8 @@ from antiosc_decks.model.properties import Material
 
 #: Sine of the angle below which a direction is normal to a shell.
 NORMAL = 0.05
+#: Degrees from the normal below which x is no direction 1 of a shell; Abaqus: 0.1.
+STEEP = 0.1
 #: Degrees by which the angle of a layer may differ between elements.
 SAME_ANGLE = 0.5
 SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
@@ -164,17 +166,19 @@ class Sections:
     ) -> tuple[str, dict[str, Any]]:
         deck, length = self.whole.deck, self.builder.units.length
         normals = normals_of(deck, elements)
+        words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
+        materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), within)]
         name = card.option("ORIENTATION") or (known[0].word(3) if known else "")
         if name:
             axis = self._directions(name, card.place, within, elements)
         else:
             within.refuse_turned(card)
-            across = np.abs(normals[:, :1]) > math.cos(math.radians(0.1))
+            alike = all(one.isotropic is not None for one in materials)
+            across = np.abs(normals[:, :1]) > math.cos(math.radians(45.0 if alike else STEEP))
             axis = np.where(across, np.eye(3)[2], np.eye(3)[0])
         layers: list[dict[str, float]] = []
-        for row in rows:
-            material = self._material(row.word(2) or card.option("MATERIAL"), row.place)
+        for row, material in zip(rows, materials, strict=True):
             angle = row.real(3) if row not in known else 0.0
             if row in known:
                 own = self._directions(row.word(3), row.place, within, elements)
