@@ -18,9 +18,7 @@ from antiosc_decks.model.constraints import Constraints, Term
 LONGEST_EQUATION = 1_000_000
 
 
-def read_joints(
-    whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]
-) -> None:
+def read_joints(whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]) -> None:
     """Give `joints` what the cards say."""
     reader = _Joints(whole, joints, surfaces_of(whole, cards))
     readers: dict[str, Callable[[Card, Instance], None]] = {

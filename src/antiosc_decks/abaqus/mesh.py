@@ -168,9 +168,7 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
     return table[:, 0]
 
 
-def _numbers(
-    mesh: Mesh, card: Card, width: int, kind: str
-) -> tuple[list[list[int]], list[Place]]:
+def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[int]], list[Place]]:
     """(number and nodes of every element, which may take several lines; its place)."""
     least = 1 + width
     found: list[list[int]] = []

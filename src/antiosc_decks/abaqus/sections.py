@@ -221,9 +221,7 @@ class Sections:
 
     # --- Beams ------------------------------------------------------------------------------------
 
-    def _beam(
-        self, card: Card, elements: IntArray, within: Instance
-    ) -> tuple[str, dict[str, Any]]:
+    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, dict[str, Any]]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:

@@ -72,7 +72,9 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert whole.deck.left == {"SPRINGA": 2, "MASS": 1}
     others = [(kind, row.fields) for kind, row, _ in whole.others]
     assert others == [("SPRINGA", [*"713"]), ("SPRINGA", [*"835"]), ("MASS", [*"91"])]
-    beside = {name: (rows[rows >= OTHER] - OTHER).tolist() for (_, name), rows in whole.sets.items()}
+    beside = {
+        name: (rows[rows >= OTHER] - OTHER).tolist() for (_, name), rows in whole.sets.items()
+    }
     assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
 
 

@@ -96,7 +96,7 @@ def test_layers_turn_against_each_other_by_their_cylindrical_orientations(tmp_pa
     for name, y in (("A", 1), ("B", -1)):
         rows += f"*ORIENTATION, NAME={name}, SYSTEM=CYLINDRICAL\n0, 0, 0, 1, {y}, 0\n"
     nodes = "1, 9, 0, 0\n2, 20, 0, 0\n3, 20, 5, 0\n4, 9, 5, 0\n5, 30, 0, 0\n6, 30, 5, 0\n"
-    mesh, _, material = CYLINDER.partition("*MATERIAL")
+    material = CYLINDER.partition("*MATERIAL")[2]
     element = "*ELEMENT, TYPE=S4, ELSET=ALL\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*MATERIAL"
     text = f"*NODE\n{nodes}{element}{material.partition('*ORIENTATION')[0]}{rows}"
     path = tmp_path / "part.inp"
