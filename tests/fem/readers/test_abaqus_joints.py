@@ -44,8 +44,13 @@ def rigid(x: np.ndarray) -> np.ndarray:
     return motions
 
 
-@pytest.mark.parametrize("card", ["*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n*KINEMATIC\n2,3\n",
-                                  "*KINEMATIC COUPLING,REF NODE=1,ORIENTATION=O\nS,2,3\n"])  # fmt: skip
+ALONG = [
+    "*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n*KINEMATIC\n2,3\n",
+    "*KINEMATIC COUPLING,REF NODE=1,ORIENTATION=O\nS,2,3\n",
+]
+
+
+@pytest.mark.parametrize("card", ALONG)
 def test_a_coupling_in_cylindrical_axes_leaves_the_radius_free(tmp_path, card):
     """Along the axis and around it the nodes follow a rigid body; away from it they move alone."""
     angle = np.array([0.3, 1.9, 4.0])
