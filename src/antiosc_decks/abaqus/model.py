@@ -138,10 +138,8 @@ class _Supports:
             frames = around_axis(a, b, self.whole.deck.points[nodes])
         else:
             z = np.cross(a, b) if kind == "R" else np.zeros(3)
-            axes = [
-                v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, np.cross(z, a), z)
-            ]
-            frames = np.broadcast_to(np.array(axes), (len(nodes), 3, 3))
+            x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
+            frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
         if np.linalg.norm(frames, axis=2).min(initial=1.0) < 0.5:
             raise card.place.error("*TRANSFORM gives no axes.")
         self.frames.update(zip(nodes.tolist(), frames, strict=True))

@@ -151,8 +151,9 @@ class Orientations:
 
 def around_axis(a: Array, b: Array, x: Array) -> Array:
     """Radial, circumferential and axial directions (n, 3, 3) at points; zero on the axis."""
-    along = (b - a) / np.linalg.norm(b - a)
-    out = x - a - ((x - a) @ along)[:, None] * along
+    z = b - a
+    out = x - a - ((x - a) @ z / (z @ z))[:, None] * z
+    along = z / np.linalg.norm(z)
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
     return np.stack([out, np.cross(along, out), np.broadcast_to(along, out.shape)], axis=1)
 
