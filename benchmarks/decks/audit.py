@@ -114,9 +114,10 @@ def tried(path: Path) -> dict[str, Any]:
         setattr(kind, name, noted)
 
     flat = path.suffix.lower() == ".inp"
-    saved = nastran.Entry.text, abaqus.Card.rows, abaqus.Card.option
+    saved = nastran.Entry.text, abaqus.Card.rows, abaqus.Card.first, abaqus.Card.option
     noting(nastran.Entry, "text")
     noting(abaqus.Card, "rows")
+    noting(abaqus.Card, "first")
     noting(abaqus.Card, "option")
     result: dict[str, Any] = {}
     try:
@@ -144,7 +145,7 @@ def tried(path: Path) -> dict[str, Any]:
     except AntioscError as error:
         result["refused"] = str(error)
     finally:
-        nastran.Entry.text, abaqus.Card.rows, abaqus.Card.option = saved
+        nastran.Entry.text, abaqus.Card.rows, abaqus.Card.first, abaqus.Card.option = saved
     return result
 
 

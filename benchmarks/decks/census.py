@@ -31,6 +31,7 @@ OTHERWISE = {
     "PRE-TENSIONSECTION": "a pre-tensioned bolt",
     "GAP": "a gap",
     "MODELCHANGE": "elements that vanish",
+    "CHANGESOLIDSECTION": "sections that change",
     "DASHPOT": "a dashpot",
     "FLUIDSECTION": "a fluid",
     "FLUIDSECTIONS": "a fluid",
@@ -73,6 +74,8 @@ class Census:
                 return f"{kind} elements"
         if not any(MODELLED.match(kind) for kind in self.types):
             return "no body"
+        if not any("SECTION" in keyword for keyword in self.keywords):
+            return "a mesh alone"
         for keyword in sorted(self.keywords & OTHERWISE.keys()):
             return OTHERWISE[keyword]
         sections = [(o, lines) for keyword, o, lines in self.cards if "SECTION" in keyword]

@@ -158,6 +158,23 @@ def table(results: list[dict[str, Any]], examples: int) -> str:
     return "\n".join(lines)
 
 
+def by_class(results: list[dict[str, Any]]) -> str:
+    """How many are read of the class (`census`), and of decks outside it by the reason."""
+    import census
+
+    counts: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    for one in results:
+        try:
+            outside = census.take(Path(one["path"])).outside()
+        except Exception:  # the parser follows no parts, and no files that are not there
+            outside = "not parsed: parts, generated nodes, files or nodes that are not there"
+        count = counts[outside or "complete, linear, without contact"]
+        count[0] += 1
+        count[1] += "mass" in one
+    rows = sorted(counts.items(), key=lambda one: -one[1][0])
+    return "\n".join(f"{read:5d} of {every:4d}  {label}" for label, (every, read) in rows)
+
+
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -167,6 +184,7 @@ def main() -> int:
     parser.add_argument("--without", action="append", default=[], help="parts of paths left out")
     parser.add_argument("--again", help="repeat those whose sentence contains this text")
     parser.add_argument("--examples", type=int, default=3)
+    parser.add_argument("--classes", action="store_true", help="of Abaqus decks, by `census`")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.work:
@@ -186,6 +204,8 @@ def main() -> int:
     read_all(paths, done, given.out)
     print(table([done[str(path)] for path in paths], given.examples))
     print(f"{len(fragments)} files without nodes")
+    if given.classes:
+        print(by_class([done[str(path)] for path in paths]))
     return 0
 
 

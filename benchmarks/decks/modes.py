@@ -1,6 +1,9 @@
-"""First natural frequencies and masses of Nastran decks beside those that their .f06 file states.
+"""First natural frequencies and masses of decks beside those that their own solvers state.
 
-    python benchmarks/decks/modes.py DECK F06 [DECK F06 ...]
+    python benchmarks/decks/modes.py DECK F06 [DECK F06 ...]    Nastran, as the .f06 file states
+    python benchmarks/decks/modes.py --ccx DECK [DECK ...]      Abaqus, as CalculiX computes
+
+CalculiX solves the model and the supports of the first step of a deck (`apt install calculix-ccx`).
 
 Frequencies are those of the same set of elastic modes; frequencies and masses are in the deck's
 units. One line a deck: mass, the first frequencies of both, their largest difference.
@@ -9,7 +12,10 @@ units. One line a deck: mass, the first frequencies of both, their largest diffe
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 import sys
+import tempfile
 import warnings
 from pathlib import Path
 
@@ -41,6 +47,35 @@ def stated(f06: Path) -> tuple[np.ndarray, float]:
     return np.array(found), float(mass[1]) if mass else float("nan")
 
 
+def solved(deck: Path) -> tuple[np.ndarray, float]:
+    """The same by CalculiX, of an Abaqus deck."""
+    lines = deck.read_text("latin-1").replace("\r", "").split("\n")
+    starts = [k for k, line in enumerate(lines) if re.match(r"\s*\*step\b", line, re.I)]
+    ends = [k for k, line in enumerate(lines) if re.match(r"\s*\*end\s*step", line, re.I)]
+    model, step = (lines[: starts[0]], lines[starts[0] : ends[0]]) if starts else (lines, [])
+    kept, on = [], False
+    for line in step:
+        if line.lstrip().startswith("*") and not line.lstrip().startswith("**"):
+            on = line.strip().upper().startswith("*BOUNDARY")
+        kept += [line] * on
+    free = not re.search(r"^\s*\*boundary", "\n".join(model + kept), re.I | re.M)
+    model += [*kept, "*ELSET, ELSET=ALLOFIT, GENERATE", "1, 9999999"]
+    model += ["*STEP", "*FREQUENCY", str(3 * COUNT + 6 * free), "*EL PRINT, ELSET=ALLOFIT, "
+              "TOTALS=ONLY", "EMAS", "*END STEP", ""]  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        for file in deck.parent.iterdir():
+            if file.is_file() and file.stat().st_size < 1e7 and file.suffix != ".inp":
+                shutil.copy(file, folder)
+        Path(folder, "a.inp").write_text("\n".join(model))
+        told = subprocess.run(["ccx", "a"], cwd=folder, capture_output=True, text=True)
+        text = Path(folder, "a.dat").read_text() if Path(folder, "a.dat").exists() else ""
+    rows = re.findall(r"^ +\d+((?: +\S+){4})$", text.partition("P A R T I C I P")[0], re.M)
+    if not rows:
+        raise ValueError("CalculiX: " + " ".join(told.stdout.split("*ERROR")[1:])[:100])
+    total = re.search(r"total mass for set.*\n\s*(\S+)", text)
+    return np.array([float(row.split()[2]) for row in rows]), float(total[1]) if total else np.nan
+
+
 def computed(deck: Path) -> tuple[np.ndarray, float]:
     """The same by antiosc."""
     import antiosc as ao
@@ -68,11 +103,13 @@ def elastic(frequency: np.ndarray) -> np.ndarray:
 def main() -> int:
     """The command line."""
     warnings.simplefilter("ignore")
-    pairs = list(map(Path, sys.argv[1:]))
-    for deck, f06 in zip(pairs[::2], pairs[1::2], strict=True):
+    by_ccx = sys.argv[1:2] == ["--ccx"]
+    paths = list(map(Path, sys.argv[2 if by_ccx else 1 :]))
+    pairs = [(p, p) for p in paths] if by_ccx else zip(paths[::2], paths[1::2], strict=True)
+    for deck, f06 in pairs:
         name = "/".join(deck.parts[-2:])
         try:
-            theirs, their_mass = stated(f06)
+            theirs, their_mass = solved(deck) if by_ccx else stated(f06)
             ours, mass = computed(deck)
         except Exception as error:
             print(f"{name}: {type(error).__name__}: {error}"[:200])

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Place, real_number
-from antiosc_decks.abaqus.cards import Card, cards as read_cards
-from antiosc_decks.abaqus.mesh import Scope, extend, members, meshed, ranged
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
+from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
 from antiosc_decks.abaqus.table import account_for
 from antiosc_decks.account import Account
 from antiosc_decks.sources import Sources
 
-Rows = IntArray
+#: Numbers in the whole deck from which elements are not cells.
+OTHER = 2**40
+WHAT = {"NSET": "node", "ELSET": "element"}
 
 
 @dataclass
@@ -24,12 +26,26 @@ class Instance:
     """A placed part: the first rows of its nodes and elements in the whole deck."""
 
     name: str
-    scope: Scope
-    first_node: int
-    first_element: int
+    cards: list[Card]
+    mesh: Mesh = field(default_factory=Mesh)
+    first_node: int = 0
+    first_element: int = 0
+    first_other: int = 0
     #: x in the whole deck: turn @ x in the part + shift
-    turn: Array
-    shift: Array
+    turn: Array = field(default_factory=lambda: np.eye(3))
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def prefix(self) -> str:
+        """What stands before its names in the whole deck."""
+        return f"{self.name}." if self.name else ""
+
+    def placed(self, keyword: str, rows: IntArray) -> IntArray:
+        """Rows of its nodes (NSET) or elements (ELSET) in the whole deck."""
+        if keyword == "NSET":
+            return rows + self.first_node
+        beyond = rows - self.mesh.cells
+        return np.where(beyond < 0, rows + self.first_element, beyond + self.first_other + OTHER)
 
     def refuse_turned(self, card: Card) -> None:
         """MeshError if the instance is rotated: the card gives motions or axes by their numbers."""
@@ -46,47 +62,192 @@ class Whole:
     """An assembled deck, with the cards that do not define the mesh."""
 
     deck: Deck
+    #: what becomes of each card
+    account: Account
     #: by name in upper case; "" is the deck itself, or its assembly
-    instances: dict[str, Instance]
+    instances: dict[str, Instance] = field(default_factory=dict)
     #: cards outside steps, and the instance whose names they use
     cards: list[tuple[Card, Instance]] = field(default_factory=list)
     #: cards of each step
     steps: list[list[Card]] = field(default_factory=list)
-    #: what becomes of each card
-    account: Account = field(default_factory=lambda: Account(""))
+    #: elements that are not cells: (type, its number and nodes, of which instance)
+    others: list[tuple[str, Row, Instance]] = field(default_factory=list)
+    #: (NSET or ELSET, name in upper case) -> rows
+    sets: dict[tuple[str, str], IntArray] = field(default_factory=dict)
+    #: names in upper case -> as first written
+    spelling: dict[str, str] = field(default_factory=dict)
 
     def named(self, *keywords: str) -> list[tuple[Card, Instance]]:
         """The cards of the model of these keywords."""
         return [(card, within) for card, within in self.cards if card.keyword in keywords]
 
-    def nodes(self, word: str, place: Place, within: Instance) -> Rows:
+    def spelled(self, name: str, within: Instance) -> str:
+        """A set's name as first written; upper and lower case are not distinguished."""
+        name = within.prefix + name
+        return self.spelling.setdefault(name.upper(), name)
+
+    def nodes(self, word: str, place: Place, within: Instance) -> IntArray:
         """Rows of the node or of the set of nodes that `word` names."""
         return self._rows("NSET", word, place, within)
 
-    def elements(self, word: str, place: Place, within: Instance) -> Rows:
-        """Numbers of the element or of the set of elements that `word` names."""
-        return self._rows("ELSET", word, place, within)
+    def node(self, word: str, place: Place, within: Instance) -> int:
+        """The node that a number or a set of one node names."""
+        nodes = self.nodes(word, place, within)
+        if len(nodes) != 1:
+            raise place.error(f"{word!r} must be one node; it is {len(nodes)}.")
+        return int(nodes[0])
 
-    def _rows(self, keyword: str, word: str, place: Place, within: Instance) -> Rows:
+    def elements(self, word: str, place: Place, within: Instance) -> IntArray:
+        """Numbers of the cells that the number or the name of a set of elements stands for."""
+        rows = self._rows("ELSET", word, place, within)
+        return rows[rows < OTHER]
+
+    def beside(self, card: Card, within: Instance) -> Iterator[tuple[str, list[int]]]:
+        """(type, rows of nodes) of the elements in the set of a card that are not cells."""
+        rows = self._rows("ELSET", card.needed("ELSET"), card.place, within)
+        for k in rows[rows >= OTHER] - OTHER:
+            kind, row, own = self.others[k]
+            yield kind, [self.node(word, row.place, own) for word in row.fields[1:]]
+
+    def find(self, keyword: str, word: str, within: Instance) -> IntArray | None:
+        """Rows of a number, or of the set with this name; None if there is none."""
         word = word.strip().strip('"')
         name, dot, inner = word.partition(".")
         if dot and name.upper() in self.instances:
             within, word = self.instances[name.upper()], inner
-        first = within.first_node if keyword == "NSET" else within.first_element
-        found = members(within.scope, keyword, word)
-        if not within.name:  # sets of the assembly may have members in instances
-            sets = self.deck.node_sets if keyword == "NSET" else self.deck.element_sets
-            found = sets.get(within.scope.spelling.get(word.upper(), word), found)
-        if found is not None:
-            return found + first
-        if keyword == "ELSET" and within.scope.other_labels(word):
-            return np.zeros(0, dtype=np.int64)
-        what = "node" if keyword == "NSET" else "element"
+        try:
+            label = np.array([int(word)])
+        except ValueError:
+            return self.sets.get((keyword, (within.prefix + word).upper()))
+        found = self._numbered(keyword, within, lambda known: known.rows(label))
+        return found if len(found) else None
+
+    def _numbered(
+        self, keyword: str, within: Instance, rows_of: Callable[[Numbering], IntArray]
+    ) -> IntArray:
+        """Rows of numbers; those of the assembly may be of its only instance."""
+        only = list(self.instances.values())[1:2] * (not within.name and len(self.instances) == 2)
+        for one in (within, *only):
+            rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
+            if (rows >= 0).any():
+                return one.placed(keyword, rows)
+        return NONE
+
+    def _rows(self, keyword: str, word: str, place: Place, within: Instance) -> IntArray:
+        found = self.find(keyword, word, within)
+        if found is None:
+            raise self._missing(keyword, word, place, within)
+        return found
+
+    def _missing(self, keyword: str, word: str, place: Place, within: Instance) -> MeshError:
+        what = WHAT[keyword]
         where = f" in {within.name}" if within.name else ""
-        if word.lstrip("-").isdigit() and len(self.instances) > 1 and not within.name:
+        number = word.lstrip("-").isdigit()
+        if number and len(self.instances) > 1 and not within.name:
             where = " outside the instances; name its instance (INSTANCE=)"
-        kind = what if word.lstrip("-").isdigit() else f"set of {what}s"
-        raise place.error(f"there is no {kind} {word}{where}.")
+        return place.error(f"there is no {what if number else f'set of {what}s'} {word}{where}.")
+
+    def add(self, instance: Instance) -> None:
+        """Add an instance's nodes, elements and sets."""
+        deck, mesh, name = self.deck, instance.mesh, instance.name
+        self.instances[name.upper()] = instance
+        nodes = instance.first_node = len(deck.points)
+        start = instance.first_element = deck.n_elements
+        instance.first_other = len(self.others)
+        deck.points = np.vstack([deck.points, mesh.points @ instance.turn.T + instance.shift])
+        for block in mesh.blocks:
+            tables = (block.corners, block.mids, block.inner)
+            moved = [np.where(table >= 0, table + nodes, -1) for table in tables]
+            deck.blocks.append(Block(block.shape, block.type, *moved))
+        for kind, row in mesh.others:
+            deck.leave(kind, 1)
+            self.others.append((kind, row, instance))
+        deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
+        for keyword, label, rows in mesh.sets:
+            self._extend(keyword, label, instance, [instance.placed(keyword, rows)])
+        if name:
+            top = self.instances[""]
+            self._extend("ELSET", name, top, [np.arange(start, deck.n_elements)])
+        self.cards += [(card, instance) for card in instance.cards]
+
+    def _extend(self, keyword: str, name: str, within: Instance, rows: list[IntArray]) -> None:
+        """Add rows to a new or existing set."""
+        key = keyword, self.spelled(name, within).upper()
+        self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
+
+    def read_set(self, card: Card, within: Instance) -> None:
+        """A card *NSET or *ELSET; one of the assembly may have members in instances."""
+        keyword, name, of = card.keyword, card.needed(card.keyword), within
+        if wanted := card.option("INSTANCE"):
+            if wanted.upper() not in self.instances:
+                raise card.place.error(f"there is no instance {wanted!r}.")
+            of = self.instances[wanted.upper()]
+        found, lost, count = [NONE], [], 0
+        if keyword == "NSET" and (elements := card.option("ELSET")):
+            cells = self.find("ELSET", elements, of)
+            if cells is not None:
+                found.append(nodes_of(self.deck, cells))
+            else:
+                self.deck.told.append(
+                    f"{card.place}: *NSET {name} is of the set of elements {elements}, "
+                    "which does not exist before it."
+                )
+        strict = len(self.instances) > 1 and not within.name
+        for row in card.rows():
+            if "GENERATE" in card.options:
+                found.append(self._numbered(keyword, of, _ranged(row)))
+                if strict and not len(found[-1]):
+                    raise row.place.error(
+                        f"*{keyword} in the assembly selects nothing; name the instance "
+                        "of its numbers (INSTANCE=)."
+                    )
+                continue
+            for word in filter(None, row.fields):
+                count += 1
+                rows = self.find(keyword, word, of)
+                if rows is not None:
+                    found.append(rows)
+                elif strict:
+                    raise self._missing(keyword, word, row.place, of)
+                else:
+                    lost.append(word)
+        if lost:
+            self.deck.told.append(
+                f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist "
+                f"({', '.join(lost[:4])}{', …' * (len(lost) > 4)})."
+            )
+        self._extend(keyword, name, within, found)
+
+    def finish(self) -> None:
+        """Give the deck the sets, without elements that are not cells."""
+        sets = {"NSET": self.deck.node_sets, "ELSET": self.deck.element_sets}
+        for (keyword, name), rows in self.sets.items():
+            cells = rows[rows < OTHER]
+            if len(cells) or not len(rows):
+                sets[keyword][self.spelling[name]] = cells
+
+
+def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
+    """What selects the existing numbers in a range, which may be wide."""
+    if len(row.fields) < 2:
+        raise row.place.error("GENERATE needs a first and a last number.")
+    first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
+    if step == 0 and first == last:
+        step = 1
+    if step < 1 or last < first:
+        raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
+    return lambda known: known.between(first, last, step)
+
+
+def nodes_of(deck: Deck, elements: IntArray) -> IntArray:
+    """All nodes of elements."""
+    found, start = [NONE], 0
+    for block in deck.blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        found += [table[own].ravel() for table in (block.corners, block.mids, block.inner)]
+        start += len(block)
+    every = np.unique(np.concatenate(found))
+    return every[every >= 0]
 
 
 def read(
@@ -100,43 +261,46 @@ def read(
     `root`: the folder of the files that it may include; None: its own, or the one above.
     """
     cards = read_cards(Sources(path, name, on_size, root))
-    top, parts, placed, steps = _divided(cards, name)
-    assembled = bool(placed)
-    meshed(top, with_sets=not assembled)
-    whole = Whole(Deck(name), {}, [], steps, account_for(cards, name))
+    whole = Whole(Deck(name), account_for(cards, name))
     whole.deck.told += whole.account.unknown_cards()
-    whole.instances[""] = _add(whole.deck, "", top, np.eye(3), np.zeros(3))
-    for part in parts.values():
-        if not any(card.option("PART").upper() == part.name.upper() for card, _ in placed):
-            whole.deck.told.append(f"the part {part.name!r} of {name} has no instance: left out.")
-            continue
-        meshed(part)
+    top, parts, placed = _divided(cards, whole.steps)
+    whole.add(Instance("", top, mesh_of(top, name)))
+    meshes: dict[str, Mesh] = {}
+    used = {card.option("PART").upper() for card, _ in placed}
+    for part, (spelled, _) in parts.items():
+        if part not in used:
+            whole.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
     for card, own in placed:
-        whole.instances[card.needed("NAME").upper()] = _placed(whole.deck, card, own, parts)
-    for instance in whole.instances.values():
-        whole.cards += [(card, instance) for card in instance.scope.cards]
-    if assembled:
-        _name_sets(whole, top)
+        whole.add(_placed(card, own, parts, meshes))
+    instances = list(whole.instances.values())
+    for instance in (*instances[1:], instances[0]):
+        for card in instance.cards:
+            if card.keyword in WHAT:
+                whole.read_set(card, instance)
+    whole.finish()
     if not len(whole.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE).")
     return whole
 
 
+Parts = dict[str, tuple[str, list[Card]]]
+
+
 def _divided(
-    cards: list[Card], name: str
-) -> tuple[Scope, dict[str, Scope], list[tuple[Card, Scope]], list[list[Card]]]:
-    """(cards outside parts, parts, instances with their cards, steps)."""
-    top = Scope(name)
-    parts: dict[str, Scope] = {}
-    placed: list[tuple[Card, Scope]] = []
-    steps: list[list[Card]] = []
+    cards: list[Card], steps: list[list[Card]]
+) -> tuple[list[Card], Parts, list[tuple[Card, list[Card]]]]:
+    """(cards outside parts, those of parts, instances with their cards); adds those of `steps`."""
+    top: list[Card] = []
+    parts: Parts = {}
+    placed: list[tuple[Card, list[Card]]] = []
     current, in_step = top, False
     for card in cards:
         match card.keyword:
             case "PART":
-                current = parts[card.needed("NAME").upper()] = Scope(card.needed("NAME"))
+                current = []
+                parts[card.needed("NAME").upper()] = card.needed("NAME"), current
             case "INSTANCE":
-                current = Scope(card.needed("NAME"))
+                current = []
                 placed.append((card, current))
             case "ENDPART" | "ENDINSTANCE":
                 current = top
@@ -145,40 +309,40 @@ def _divided(
                 steps.append([])
             case "ENDSTEP":
                 in_step = False
-            case "NSET" | "ELSET":
-                current.cards.append(card)
-            case _ if in_step:
+            case _ if in_step and card.keyword not in WHAT:
                 steps[-1].append(card)
             case _:
-                current.cards.append(card)
-    return top, parts, placed, steps
+                current.append(card)
+    return top, parts, placed
 
 
-def _placed(deck: Deck, card: Card, own: Scope, parts: dict[str, Scope]) -> Instance:
-    name = card.needed("NAME")
-    wanted = card.option("PART")
+def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) -> Instance:
+    """An instance of a part, with cards of its own."""
+    name, wanted = card.needed("NAME"), card.option("PART")
     if wanted.upper() not in parts:
         raise card.place.error(
             f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
         )
-    part = parts[wanted.upper()]
-    if any(c.keyword in ("NODE", "ELEMENT") for c in own.cards):
-        own.cards = [*part.cards, *own.cards]
-        part = meshed(own)
+    spelled, cards = parts[wanted.upper()]
+    cards = [*cards, *own]
+    if any(c.keyword in ("NODE", "ELEMENT") for c in own):
+        mesh = mesh_of(cards, name)
+    else:
+        if wanted.upper() not in meshes:
+            meshes[wanted.upper()] = mesh_of(cards, spelled)
+        mesh = meshes[wanted.upper()]
     turn, shift = np.eye(3), np.zeros(3)
-    rows = [(fields, place) for fields, place in card.rows() if fields]
+    rows = card.rows()
     if rows:
-        fields, place = rows[0]
-        shift = np.array([real_number(f, place) if f else 0.0 for f in (*fields, "", "")[:3]])
+        shift = np.array(rows[0].reals(3))
     if len(rows) > 1:
-        fields, place = rows[1]
-        numbers = [real_number(f, place) if f else 0.0 for f in fields]
-        if len(numbers) < 7:
-            raise place.error("the rotation of an instance is two points and an angle.")
-        a, b = np.array(numbers[:3]), np.array(numbers[3:6])
-        turn = _rotation(b - a, numbers[6], place)
+        if len(rows[1].fields) < 7:
+            raise rows[1].place.error("the rotation of an instance is two points and an angle.")
+        numbers = rows[1].reals(7)
+        a, b = np.reshape(numbers[:6], (2, 3))
+        turn = _rotation(b - a, numbers[6], rows[1].place)
         shift = a + turn @ (shift - a)
-    return _add(deck, name, part, turn, shift)
+    return Instance(name, cards, mesh, turn=turn, shift=shift)
 
 
 def _rotation(axis: Array, degrees: float, place: Place) -> Array:
@@ -190,61 +354,3 @@ def _rotation(axis: Array, degrees: float, place: Place) -> Array:
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.deg2rad(degrees)
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
-
-
-def _add(deck: Deck, name: str, scope: Scope, turn: Array, shift: Array) -> Instance:
-    """Add a scope's nodes, elements and sets to the whole deck."""
-    own = scope.deck
-    nodes, elements = len(deck.points), deck.n_elements
-    deck.points = np.vstack([deck.points, own.points @ turn.T + shift])
-    for block in own.blocks:
-        tables = (block.corners, block.mids, block.inner)
-        moved = [np.where(table >= 0, table + nodes, -1) for table in tables]
-        deck.blocks.append(Block(block.shape, block.type, *moved))
-    for kind, count in own.left.items():
-        deck.leave(kind, count)
-    deck.told += [sentence for sentence in own.told if sentence not in deck.told]
-    prefix = f"{name}." if name else ""
-    for label, rows in own.node_sets.items():
-        extend(deck.node_sets, prefix + label, rows + nodes)
-    for label, rows in own.element_sets.items():
-        extend(deck.element_sets, prefix + label, rows + elements)
-    if name:
-        extend(deck.element_sets, name, np.arange(elements, deck.n_elements))
-    return Instance(name, scope, nodes, elements, turn, shift)
-
-
-def _name_sets(whole: Whole, top: Scope) -> None:
-    """Add the sets of the assembly, whose members belong to instances."""
-    for card in top.cards:
-        if card.keyword not in ("NSET", "ELSET"):
-            continue
-        name = top.spelled(card.needed(card.keyword))
-        sets = whole.deck.node_sets if card.keyword == "NSET" else whole.deck.element_sets
-        extend(sets, name, np.concatenate([np.zeros(0, dtype=np.int64), *_members(whole, card)]))
-
-
-def _members(whole: Whole, card: Card) -> Iterator[Rows]:
-    within = whole.instances[""]
-    if card.option("INSTANCE"):
-        wanted = card.option("INSTANCE").upper()
-        if wanted not in whole.instances:
-            raise card.place.error(f"there is no instance {card.option('INSTANCE')!r}.")
-        within = whole.instances[wanted]
-    of_nodes = card.keyword == "NSET"
-    numbering = within.scope.nodes if of_nodes else within.scope.elements
-    first = within.first_node if of_nodes else within.first_element
-    for fields, place in card.rows():
-        if "GENERATE" in card.options:
-            some = ranged(fields, place, numbering)
-            if not len(some):
-                raise place.error(
-                    f"*{card.keyword} in the assembly selects nothing; name the instance "
-                    "of its numbers (INSTANCE=)."
-                )
-            yield some + first
-            continue
-        look_up = whole.nodes if of_nodes else whole.elements
-        for word in fields:
-            if word:
-                yield look_up(word, place, within)

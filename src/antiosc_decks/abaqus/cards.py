@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, real_number
+from antiosc.io.deck import Place, real_number, whole_number
 from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
@@ -14,6 +13,36 @@ WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 
 #: Cards of loads, whose data may be in a file that is not there.
 LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
+
+
+class Row:
+    """The fields of a data line; a comma at the end adds none."""
+
+    def __init__(self, line: str, place: Place) -> None:
+        self.place = place
+        self.fields = [part.strip() for part in line.split(",")]
+        while self.fields and not self.fields[-1]:
+            self.fields.pop()
+
+    def word(self, k: int) -> str:
+        """A field, "" where there is none."""
+        return self.fields[k] if k < len(self.fields) else ""
+
+    def real(self, k: int, default: float = 0.0) -> float:
+        """A number, the default where the field is empty."""
+        return real_number(self.fields[k], self.place) if self.word(k) else default
+
+    def whole(self, k: int, default: int = 0) -> int:
+        """An integer, the default where the field is empty."""
+        return whole_number(self.fields[k], self.place) if self.word(k) else default
+
+    def reals(self, count: int = 0) -> list[float]:
+        """Its numbers, or so many; an empty field is 0."""
+        return [self.real(k) for k in range(count or len(self.fields))]
+
+    def integers(self) -> list[int]:
+        """Its integers; empty fields are left out."""
+        return [whole_number(word, self.place) for word in self.fields if word]
 
 
 @dataclass
@@ -30,22 +59,18 @@ class Card:
     #: file and line of each data line
     places: list[Place] = field(default_factory=list)
 
-    def rows(self) -> Iterator[tuple[list[str], Place]]:
-        """(fields, place) of every data line; a comma at the end adds no field."""
-        for line, place in zip(self.lines, self.places, strict=True):
-            fields = [part.strip() for part in line.split(",")]
-            while fields and not fields[-1]:
-                fields.pop()
-            yield fields, place
+    def rows(self) -> list[Row]:
+        """The data lines that have fields."""
+        rows = map(Row, self.lines, self.places)
+        return [row for row in rows if row.fields]
 
     def numbers(self) -> list[float]:
         """Numbers of all data lines; an empty field is 0."""
-        return [_number(field, place) for fields, place in self.rows() for field in fields]
+        return [value for row in self.rows() for value in row.reals()]
 
-    def first_numbers(self) -> list[float]:
-        """Numbers of the first data line; an empty field is 0."""
-        fields, place = next(self.rows(), ([], self.place))
-        return [_number(field, place) for field in fields]
+    def first(self) -> Row:
+        """The first data line, which may be without fields."""
+        return Row(self.lines[0], self.places[0]) if self.lines else Row("", self.place)
 
     def option(self, name: str, default: str = "") -> str:
         """Value of an option, without quotes."""
@@ -57,10 +82,6 @@ class Card:
         if not value:
             raise self.place.error(f"*{self.keyword} needs {name}=.")
         return value
-
-
-def _number(field: str, place: Place) -> float:
-    return real_number(field, place) if field else 0.0
 
 
 def cards(sources: Sources) -> list[Card]:
@@ -92,7 +113,7 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             continue
         while line.endswith(",") and number < len(lines):
             following = lines[number].strip()
-            if following.startswith("*"):
+            if following[:1] in "*+-.0123456789":  # numbers are data
                 break
             line += following
             number += 1

@@ -7,14 +7,16 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from antiosc.io.deck import Array, Place, real_number
+from antiosc.io.deck import Array, Place
 from antiosc_decks.abaqus.assembly import Instance
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model import properties as profiles
 from antiosc_decks.model.properties import Material, isotropic, of_stiffness
 
-#: Kinds of *ELASTIC without their last letters, and how many constants each has.
-ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}
+#: Kinds of *ELASTIC by their first letters -> how many constants each has.
+ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
+#: 11, 22, 33, 12, 13, 23 of Abaqus in the order 11, 22, 33, 23, 13, 12.
+VOIGT = [0, 1, 2, 5, 4, 3]
 
 
 def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
@@ -31,66 +33,54 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
                     f"{found[name.upper()].place}."
                 )
             current = found[name.upper()] = Material(name, card.place)
-        elif current is None:
-            continue
-        elif card.keyword == "ELASTIC":
-            if _kind(card).startswith("ANISO"):
-                current.stiffness = _anisotropic(card)
-            else:
-                current.constants = _elastic(card)
-            current.place = card.place
-            if _kind(card) == "ISO" and len(card.lines) > 1:
+        elif current is not None and card.keyword == "ELASTIC":
+            kind = _elastic(current, card)
+            if kind == "ISO" and len(card.lines) > 1:
                 ignored.append(f"*ELASTIC of other temperatures ({card.place})")
-        elif card.keyword == "DENSITY":
-            values = card.first_numbers()
-            current.density = values[0] if values else None
+        elif current is not None and card.keyword == "DENSITY":
+            current.density = card.first().real(0)
     return found, ignored
 
 
-def _kind(card: Card) -> str:
-    kind = "".join(card.option("TYPE", "ISO").split()).upper()
-    return "ISO" if kind.startswith("ISO") else "ORTHO" if kind.startswith("ORTHO") else kind
-
-
-def _anisotropic(card: Card) -> Array:
-    """21 constants: the upper triangle, column by column, in the order 11, 22, 33, 12, 13, 23."""
-    values = card.numbers()
-    if len(values) < 21:
-        raise card.place.error(f"*ELASTIC needs 21 constants; it has {len(values)}.")
-    C = np.zeros((6, 6))
-    places = [(row, column) for column in range(6) for row in range(column + 1)]
-    for (row, column), value in zip(places, values, strict=False):
-        C[row, column] = C[column, row] = value
-    order = [0, 1, 2, 5, 4, 3]
-    return C[np.ix_(order, order)]
-
-
-def _elastic(card: Card) -> Array:
-    kind = _kind(card)
-    if kind not in ELASTIC_CONSTANTS:
+def _elastic(material: Material, card: Card) -> str:
+    """Give a material what *ELASTIC says; its kind."""
+    word = "".join(card.option("TYPE", "ISO").split()).upper()
+    kind = next((one for one in ELASTIC_CONSTANTS if word.startswith(one)), "")
+    if not kind:
         raise card.place.error(
             f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
             "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC."
         )
-    values = card.numbers() if kind != "ISO" else card.first_numbers()
+    values = card.first().reals() if kind == "ISO" else card.numbers()
     count = ELASTIC_CONSTANTS[kind]
     if len(values) < count:
         raise card.place.error(f"*ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])
+    material.place = card.place
     if kind == "ISO":
-        return isotropic(v[0], v[1])
-    if kind == "LAMINA":  # E1, E2, nu12, G12, G13, G23
-        return np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])
-    if kind == "ENGINEERINGCONSTANTS":
-        return v
-    D = np.zeros((6, 6))
-    D[0, 0], D[0, 1], D[1, 1], D[0, 2], D[1, 2], D[2, 2] = v[:6]
-    D += np.triu(D, 1).T
-    D[range(3, 6), range(3, 6)] = v[6:]
-    try:
-        return of_stiffness(D)
-    except np.linalg.LinAlgError:
-        raise card.place.error("the stiffness of *ELASTIC is singular.") from None
+        material.constants = isotropic(v[0], v[1])
+    elif kind == "LAMINA":  # E1, E2, nu12, G12, G13, G23
+        material.constants = np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])
+    elif kind == "ENGINEERINGCONSTANTS":
+        material.constants = v
+    elif kind == "ANISO":  # the upper triangle, column by column
+        material.stiffness = _triangle(v)[np.ix_(VOIGT, VOIGT)]
+    else:
+        D = np.diag([0.0, 0.0, 0.0, *v[6:]])
+        D[:3, :3] = _triangle(v[:6])
+        try:
+            material.constants = of_stiffness(D)
+        except np.linalg.LinAlgError:
+            raise card.place.error("the stiffness of *ELASTIC is singular.") from None
+    return kind
+
+
+def _triangle(values: Array) -> Array:
+    """A symmetric matrix by its upper triangle, column by column."""
+    size = int(math.sqrt(2 * len(values)))
+    C = np.zeros((size, size))
+    C[np.tril_indices(size)] = values
+    return C + np.tril(C, -1).T
 
 
 class Orientations:
@@ -101,87 +91,93 @@ class Orientations:
 
     def __init__(self, cards: Iterable[tuple[Card, Instance]]) -> None:
         self._cards = {
-            f"{within.name}.{card.needed('NAME')}".upper().removeprefix("."): (card, within)
+            (within.prefix + card.needed("NAME")).upper(): (card, within)
             for card, within in cards
             if card.keyword == "ORIENTATION"
         }
 
     def find(self, name: str, within: Instance) -> tuple[Card, Instance] | None:
         """The card of a name in an instance, or else in the assembly, and the instance it is of."""
-        own = self._cards.get(f"{within.name}.{name}".upper())
+        own = self._cards.get((within.prefix + name).upper())
         return own or self._cards.get(name.upper())
 
-    def axis(self, name: str, place: Place, within: Instance) -> Array:
-        """Direction 1 of an *ORIENTATION."""
-        return self.frame(name, place, within)[0]
+    def cylindrical(self, name: str, within: Instance) -> bool:
+        """Whether there is an orientation of this name about the axis of a cylinder."""
+        found = self.find(name, within)
+        return found is not None and found[0].option("SYSTEM").upper().startswith("C")
 
-    def _rows(
-        self, name: str, place: Place, within: Instance
-    ) -> tuple[Card, Instance, str, list[tuple[list[str], Place]]]:
-        """(card, its instance, R or C, its lines)."""
+    def at(self, name: str, place: Place, within: Instance, x: Array) -> Array:
+        """Directions 1, 2 and 3 of an *ORIENTATION (n, 3, 3) at points; those are rows."""
         found = self.find(name, within)
         if found is None:
             raise place.error(f"there is no orientation {name!r} (*ORIENTATION, NAME=).")
         card, of = found
-        rows = [(f, p) for f, p in card.rows() if f]
-        return card, of, card.option("SYSTEM", "RECTANGULAR").upper()[:1], rows
-
-    def cylinder(
-        self, name: str, place: Place, within: Instance
-    ) -> tuple[Array, Array, float] | None:
-        """(a point of the axis, its direction, degrees about the normal); None of a rectangular."""
-        card, of, system, rows = self._rows(name, place, within)
-        if system != "C":
-            return None
-        points = [[real_number(f, p) if f else 0.0 for f in fields] for fields, p in rows[:1]]
-        if not points or len(points[0]) < 6 or points[0][:3] == points[0][3:6]:
-            raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
-        a, b = np.reshape(points[0][:6], (2, 3))
-        along = of.turn @ (b - a) / np.linalg.norm(b - a)
-        degrees = [real_number(f[1], p) for f, p in rows[1:2] if len(f) > 1 and f[1]]
-        return of.turn @ a + of.shift, along, degrees[0] if degrees else 0.0
-
-    def frame(self, name: str, place: Place, within: Instance) -> tuple[Array, Array]:
-        """Directions 1 and 3 of an *ORIENTATION."""
-        card, of, system, rows = self._rows(name, place, within)
-        if system != "R" or not rows or "DEFINITION" in card.options:
-            raise card.place.error(
-                "*ORIENTATION is read as RECTANGULAR, by two points, and of shells as CYLINDRICAL."
-            )
-        values = [real_number(f, rows[0][1]) if f else 0.0 for f in (*rows[0][0], *"000000000")]
-        a, b, origin = np.reshape(values[:9], (3, 3))
-        a, b = of.turn @ (a - origin), of.turn @ (b - origin)
-        normal = np.cross(a, b)
+        first, rows = card.first(), card.rows()
+        if self.cylindrical(name, within):
+            a, b = np.reshape(first.reals(6), (2, 3)) @ of.turn.T + of.shift
+            if (a == b).all():
+                raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
+            return around_axis(a, b, x)
+        system = card.option("SYSTEM", "R").upper()
+        if not system.startswith("R") or not rows or "DEFINITION" in card.options:
+            raise card.place.error("*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
+        a, b, origin = np.reshape(first.reals(9), (3, 3)) @ of.turn.T
+        normal = np.cross(a - origin, b - origin)
         if not normal.any():
             raise card.place.error("the two points of *ORIENTATION give no plane.")
-        if len(rows) > 1:
-            about, angle, *_ = [*rows[1][0], "0", "0"]
-            degrees = real_number(angle or "0", rows[1][1])
-            if degrees and about.strip() != "3":
-                raise rows[1][1].error("*ORIENTATION is read with a rotation about 3 only.")
-            across = np.cross(normal / np.linalg.norm(normal), a)
-            a = math.cos(math.radians(degrees)) * a + math.sin(math.radians(degrees)) * across
-        return np.asarray(a / np.linalg.norm(a)), np.asarray(normal / np.linalg.norm(normal))
+        one, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
+        if degrees := self.degrees(name, within):
+            if rows[1].word(0) != "3":
+                raise rows[1].place.error("*ORIENTATION is read with a rotation about 3 only.")
+            angle = math.radians(degrees)
+            one = math.cos(angle) * one + math.sin(angle) * np.cross(z, one)
+        return np.broadcast_to(np.stack([one, np.cross(z, one), z]), (len(x), 3, 3))
+
+    def degrees(self, name: str, within: Instance) -> float:
+        """The angle in the second line: about 3, on shells about the normal."""
+        found = self.find(name, within)
+        rows = found[0].rows() if found else []
+        return rows[1].real(1) if len(rows) > 1 else 0.0
+
+    def frame(self, name: str, place: Place, within: Instance) -> Array:
+        """Directions 1, 2 and 3, as rows, of an *ORIENTATION that is the same everywhere."""
+        frame = self.at(name, place, within, np.zeros((1, 3)))[0]
+        if self.cylindrical(name, within):
+            raise place.error(
+                f"the orientation {name!r} is CYLINDRICAL; here it must be RECTANGULAR."
+            )
+        return np.asarray(frame)
+
+
+def around_axis(a: Array, b: Array, x: Array) -> Array:
+    """Radial, circumferential and axial directions (n, 3, 3) at points; zero on the axis."""
+    z = b - a
+    out = x - a - ((x - a) @ z / (z @ z))[:, None] * z
+    along = z / np.linalg.norm(z)
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.stack([out, np.cross(along, out), np.broadcast_to(along, out.shape)], axis=1)
+
+
+#: SECTION= of beams by its first letters -> least number of dimensions, how many must be > 0.
+BEAM_SECTIONS = {"RECT": (1, 1), "CIRC": (1, 1), "PIPE": (2, 2), "BOX": (6, 6), "GENERAL": (5, 2)}
 
 
 def profile_of(card: Card) -> profiles.Profile:
     """The cross-section of *BEAM SECTION or *BEAM GENERAL SECTION, in the deck's units."""
     kind = card.option("SECTION", "RECT").upper()
-    d = card.first_numbers()
-    needed = {"RECT": 1, "CIRC": 1, "PIPE": 2, "BOX": 6, "GENERAL": 5}
-    short = next((name for name in needed if kind.startswith(name)), "")
+    d = card.first().reals()
+    short = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
     if not short:
         raise card.place.error(
             f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
         )
-    if len(d) < needed[short] or min(d[: 2 if short == "GENERAL" else needed[short]]) <= 0:
-        raise card.place.error(
-            f"SECTION={kind} needs {needed[short]} positive dimensions; got {d}."
-        )
+    needed, positive = BEAM_SECTIONS[short]
+    if len(d) < needed or min(d[:positive]) <= 0:
+        raise card.place.error(f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
     if short == "RECT":
         return profiles.rectangle(d[0], d[1] if len(d) > 1 else d[0])
     if short == "CIRC":  # CalculiX gives two diameters, Abaqus one radius
-        return profiles.ellipse(d[0], d[1]) if len(d) > 1 else profiles.ellipse(2 * d[0], 2 * d[0])
+        return profiles.ellipse(*(d[:2] if len(d) > 1 else (2 * d[0], 2 * d[0])))
     if short == "PIPE":
         return profiles.tube(d[0], d[1])
     if short == "BOX":

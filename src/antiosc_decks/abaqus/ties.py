@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.io.deck import Array, Block, IntArray, Place
-from antiosc.io.shapes import EDGES
+from antiosc.io.shapes import CORNERS, EDGES
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model.constraints import Constraints
@@ -51,18 +51,15 @@ def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[st
     for card, within in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        prefix = f"{within.name.upper()}." if within.name else ""
-        surface = found.setdefault(prefix + card.option("NAME").upper(), Surface())
+        surface = found.setdefault((within.prefix + card.option("NAME")).upper(), Surface())
         of_nodes = card.option("TYPE").upper().startswith("NODE")
-        for fields, place in card.rows():
-            if not fields or not fields[0]:
-                continue
+        for row in card.rows():
             if of_nodes:
-                surface.alone.append(whole.nodes(fields[0], place, within))
-                continue
-            elements = whole.elements(fields[0], place, within)
-            side = fields[1].upper() if len(fields) > 1 else ""
-            surface.faces += list(_faces(whole.deck.blocks, elements, side, place))
+                surface.alone.append(whole.nodes(row.word(0), row.place, within))
+            else:
+                elements = whole.elements(row.word(0), row.place, within)
+                side = row.word(1).upper()
+                surface.faces += _faces(whole.deck.blocks, elements, side, row.place)
     return found
 
 
@@ -77,18 +74,15 @@ def _faces(
             continue
         corners = _corners(block.shape, side, place)
         edges = [frozenset(edge) for edge in EDGES[block.shape]]
-        around = [
-            edges.index(frozenset((a, b)))
-            for a, b in zip(corners, (*corners[1:], corners[0]), strict=True)
-        ]
+        ring = zip(corners, (*corners[1:], corners[0]), strict=True)
+        around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
         for row in own:
-            mids = block.mids[row][around] if block.mids.shape[1] else np.zeros(0, dtype=np.int64)
-            yield block.corners[row][list(corners)], mids
+            yield block.corners[row][list(corners)], block.mids[row][around]
 
 
 def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
     if shape in ("triangle", "quad"):
-        return tuple(range(3 if shape == "triangle" else 4))
+        return tuple(range(CORNERS[shape]))
     sides = SOLID_FACES.get(shape, ())
     number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
     if not 1 <= number <= len(sides):
@@ -107,72 +101,62 @@ NEWTON_STEPS = 12
 
 def tie(
     joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
-) -> str:
-    """Tie the slave's nodes; a sentence where some are too far away, else "".
+) -> list[str]:
+    """Tie the slave's nodes; a sentence where some are too far away.
 
     `tolerance` is in the deck's unit of length.
     """
     if not master.faces:
         raise place.error("the master surface of *TIE must be of faces of elements.")
-    faces = _Faces(joints, master)
-    if tolerance is None:
-        tolerance = TIE_REACH * faces.size
-    own = set(master.nodes.tolist())
+    faces, edges = [], []
+    for corners, mids in master.faces:
+        there = len(mids) and (mids >= 0).all()
+        nodes = np.concatenate([corners, mids]) if there else corners
+        x = np.array([joints.place(int(node)) for node in nodes])
+        faces.append((nodes, x))
+        ring = x[: len(corners)]
+        edges.append(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).mean())
+    size = float(np.mean(edges))
+    centres = np.array([x.mean(axis=0) for _, x in faces])
+    reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
     far = 0
     nodes = slave.nodes
-    for node in nodes:
-        if int(node) in own:
-            continue
-        found = faces.nearest(joints.place(int(node)))
-        if found is None or found[0] > tolerance + 1e-9 * faces.size:
+    for node in nodes[~np.isin(nodes, master.nodes)].tolist():
+        point = joints.place(node)
+        order = np.argsort(np.linalg.norm(centres - point, axis=1), kind="stable")[:TRIED]
+        distance, leaders, weights = _nearest([faces[k] for k in order], point)
+        if distance > reach:
             far += 1
             continue
-        _, leaders, weights = found
         both = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
-        motions = range(6 if both else 3)
-        for c in motions:
-            terms = [(int(k), c, -float(w)) for k, w in zip(leaders, weights, strict=True)]
-            joints.equation([(int(node), c, 1.0), *terms], place)
+        followed = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
+        for c in range(6 if both else 3):
+            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
     if far == len(nodes):
         raise place.error(
             "*TIE joins nothing: no node of the slave surface lies within "
-            f"{tolerance:.3g} of the master surface (POSITION TOLERANCE=)."
+            f"{reach:.3g} of the master surface (POSITION TOLERANCE=)."
         )
     if not far:
-        return ""
-    return (
-        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {tolerance:.3g} from "
+        return []
+    return [
+        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
         "the master surface and are not tied (POSITION TOLERANCE=)."
-    )
+    ]
 
 
-class _Faces:
-    """Faces of one surface, and the place on them that is nearest to a point."""
-
-    def __init__(self, joints: Constraints, surface: Surface) -> None:
-        self.faces = []
-        edges = []
-        for corners, mids in surface.faces:
-            there = len(mids) and (mids >= 0).all()
-            nodes = np.concatenate([corners, mids]) if there else corners
-            x = np.array([joints.place(int(node)) for node in nodes])
-            self.faces.append((nodes, x))
-            ring = x[: len(corners)]
-            edges.append(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).mean())
-        self.size = float(np.mean(edges))
-        self.centres = np.array([x.mean(axis=0) for _, x in self.faces])
-
-    def nearest(self, point: Array) -> tuple[float, IntArray, Array] | None:
-        """(distance, nodes, their weights)."""
-        order = np.argsort(np.linalg.norm(self.centres - point, axis=1), kind="stable")[:TRIED]
-        best: tuple[float, IntArray, Array] | None = None
-        for k in order:
-            nodes, x = self.faces[k]
-            weights = _projected(x, point)
-            distance = float(np.linalg.norm(weights @ x - point))
-            if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
-                best = distance, nodes, weights
-        return best
+def _nearest(
+    faces: Sequence[tuple[IntArray, Array]], point: Array
+) -> tuple[float, IntArray, Array]:
+    """(distance from the nearest of some faces, its nodes, their weights)."""
+    best: tuple[float, IntArray, Array] | None = None
+    for nodes, x in faces:
+        weights = _projected(x, point)
+        distance = float(np.linalg.norm(weights @ x - point))
+        if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
+            best = distance, nodes, weights
+    assert best is not None
+    return best
 
 
 def _projected(x: Array, point: Array) -> Array:
@@ -181,20 +165,14 @@ def _projected(x: Array, point: Array) -> Array:
     xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
     for _ in range(NEWTON_STEPS):
         values, slopes = _shapes(len(x), xi)
-        J = slopes.T @ x
-        step = np.linalg.lstsq(J.T, point - values @ x, rcond=None)[0]
-        new = _inside(xi + step, triangle)
+        step = np.linalg.lstsq((slopes.T @ x).T, point - values @ x, rcond=None)[0]
+        new = np.clip(xi + step, 0.0 if triangle else -1.0, 1.0)
+        if triangle:
+            new /= max(float(new.sum()), 1.0)
         if np.abs(new - xi).max() < 1e-12:
             break
         xi = new
     return _shapes(len(x), xi)[0]
-
-
-def _inside(xi: Array, triangle: bool) -> Array:
-    if not triangle:
-        return np.clip(xi, -1.0, 1.0)
-    xi = np.clip(xi, 0.0, 1.0)
-    return xi / max(float(xi.sum()), 1.0)
 
 
 def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
@@ -220,8 +198,6 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
     by_r = [-r * (1 - s), q / 2, -r * (1 + s), -q / 2]
     by_s = [-p / 2, -s * (1 + r), p / 2, -s * (1 - r)]
     dmids = np.stack([by_r, by_s], axis=1)
-    for k in range(4):
-        for corner in (k, (k + 1) % 4):
-            values[corner] -= mids[k] / 2
-            slopes[corner] -= dmids[k] / 2
+    values -= (mids + np.roll(mids, 1)) / 2
+    slopes -= (dmids + np.roll(dmids, 1, axis=0)) / 2
     return np.concatenate([values, mids]), np.vstack([slopes, dmids])

@@ -44,6 +44,28 @@ def rigid(x: np.ndarray) -> np.ndarray:
     return motions
 
 
+ALONG = [
+    "*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n*KINEMATIC\n2,3\n",
+    "*KINEMATIC COUPLING,REF NODE=1,ORIENTATION=O\nS,2,3\n",
+]
+
+
+@pytest.mark.parametrize("card", ALONG)
+def test_a_coupling_in_cylindrical_axes_leaves_the_radius_free(tmp_path, card):
+    """Along the axis and around it the nodes follow a rigid body; away from it they move alone."""
+    angle = np.array([0.3, 1.9, 4.0])
+    ring = np.column_stack([np.full(3, 2.0), 3 * np.cos(angle), 3 * np.sin(angle)])
+    text = "*NSET,NSET=S\n2,3,4\n*SURFACE,NAME=S,TYPE=NODE\nS\n" + card
+    text += "*ORIENTATION,NAME=O,SYSTEM=CYLINDRICAL\n0,0,0,6,0,0\n"
+    x = np.vstack([[0.5, 0.1, 0.2], ring])
+    C = equations(tmp_path, x, text)
+    assert len(C) == 6
+    np.testing.assert_allclose(np.einsum("rnk,nkm->rm", C, rigid(x)), 0, atol=1e-12)
+    for k, (c, s) in enumerate(zip(np.cos(angle), np.sin(angle), strict=True)):
+        np.testing.assert_allclose(C[:, 1 + k, :3] @ [0, c, s], 0, atol=1e-12)
+        assert np.abs(C[:, 1 + k, :3] @ [0, -s, c]).max() > 0.1
+
+
 CASES = {
     # card, points, number of equations, of nodes without rotations
     "PLANE": ("*MPC\nPLANE,1,2,3,4,5,6\n", IN_PLANE, 3, 3),

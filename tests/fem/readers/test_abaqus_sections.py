@@ -133,8 +133,12 @@ def test_the_top_of_layers_of_a_closed_shell_is_that_of_each_element(tmp_path):
     # the second element lists its nodes the other way round
     assert [n[2] for n in top["directions"]] == [1.0] * 5 + [-1.0] * 5
     assert np.allclose(top["places"][::5], [[0.01, 0.005, 0.0], [0.01, 0.005, 0.01]])
-    with pytest.raises(MeshError, match=r"with an .ORIENTATION of their own need a flat shell"):
-        read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
+    model, _ = read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
+    assert model["families"][0][2]["axis"] == [0.0, 1.0, 0.0]
+    # directions about an axis beside the plate, and along a line of it
+    both = section.replace("10.", "O\n.5,3,P,C") + "*ORIENTATION,NAME=C,SYSTEM=CYLINDRICAL\n"
+    with pytest.raises(MeshError, match="from element to element"):
+        read(tmp_path, text + "4,2,9,10,3\n" + both + "40,-9,0,40,-9,1\n" + PLY + AXES)
 
 
 def test_thicknesses_at_nodes(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly
+from antiosc_decks.abaqus.assembly import OTHER
 from refusals import refused
 
 
@@ -69,9 +70,12 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert lists(whole.deck.element_sets) == {"A": [0, 3], "B": [0, 1, 2, 3]}
     assert whole.deck.points[whole.deck.node_sets["N"]].tolist() == [[9, 9, 9], [1, 1, 1]]
     assert whole.deck.left == {"SPRINGA": 2, "MASS": 1}
-    scope = whole.instances[""].scope
-    assert scope.others == [("SPRINGA", 7, [1, 3]), ("SPRINGA", 8, [3, 5]), ("MASS", 9, [1])]
-    assert scope.other_sets == {"K": [7, 8], "A": [7, 9, 7, 8]}
+    others = [(kind, row.fields) for kind, row, _ in whole.others]
+    assert others == [("SPRINGA", [*"713"]), ("SPRINGA", [*"835"]), ("MASS", [*"91"])]
+    beside = {
+        name: (rows[rows >= OTHER] - OTHER).tolist() for (_, name), rows in whole.sets.items()
+    }
+    assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
 
 
 def test_generated_nodes_lie_at_equal_distances(read):
@@ -80,7 +84,7 @@ def test_generated_nodes_lie_at_equal_distances(read):
     text += "*NGEN,NSET=HIGH\n21,29,2\n*NFILL,NSET=F,BIAS=1.0\nLOW,HIGH,3,100\n"
     whole = read(text)
     x = whole.deck.points
-    numbers = whole.instances[""].scope.nodes
+    numbers = whole.instances[""].mesh.nodes
     low = [(2.0 * k, 0, k) for k in range(5)]
     high = [(2.0 * k, 6, k) for k in range(5)]
     assert x[numbers.rows(np.arange(1, 6))].tolist() == [list(p) for p in low]
@@ -106,7 +110,7 @@ def test_copies_of_elements_in_rows_layers_and_blocks(read):
     x, blocks = whole.deck.points, whole.deck.blocks
     assert [len(block) for block in blocks] == [1, 11]
     corners = np.vstack([block.corners for block in blocks])
-    labels = whole.instances[""].scope.elements
+    labels = whole.instances[""].mesh.elements
     for i in range(2):
         for j in range(3):
             for k in range(2):
@@ -119,8 +123,25 @@ def test_copies_of_elements_in_rows_layers_and_blocks(read):
     alone = read(text + "*ELGEN,ELSET=ALL\n5,1\n")
     assert lists(alone.deck.element_sets) == {"ONE": [0], "ALL": [0]}
     row = read(text + "*ELGEN\n5,2,1,7\n")
-    assert row.instances[""].scope.elements.labels.tolist() == [5, 12]
+    assert row.instances[""].mesh.elements.labels.tolist() == [5, 12]
     assert row.deck.blocks[1].corners.tolist() == [[c + 1 for c in row.deck.blocks[0].corners[0]]]
+
+
+def test_numbers_after_a_comma_at_the_end_of_a_keyword_line_are_data(read):
+    whole = read(SHEET + "*NSET,NSET=A,\n1,3\n*NSET,\nNSET=B\n5\n")
+    assert lists(whole.deck.node_sets) == {"A": [0, 1], "B": [2]}
+
+
+def test_an_assembly_of_one_instance_may_use_its_numbers(read):
+    """In sets and ranges; the instance has sets of its own, and a spring joins two nodes of it."""
+    top = "*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n1,0,0\n*NSET,NSET=OWN\n3\n*END INSTANCE\n"
+    top += "*NSET,NSET=Q\n1,9\n*ELSET,ELSET=R,GENERATE\n10,20\n"
+    top += "*ELEMENT,TYPE=SPRINGA,ELSET=K\n1,I.1,I.9\n*SPRING,ELSET=K\n\n5.\n*END ASSEMBLY\n"
+    whole = read(PART + top)
+    assert lists(whole.deck.node_sets) == {"I.end": [4, 9], "I.OWN": [1], "Q": [0, 4]}
+    assert whole.deck.element_sets["R"].tolist() == [0, 1]
+    ((card, within),) = whole.named("SPRING")
+    assert list(whole.beside(card, within)) == [("SPRINGA", [0, 4])]
 
 
 PART = f"*PART,NAME=P\n{SHEET}*ELSET,ELSET=All,GENERATE\n10,40,10\n*NSET,NSET=end\n9,19\n"

@@ -100,7 +100,6 @@ def test_options_are_told_or_refused(tmp_path):
     for text in (
         sheet.format(",SYMMETRIC"), SECTION + "*EQUATION,REMOVE\n",
         SECTION + "*TIE,CYCLIC SYMMETRY\nA,B\n",
-        SECTION + "*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n",
     ):  # fmt: skip
         with pytest.raises(MeshError, match="would change the result"):
             inp.read(tmp_path, text)

@@ -75,8 +75,8 @@ def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis)
     found = assembly.read(path, path.name)
     model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
     ((_, _, arguments, _),) = model["families"]
-    for direction in arguments["axis"]["directions"]:
-        np.testing.assert_allclose(direction, np.array(axis) / np.linalg.norm(axis), atol=1e-12)
+    expected = np.array(axis) / np.linalg.norm(axis)
+    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
     assert not any("CalculiX" in text for text in model["ignored"])
 
 
@@ -88,6 +88,24 @@ def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_pat
     found = assembly.read(path, path.name)
     model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
     assert any("CalculiX" in text for text in model["ignored"])
+
+
+def test_layers_turn_against_each_other_by_their_cylindrical_orientations(tmp_path):
+    """Axes in the plane of a flat shell at ±45° to x: first directions across them."""
+    rows = "*SHELL SECTION, ELSET=ALL, COMPOSITE\n.1,, M, A\n.1,, M, B\n.1,, M, A\n"
+    for name, y in (("A", 1), ("B", -1)):
+        rows += f"*ORIENTATION, NAME={name}, SYSTEM=CYLINDRICAL\n0, 0, 0, 1, {y}, 0\n"
+    nodes = "1, 9, 0, 0\n2, 20, 0, 0\n3, 20, 5, 0\n4, 9, 5, 0\n5, 30, 0, 0\n6, 30, 5, 0\n"
+    material = CYLINDER.partition("*MATERIAL")[2]
+    element = "*ELEMENT, TYPE=S4, ELSET=ALL\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*MATERIAL"
+    text = f"*NODE\n{nodes}{element}{material.partition('*ORIENTATION')[0]}{rows}"
+    path = tmp_path / "part.inp"
+    path.write_text(text)
+    model = abaqus_model.model_of(assembly.read(path, path.name), UnitSystem.of("mm"), None)
+    ((_, _, arguments, _),) = model["families"]
+    assert np.abs(np.array(arguments["axis"]) @ [1, 1, 0]) < 1e-12
+    angles = [layer["angle"] % 180 for layer in arguments["layers"]]
+    assert angles == pytest.approx([0, 90, 0], abs=1e-9)
 
 
 @pytest.mark.parametrize(("gap", "springs"), [(0.0, 1), (0.1, 0)])

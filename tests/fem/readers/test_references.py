@@ -73,8 +73,10 @@ def test_sets_of_the_assembly_name_their_instance(tmp_path, members):
     text = PLACED.format("*NSET,NSET=F{}" + members) + "*BOUNDARY\nF,1\n"
     _, deck = inp.read(tmp_path, text.format(",INSTANCE=I"))
     assert held(deck) == {"x": [0, 1]}
+    assert held(inp.read(tmp_path, text.format(""))[1]) == {"x": [0, 1]}  # of the only one
+    second = "*END INSTANCE\n*INSTANCE,NAME=J,PART=P\n90,0,0\n*END INSTANCE\n"
     with pytest.raises(MeshError, match="INSTANCE="):
-        inp.read(tmp_path, text.format(""))
+        inp.read(tmp_path, text.format("").replace("*END INSTANCE\n", second))
 
 
 def test_a_part_without_an_instance_is_told(tmp_path):
