@@ -23,7 +23,7 @@ Term = tuple[int, int, float]
 NEGLIGIBLE_TERM = 1e-14
 
 
-def _lever(r: Array) -> Array:
+def lever(r: Array) -> Array:
     """θ × r = lever θ."""
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
@@ -172,10 +172,10 @@ class Constraints:
             if node == leader:
                 continue
             r = self.place(node) - x
-            arm = _lever(r)
+            arm = lever(r)
             if twisted is not None:
                 axis, last = twisted
-                arm = _lever(r - last) + np.outer(axis, axis) @ _lever(last)
+                arm = lever(r - last) + np.outer(axis, axis) @ lever(last)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
@@ -185,8 +185,8 @@ class Constraints:
                     terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
                     terms += [(leader, first + k, -float(along[k])) for k in rest]
                     if not first:
-                        lever = along @ arm
-                        terms += [(leader, 3 + k, -float(lever[k])) for k in range(3) if lever[k]]
+                        led = along @ arm
+                        terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
                     self.equations.append(terms)
 
     def _directions(
@@ -231,7 +231,7 @@ class Constraints:
         skew -= np.swapaxes(skew, 1, 2)
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         arm = self.place(follower) - centre
-        cross = _lever(arm)
+        cross = lever(arm)
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         # rotations about the line do not matter for displacements of what lies on it
