@@ -7,8 +7,9 @@ with six motions of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -250,19 +251,25 @@ class Constraints:
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
                 self._sum_is_zero(terms, place)
 
+    def keep(self, stays: Callable[[list[Term]], bool]) -> int:
+        """Drop what acts on motions that do not stay; how many are dropped."""
+        before = len(self.every())
+        self.equations = [terms for terms in self.equations if stays(terms)]
+        self.springs = [one for one in self.springs if stays(one[0])]
+        self.dampers = [one for one in self.dampers if stays(one[0])]
+        self.masses = [one for one in self.masses if stays([*chain(*one[0])])]
+        return before - len(self.every())
+
     def loose(self) -> list[int]:
         """Nodes of no element, and further points, that constraints, springs and dampers act on."""
         nodes = {node for terms in self.every() for node, _, _ in terms}
         return sorted(node for node in nodes if not self._used(node))
 
-    def every(self) -> list[list[Term]]:
+    def every(self, dampers: bool = True) -> list[list[Term]]:
         """The terms of all constraints, springs, dampers and masses."""
-        return [*self.resisting(), *(terms for terms, _ in self.dampers)]
-
-    def resisting(self) -> list[list[Term]]:
-        """The same without dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
-        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
+        sprung = [*self.springs, *(self.dampers if dampers else ())]
+        return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""

@@ -50,12 +50,12 @@ class System:
 BASIC = System(np.zeros(3), np.eye(3))
 
 
-def axes_of(a: Array, first: Array, second: Array, entry: Entry) -> System:
+def axes_of(points: list[Array], entry: Entry) -> System:
     """The system of three points: its origin, x to the second, z across all."""
-    x = first - a
-    z = np.cross(x, second - a)
-    size = np.linalg.norm(x)
-    apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(second - a)
+    a = points[0]
+    x, arm = points[1] - a, points[2] - a
+    z, size = np.cross(x, arm), np.linalg.norm(x)
+    apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
     entry.needs(apart, f"the three points of {entry.name} lie on one line.")
     x, z = x / size, z / np.linalg.norm(z)
     return System(a, np.stack([x, np.cross(z, x), z]))
@@ -110,9 +110,9 @@ class Systems:
 
     def _place(self, entry: Entry, start: int) -> System:
         if entry.name.startswith("CORD1"):
-            a, b, c = (self._node(entry.whole(start + k), entry.place) for k in (1, 2, 3))
+            points = [self._node(entry.whole(start + k), entry.place) for k in (1, 2, 3)]
         else:
             base = self(entry.whole(1, 0), entry.place)
-            a, b, c = (base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8))
-        z, x, y = axes_of(a, b, c, entry).axes  # z to the second point, y across all
-        return System(a, np.stack([x, y, z]), entry.name[-1])
+            points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
+        z, x, y = axes_of(points, entry).axes  # z to the second point, y across all
+        return System(points[0], np.stack([x, y, z]), entry.name[-1])

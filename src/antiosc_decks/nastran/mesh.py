@@ -72,8 +72,8 @@ class NastranDeck:
         used = set() if first is None else {first}
         for entry in self.named(f"{what}ADD"):
             if entry.whole(0) == first:
-                some = {entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)}
-                used = some | used & present
+                added = {entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)}
+                used = added | used & present
         lost, others = used - present, present - used
         if lost == used and what == "SPC" and used:
             raise MeshError(

@@ -68,8 +68,8 @@ def moved(
     for entry in entries:
         if entry.name == "SELOC":
             own = place_in(entries, entry, 0)
-            a = axes_of(*(node(entry.whole(k), own) for k in (1, 2, 3)), entry)
-            b = axes_of(*(aim(entry.whole(k), entry.place) for k in (4, 5, 6)), entry)
+            a = axes_of([node(entry.whole(k), own) for k in (1, 2, 3)], entry)
+            b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
             turn = a.axes.T @ b.axes
             found[own.scope] = System(b.origin - a.origin @ turn, turn)
     return found

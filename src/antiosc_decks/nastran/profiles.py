@@ -260,7 +260,9 @@ def _box1(width: float, h: float, top: float, low: float, left: float, right: fl
 #: Cross-sections of walls: rectangles from dimensions, plane 1 upright.
 WALLS: dict[str, Callable[..., Walls]] = {
     "I": _i,
-    "I1": lambda arms, web, inner, h: _i(h, *[arms + web] * 2, web, *[(h - inner) / 2] * 2),
+    "I1": lambda arms, web, inner, h: _i(
+        h, arms + web, arms + web, web, (h - inner) / 2, (h - inner) / 2
+    ),
     **{"T": _t, "T2": _t, "CHAN": _chan, "H": _h, "CROSS": _cross, "HAT": _hat},
     "T1": lambda flange, web, t_flange, t_web: [
         (-flange / 2, flange / 2, 0, t_flange),

@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
-from antiosc_decks.model.builder import Family, ModelBuilder, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
 from antiosc_decks.model.geometry import (
     common_direction,
     everywhere,
@@ -21,7 +21,6 @@ from antiosc_decks.model.geometry import (
     tangents_of,
     top_of,
 )
-from antiosc_decks.model.panels import Panel
 from antiosc_decks.model.properties import Material, isotropic, tube
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
@@ -162,7 +161,7 @@ class Properties:
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
-        kind, arguments = "Solid", {"rho": self.builder.rho(material)}
+        kind, arguments = "Solid", dict[str, Any](rho=self.builder.rho(material))
         if stiffness is None:
             arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
         else:
@@ -209,8 +208,7 @@ class Properties:
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         mass = density * t + entry.real(3) * self.factor
         effective = (entry.real(4), entry.real(5))
-        panel = Panel(E / (2 + 2 * nu), nu, t, mass, E, effective, entry.place)
-        self.builder.add_rods(elements, panel)
+        self.builder.add_rods(elements, Panel(E, nu, t, mass, effective, entry.place))
 
     # --- Beams ------------------------------------------------------------------------------------
 
