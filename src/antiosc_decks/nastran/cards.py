@@ -235,7 +235,7 @@ class Bulk:
             return
         if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
             return
-        name, fields, large, mark = _fields(line)
+        name, fields, large, mark = fields_of(line)
         fault = None
         if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
             fault = place.error(
@@ -298,7 +298,7 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str) -> tuple[str, list[str], bool, str]:
+def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     """(name, four or eight fields, whether they are large, the mark of the continuation).
 
     A line of free fields may have more of them: those of the lines that would follow.
