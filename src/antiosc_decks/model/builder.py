@@ -115,8 +115,6 @@ class ModelBuilder:
     rods: dict[int, Rod | Panel] = field(default_factory=dict)
     #: (node, place, kg, [kg m²])
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
-    #: (node, place, {motion: stiffness}), to the ground
-    springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
     #: whether the deck has no other elements: the rods are a truss
     truss: bool = False
     #: whether the deck gives masses at nodes, so that materials may have none
@@ -262,20 +260,13 @@ class ModelBuilder:
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
             self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
 
-    def spring(self, node: int, motion: int, stiffness: float, place: Place) -> None:
-        """A grounded spring in the deck's units."""
-        unit = self.units.force / self.units.length
-        if motion >= 3:
-            unit = self.units.force * self.units.length
-        self.springs.append((node, place, {MOTIONS[motion]: stiffness * unit}))
-
     def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
-            self.spring(node, motion, stiffness * coefficient**2, place)
-        elif moving:
+            moving, stiffness = [(node, motion, 1.0)], stiffness * coefficient**2
+        if moving:
             self.joints.springs.append((moving, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:

@@ -51,15 +51,18 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         )
     hold_middles(builder)
     _drop_alone(builder)
+    joints = builder.joints
+    grounded = [one for one in joints.springs if len(one[0]) == 1]
+    joints.springs = [one for one in joints.springs if len(one[0]) > 1]
     mixed = "shell" in present and kept_apart(builder.deck)
     stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
     stiffened = stiffened and _on_edges(builder)
     several = mixed or (len(present) > 1 and not stiffened)
-    attached = [one[0] for one in builder.masses] + [one[0] for one in builder.springs]
+    attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
     beside = any(not builder.used[node] for node in attached)
     joined = several or beside or bool(builder.joints.every())
     if joined:
-        _attach(builder)
+        _attach(builder, grounded)
     if stiffened:
         _shear_with_shells(builder)
     plane = not builder.truss and not present <= JOINED
@@ -81,7 +84,12 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         "families": groups,
         "supports": _supports(builder, count),
         "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
-        "springs": [[_point(builder, n), own] for n, _, own in builder.springs],
+        "springs": []
+        if joined
+        else [
+            [_point(builder, n), {MOTIONS[m]: k * _turned(builder, m)}]
+            for ((n, m, _),), k in grounded
+        ],
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
@@ -108,7 +116,6 @@ def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[i
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
-    rows += [[(n, MOTIONS.index(name), 1.0)] for n, _, own in builder.springs for name in own]
     return held_apart(builder.deck, x, moves, fixed, rows)
 
 
@@ -128,9 +135,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
     if alone:
         builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
     builder.masses = [one for one in builder.masses if moves(one[0]) and one not in still]
-    left, springs = len(builder.springs), [one for one in builder.springs if moves(one[0])]
-    builder.springs = springs
-    left += joints.keep(lambda terms: any(joined[n] for n, _, _ in terms)) - len(springs)
+    left = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
     acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
         acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
@@ -147,20 +152,20 @@ def _drop_alone(builder: ModelBuilder) -> None:
         )
 
 
-def _attach(builder: ModelBuilder) -> None:
+def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
     """Masses and grounded springs as those between numbered nodes."""
     masses, builder.masses = builder.masses, []
-    springs, builder.springs = builder.springs, []
-    size = builder.units.length
+    size, joints = builder.units.length, builder.joints
     for node, place, mass, inertia in masses:
         own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
-    for node, _, stiffness in springs:
-        for name, value in stiffness.items():
-            motion = MOTIONS.index(name)
-            unit = builder.units.force * (size if motion >= 3 else 1 / size)
-            end = builder.joints.alias.get((node, motion), (node, motion))
-            builder.joints.springs.append(([(*end, 1.0)], value / unit))
+    for ((node, motion, _),), value in grounded:
+        joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
+
+
+def _turned(builder: ModelBuilder, motion: int) -> float:
+    """N/m or N m of a grounded spring."""
+    return builder.units.force * builder.units.length ** (1 if motion >= 3 else -1)
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:
@@ -258,10 +263,8 @@ def _leave(builder: ModelBuilder) -> None:
     left = builder.joints.keep(
         lambda terms: not any(n < len(gone) and gone[n] for n, _, _ in terms)
     )
-    left += len(builder.masses) + len(builder.springs)
-    builder.masses = [one for one in builder.masses if not gone[one[0]]]
-    builder.springs = [one for one in builder.springs if not gone[one[0]]]
-    left -= len(builder.masses) + len(builder.springs)
+    kept = [one for one in builder.masses if not gone[one[0]]]
+    left, builder.masses = left + len(builder.masses) - len(kept), kept
     if left:
         builder.ignored.append(
             f"{left} constraints, springs, dampers or masses on parts that are left out"

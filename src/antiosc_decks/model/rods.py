@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Place
-from antiosc_decks.model.builder import MOTIONS, SPRINGS, Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import SPRINGS, Family, ModelBuilder, Panel, Rod
 from antiosc_decks.model.constraints import Term
 
 #: Component of a rod's direction over the largest below which it is rounding.
@@ -93,9 +93,6 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         for node, motion, _ in terms:
             if node < len(stiff) and motion < 3:
                 stiff[node, motion] = 1.0
-    for node, _, stiffness in builder.springs:
-        if node < len(stiff):
-            stiff[node] += [name in stiffness for name in MOTIONS[:3]]
     for node, _ in joints.alias:  # motions along axes of its own
         if node < len(stiff):
             stiff[node] = 1.0

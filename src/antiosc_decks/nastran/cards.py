@@ -218,7 +218,7 @@ class Bulk:
     def _line(self, line: str, place: Place) -> None:
         """One line of the bulk data."""
         words = line.upper().split()
-        if words[0] == "ENDDATA":
+        if words[0].startswith("ENDDATA"):
             self._ended = True
             return
         if words[0] == "BEGIN":  # of superelements, after the first

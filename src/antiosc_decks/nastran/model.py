@@ -37,8 +37,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     doubled = copies.separate(found.deck, roles)
     set_groups(found)
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
-    properties = Properties(found, builder, factor)
-    properties.read()
+    Properties(found, builder, factor).read()
     builder.with_roles(roles)
     _supports(found, builder)
     joints = Joints(found, builder, factor)
@@ -50,7 +49,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*found.converted, *properties.ignored, *found.account.ignored()]
+    builder.ignored += [*found.converted, *found.account.ignored()]
     return finished(builder, roles)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,8 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
+from antiosc_decks.model import geometry
 from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
-from antiosc_decks.model.geometry import (
-    common_direction,
-    everywhere,
-    normals_of,
-    side_of,
-    tangents_of,
-    top_of,
-)
 from antiosc_decks.model.properties import Material, isotropic, tube
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
@@ -48,8 +41,6 @@ class Properties:
     found: NastranDeck
     builder: ModelBuilder
     factor: float
-    #: what is ignored of materials and properties
-    ignored: list[str] = field(default_factory=list)
 
     def read(self) -> None:
         """Set the section of every element."""
@@ -101,7 +92,7 @@ class Properties:
             material.constants = isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
-                self.ignored.append(
+                self.builder.tell_once(
                     f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
                 )
         elif entry.name == "MAT2":
@@ -117,7 +108,7 @@ class Properties:
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
             if not (entry.real(5) and entry.real(6)):
                 told = f"rigid transverse shear of MAT8 {number}, whose G12 is taken"
-                self.ignored.append(told)
+                self.builder.tell_once(told)
             nan = np.nan
             material.constants = np.array([E1, E2, nan, n12, nan, nan, G12, G13, G23])
         return material
@@ -140,15 +131,10 @@ class Properties:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
         return extra * self.factor / size * self.builder.units.density if size else 0.0
 
-    def _tell(self, told: str) -> None:
-        """Note what is ignored, once."""
-        if told not in self.ignored:
-            self.ignored.append(told)
-
     def _tell_beside(self, entry: Entry, extra: float) -> None:
         """Where the nonstructural mass lies is not known."""
         if extra:
-            self.ignored.append(
+            self.builder.tell_once(
                 f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
                 "over the section"
             )
@@ -215,14 +201,15 @@ class Properties:
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
         along = BeamProfiles(entry)
-        self.ignored += along.told
+        for told in along.told:
+            self.builder.tell_once(told)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         # a G up to E/3 goes into the section: nu lies below 0.5
         share = 1.0 if nu < NU_OF_BEAMS else (1 + NU_OF_BEAMS) / (1 + nu)
         density = self.builder.rho(material)
         length = self.builder.units.length
-        tangents = tangents_of(self.found.deck, elements)
+        tangents = geometry.tangents_of(self.found.deck, elements)
         apart: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
             beam = self.found.beams.get(int(element), PLAIN)
@@ -266,7 +253,7 @@ class Properties:
             if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
                 entry.fields[k] = entry.text(other)
-                self.ignored.append(
+                self.builder.tell_once(
                     f"that PSHELL {number} has no stiffness against {what} (no "
                     f"MID{(k + 1) // 2}), that of its other material is taken"
                 )
@@ -285,7 +272,7 @@ class Properties:
         if not entry.text(5):
             its = "its material's" if plain else "that of MID1 with 5/6"
             told = f"the rigid transverse shear of PSHELL {number} (no MID3), {its} is taken"
-            self._tell(told)
+            self.builder.tell_once(told)
         self._tell_beside(entry, entry.real(7))
         length = self.builder.units.length
         for own, offset, some in self._by_thickness(elements, entry.real(2), entry):
@@ -303,7 +290,7 @@ class Properties:
                 arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
                 if offset:
                     arguments["offset"] = offset * length
-                    arguments |= side_of(self.found.deck, some, length)
+                    arguments |= geometry.side_of(self.found.deck, some, length)
                     self._tell_curved(entry, some)
                 self.builder.add(name, some, Family("Shell", arguments, entry.place))
 
@@ -326,7 +313,7 @@ class Properties:
             key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
             apart.setdefault(key, []).append(int(element))
         if varying:
-            self.ignored.append(
+            self.builder.tell_once(
                 f"the variation of the thickness within {varying} elements of {label}, the mean of "
                 "the corners is taken in each"
             )
@@ -396,7 +383,7 @@ class Properties:
             S = np.linalg.inv(Q)
             G, nan = Q[2, 2], np.nan
             constants = [1 / S[0, 0], 1 / S[1, 1], nan, -S[0, 1] / S[0, 0], nan, nan, G, G, G]
-            self._tell(f"transverse shear of {material.name}, whose G33 is taken")
+            self.builder.tell_once(f"transverse shear of {material.name}, whose G33 is taken")
             material = replace(material, constants=np.array(constants), plane=None)
         return self.builder.layer(material, thickness, angle)
 
@@ -411,11 +398,11 @@ class Properties:
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
         deck, length = self.found.deck, self.builder.units.length
-        normals = normals_of(deck, elements)
+        normals = geometry.normals_of(deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        axis = common_direction(axes, least=1 - 1e-6)
-        own = {**arguments, "top": top_of(deck, elements, length)}
-        given = everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
+        axis = geometry.common_direction(axes, least=1 - 1e-6)
+        own = {**arguments, "top": geometry.top_of(deck, elements, length)}
+        given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
         own["axis"] = given
         if offset:
             own["offset"] = offset * length
@@ -423,8 +410,13 @@ class Properties:
         self.builder.add(name, elements, Family(kind, own, entry.place))
 
     def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
-        if common_direction(normals_of(self.found.deck, elements), least=1 - 1e-6) is None:
-            self.ignored.append(
+        if (
+            geometry.common_direction(
+                geometry.normals_of(self.found.deck, elements), least=1 - 1e-6
+            )
+            is None
+        ):
+            self.builder.tell_once(
                 f"the area of the offset surface of {entry.name} {entry.text(0)}, that at the "
                 "nodes is taken"
             )
