@@ -82,7 +82,7 @@ def bulk(folder, text: str):
 @pytest.mark.parametrize("control", ["", "SOL 103\nCEND\nTITLE = a, b\nbegin  bulk\n"])
 def test_every_form_has_the_same_fields(tmp_path, form, control):
     text = "".join(FORMS[form](name, fields) for name, fields in ENTRIES)
-    found = bulk(tmp_path, control + text + ("ENDDATA\nno more\n" if control else ""))
+    found = bulk(tmp_path, control + text + ("ENDDATA,\nno more\n" if control else ""))
     assert (found.selected is not None) == bool(control)
     assert [entry.name for entry in found.entries] == [name for name, _ in ENTRIES]
     for entry, (_, fields) in zip(found.entries, ENTRIES, strict=True):
