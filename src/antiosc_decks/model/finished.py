@@ -68,7 +68,7 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
     plane = not builder.truss and not present <= JOINED
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, held = _held(builder, count, fixed_points)
+    pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
     groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
@@ -103,7 +103,9 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[int, bool]:
+def _held(
+    builder: ModelBuilder, count: int, fixed_points: list[Any], grounded: list[list[Term]]
+) -> tuple[int, bool]:
     """(pieces of the deck, whether they are several and supports or springs hold each)."""
     joints, nodes = builder.joints, len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
@@ -115,7 +117,7 @@ def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[i
     moves[loose] = True
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
-    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs), *grounded]
     return held_apart(builder.deck, x, moves, fixed, rows)
 
 
