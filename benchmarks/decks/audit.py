@@ -22,8 +22,9 @@ BY_LISTS = ("PARAM", "SPOINT")
 
 
 def nastran_cards(path: Path) -> Counter[str]:
-    """Entries of the bulk data by name; copies (=) are not counted."""
+    """Entries of the bulk data by name, with copies (=, and =(n) of n)."""
     found: Counter[str] = Counter()
+    name = ""
     started = not any(
         line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in _lines(path)
     )
@@ -32,13 +33,15 @@ def nastran_cards(path: Path) -> Counter[str]:
         words = line.upper().replace(",", " ").split()
         if not words:
             continue
-        if words[:2] == ["BEGIN", "BULK"] and "SUPER" not in words:
+        if words[:2] == ["BEGIN", "BULK"] and "SUPER" not in line.upper():
             started = True
         elif words[0].startswith("ENDDATA") and started:
             break
         elif started and words[0] == "BEGIN":
             found["BEGIN SUPER" if "SUPER" in line.upper() else "BEGIN"] += 1
-        elif started and _named(line):
+        elif started and words[0][0] == "=":
+            found[name] += int(words[0][1:].strip("()") or 1)
+        elif started and _named(line) and not (name == "DEQATN" and line[0] == " "):
             name = words[0] if "," in line else line[:8].strip().upper().split()[0]
             name = "DEQATN" if name.startswith("DEQATN") else name.rstrip("*")
             found[name] += 1

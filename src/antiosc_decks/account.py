@@ -29,22 +29,16 @@ class Fate(NamedTuple):
 UNKNOWN = Fate("unknown")
 
 
-def table(
-    *,
-    read: Iterable[str],
-    harmless: Iterable[str],
-    ignored: Iterable[str],
-    refused: Mapping[str, str],
-) -> dict[str, Fate]:
-    """The fates of the cards of a dialect.
+def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
+    """The fates of the cards of a dialect: read=, harmless=, ignored= the names of cards.
 
     `refused`: what they are, or "", -> names between spaces.
     """
-    found = dict.fromkeys(read, Fate("read"))
-    found |= dict.fromkeys(harmless, Fate("harmless"))
-    found |= dict.fromkeys(ignored, Fate("ignored"))
-    for what, names in refused.items():
-        found |= dict.fromkeys(names.split(), Fate("refused", what))
+    found: dict[str, Fate] = {}
+    for kind in ("read", "harmless", "ignored"):
+        found |= dict.fromkeys(names[kind], Fate(kind))  # type: ignore[arg-type]
+    for what, some in refused.items():
+        found |= dict.fromkeys(some.split(), Fate("refused", what))
     return found
 
 
@@ -92,18 +86,17 @@ class Account:
 
 def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:
     places: dict[str, list[Place]] = {}
-    mine = [one for one in entries if one[2].kind == kind]
-    for name, place, fate in sorted(mine, key=lambda one: one[0]):
-        label = f"{name} {fate.what}" if fate.what else name
-        places.setdefault(label, []).append(place)
+    for name, place, fate in sorted(entries, key=lambda one: one[0]):
+        if fate.kind == kind:
+            places.setdefault(f"{name} {fate.what}".strip(), []).append(place)
     return [f"{len(some)} {label} ({lines(some)})" for label, some in places.items()]
 
 
 def lines(places: Iterable[Place]) -> str:
     """Lines and their file as text, shortened where they are many."""
     some = list(places)
-    shown = some[:MOST_LINES]
-    more = f" and {len(some) - len(shown)} more" if len(some) > len(shown) else ""
+    shown, left = some[:MOST_LINES], len(some) - MOST_LINES
+    more = f" and {left} more" if left > 0 else ""
     if len({place.file for place in some}) > 1:
         return ", ".join(map(str, shown)) + more
     numbers = ", ".join(str(place.line) for place in shown)

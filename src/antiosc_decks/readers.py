@@ -26,10 +26,7 @@ def _reader(
         # the time limit grows with the files that a deck includes
         options = ask.model or {}
         found = read(
-            Path(ask.path),
-            ask.name,
-            lambda size: ask.allow(30 + 3e-5 * size),
-            options.get("root"),
+            Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size), options.get("root")
         )
         deck: Deck = found.deck
         if ask.model is not None:

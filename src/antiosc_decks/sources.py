@@ -66,18 +66,15 @@ class Sources:
         if not named:
             raise at.error("an include without the name of a file.")
         try:
-            name = named.replace("\\", "/")
-            path = (self.folder / name).resolve()
-            nested = (self._open[-1].parent / name).resolve() if self._open else path
-            if not path.is_file() and nested.is_file():  # beside the file that includes it
-                path = nested
+            path = self._path(named)
             inside = path.is_relative_to(self.root)
             found = inside and path.is_file()
         except (OSError, ValueError):
             inside, found = True, False
         if not inside:
+            folder = "/".join(self.root.parts[-2:])
             raise at.error(
-                f"{named[:80]!r} lies outside the folder {_shown(self.root)}, from which "
+                f"{named[:80]!r} lies outside the folder {folder!r}, from which "
                 f"{self.name} may include files; name the folder that holds them all by root=."
             )
         if not found:
@@ -89,20 +86,23 @@ class Sources:
         self._open.append(path)
         return self.lines(path, path.name)
 
+    def _path(self, named: str) -> Path:
+        """A file beside the deck, or else beside the file that includes it."""
+        name = named.replace("\\", "/")
+        path, *more = (
+            (folder / name).resolve()
+            for folder in (self.folder, *(one.parent for one in self._open[-1:]))
+        )
+        return next((one for one in more if not path.is_file() and one.is_file()), path)
+
     def holds(self, named: str) -> bool:
         """Whether a file that the deck includes is there; of a name that is none, True."""
-        name = named.strip().strip("'\"").replace("\\", "/")
-        folders = [self.folder, *(path.parent for path in self._open[-1:])]
-        return not name or any(os.path.isfile(folder / name) for folder in folders)
+        name = named.strip().strip("'\"")
+        return not name or self._path(name).is_file()
 
     def leave(self) -> None:
         """Leave the file that was entered last."""
         self._open.pop()
-
-
-def _shown(folder: Path) -> str:
-    """A folder in messages, by its last two names."""
-    return repr("/".join(folder.parts[-2:]))
 
 
 def _root(path: Path) -> Path:

@@ -18,6 +18,7 @@ import scipy.sparse
 from antiosc.io.matrices.entries import Entries, Labels, of_labels
 from antiosc.io.matrices.formats import MatrixFormat
 from antiosc.io.matrices.source import Source, fortran, is_text
+from antiosc_decks.nastran.cards import fields_of
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.
 SYMMETRIC_FORM, SQUARE_FORM = 6, 1
@@ -34,36 +35,34 @@ def read(source: Source) -> dict[str, Entries]:
     """The matrices of a file with DMIG cards by their names."""
     forms: dict[str, int] = {}
     tables: dict[str, list[tuple[float, ...]]] = {}
-    for number, fields in _cards(source):
-        name = fields[1].upper()
-        if len(fields) > 2 and fields[2] == "0":
+    for number, (name, *fields) in _cards(source):
+        name = name.upper()
+        if fields[:1] == ["0"]:
             forms[name] = _form(source, number, name, fields)
             tables.setdefault(name, [])
             continue
         if name not in forms:
             raise source.error(number, f"DMIG {name} has no header card before its columns.")
-        column = _label(source, number, fields[2:4])
-        for k in range(5, len(fields), 4):
+        column = _label(source, number, fields[:2])
+        for k in range(3, len(fields), 4):
             group = fields[k : k + 4]
-            if not any(group):
-                continue
-            row = _label(source, number, group[:2])
-            tables[name].append((*row, *column, _number(source, number, group)))
+            if any(group):
+                value = _number(source, number, group[2] if len(group) > 2 else "")
+                tables[name].append((*_label(source, number, group[:2]), *column, value))
     if not tables:
         raise source.error(1, "the file has no DMIG card.")
-    found = {}
-    for name, rows in tables.items():
-        table = np.array(rows, dtype=float).reshape(-1, 5)
-        if len(table):
-            found[name] = of_labels(f"{source.name} ({name})", table, forms[name] == SYMMETRIC_FORM)
-    if not found:
+    if not any(tables.values()):
         raise source.error(1, f"the DMIG matrices {', '.join(tables)} have no entries.")
-    return found
+    return {
+        name: of_labels(f"{source.name} ({name})", np.array(rows), forms[name] == SYMMETRIC_FORM)
+        for name, rows in tables.items()
+        if rows
+    }
 
 
 def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
     try:
-        form, kind = int(fields[3]), int(fields[4])
+        form, kind = int(fields[1]), int(fields[2])
     except (ValueError, IndexError):
         raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
     if kind not in (1, 2):
@@ -74,36 +73,23 @@ def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
 
 
 def _cards(source: Source) -> Iterator[tuple[int, list[str]]]:
-    """(line, fields) of each DMIG card with its continuations: name in 1, data from 2."""
-    card: list[str] | None = None
+    """(line, fields) of each DMIG card with its continuations: its name first."""
+    card: list[str] = []
     start = 0
     for number, raw in enumerate(source.lines(), 1):
         line = raw.decode("ascii", "replace").partition("$")[0].rstrip().expandtabs(8)
         if not line:
             continue
-        first = line[:8].partition(",")[0].strip().upper()
-        if first.rstrip("*") == "DMIG":
-            if card is not None:
-                yield start, card
-            card, start = ["DMIG", *_fields(line)], number
-        elif card is not None and first[:1] in ("*", "+", ""):
-            card += _fields(line)
-        elif card is not None:
+        name, fields, large, _ = fields_of(line)
+        del fields[4 if large else 8 :]
+        if name[:1] in ("*", "+", ""):
+            card += fields if card else []
+            continue
+        if card:
             yield start, card
-            card = None
-    if card is not None:
+        card, start = fields if name.rstrip("*").upper() == "DMIG" else [], number
+    if card:
         yield start, card
-
-
-def _fields(line: str) -> list[str]:
-    """The data fields of a line in free, large or small format; large lines have four."""
-    if "," in line:
-        words = [word.strip() for word in line.split(",")][1:9]
-        wide = line.partition(",")[0].strip().endswith("*")
-        return (words + (4 if wide else 8) * [""])[: 4 if wide else 8]
-    width = 16 if "*" in line[:8] else 8
-    padded = line.ljust(72)[:72]
-    return [padded[k : k + width].strip() for k in range(8, 72, width)]
 
 
 def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
@@ -111,16 +97,14 @@ def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
     try:
         grid, component = int(words[0]), int(words[1] or 0)
     except (ValueError, IndexError):
-        raise source.error(
-            number, f"a grid point and a component are expected; got {' '.join(words)!r}."
-        ) from None
+        told = f"a grid point and a component are expected; got {' '.join(words)!r}."
+        raise source.error(number, told) from None
     if not 0 < grid < MOST_GRID or not 0 <= component <= 6:
         raise source.error(number, f"grid point {grid} with component {component} does not exist.")
     return grid, component
 
 
-def _number(source: Source, number: int, group: list[str]) -> float:
-    text = group[2] if len(group) > 2 else ""
+def _number(source: Source, number: int, text: str) -> float:
     try:
         return float(fortran(text.encode()))
     except ValueError:

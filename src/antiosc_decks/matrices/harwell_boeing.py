@@ -42,30 +42,26 @@ def read(source: Source) -> Entries:
     rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
     if rows != columns or rows < 1:
         raise source.error(3, f"the matrix must be square; got {rows} rows, {columns} columns.")
-    if count < 1 or count > len(source.content) or rows > len(source.content):
-        raise source.error(
-            3,
-            f"{count:g} entries in {rows:g} rows are more than a file of {len(source.content)} "
-            "bytes holds.",
-        )
+    if count < 1 or max(count, rows) > len(source.content):
+        held = f"than a file of {len(source.content)} bytes holds."
+        raise source.error(3, f"{count:g} entries in {rows:g} rows are more {held}")
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
     blocks: list[Array] = []
-    for (per_line, width), wanted in zip(formats, (columns + 1, count, count), strict=True):
-        used = -(-wanted // per_line)
-        blocks.append(_fields(source, lines, first, used, per_line, width, wanted))
+    for form, wanted in zip(formats, (columns + 1, count, count), strict=True):
+        used = -(-wanted // form[0])
+        blocks.append(_fields(source, lines[: first + used], first, used, *form, wanted))
         first += used
     pointers, index, value = blocks
     starts = np.diff(pointers)
     if pointers[0] != 1 or pointers[-1] != count + 1 or (starts < 0).any():
         raise source.error(5, f"the column pointers do not rise from 1 to {count + 1}.")
-    if (index < 1).any() or (index > rows).any() or (index != np.floor(index)).any():
-        bad = index[int(np.argmax((index < 1) | (index > rows) | (index != np.floor(index))))]
-        raise source.error(first, f"row indices are 1 to {rows}; got {bad:g}.")
+    bad = (index < 1) | (index > rows) | (index != np.floor(index))
+    if bad.any():
+        raise source.error(first, f"row indices are 1 to {rows}; got {index[bad][0]:g}.")
     column = np.repeat(np.arange(columns), starts.astype(np.int64))
-    return Entries(
-        source.name, index.astype(np.int64) - 1, column, value, rows, triangle=kind[1] == "S"
-    )
+    row = index.astype(np.int64) - 1
+    return Entries(source.name, row, column, value, rows, triangle=kind[1] == "S")
 
 
 def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:

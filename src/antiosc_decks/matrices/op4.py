@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.io.matrices.entries import Entries, Labels
 from antiosc.io.matrices.formats import MatrixFormat
@@ -66,7 +66,7 @@ def read(source: Source) -> dict[str, Entries]:
                 f"and {header.columns} columns."
             )
         rows, columns, values = [], [], []
-        for column, row, value in reader.strings(header):
+        for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > header.rows:
                 raise InputError(
                     f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
@@ -89,29 +89,37 @@ def read(source: Source) -> dict[str, Entries]:
     return found
 
 
-# -- text
-
-
-def _text_header(line: str) -> tuple[_Header, int, int]:
-    """Header, numbers in a line, and characters of each."""
-    wide = line.rstrip().endswith("|I16")
-    width = 16 if wide else 8
-    line = line.rstrip().removesuffix("|I16")
-    columns, rows = int(line[:width]), int(line[width : 2 * width])
-    rest = line[2 * width :]
-    form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
-    if columns < 0 or not 0 < form < 20 or not 0 < kind < 5 or not name[:1].isalpha():
-        raise ValueError(line)
-    layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
-    per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
-    if per_line < 1 or size < 1:
-        raise ValueError(line)
-    return _Header(columns, abs(rows), kind, name, rows < 0), per_line, size
+def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, int, Array]]:
+    """(column, first row, values) of each string of entries."""
+    lead = 2 if header.bigmat or header.rows >= BIGMAT_ROWS else 1
+    text = isinstance(reader, _Text)
+    words = 1 if text else reader.words  # of a number of a dense column
+    while True:
+        reader.begin()
+        column, row, count = reader.whole(3)
+        if column > header.columns:
+            reader.numbers(count if text else 0)
+            return
+        if column < 1 or count < 0 or (row > 0 and count % words):
+            raise reader.bad(f"column {column} of {header.columns} has {count} words")
+        if row > 0:
+            yield column - 1, row - 1, reader.numbers(count // words)
+        while row <= 0 and count > 0:
+            first, *second = reader.whole(lead)
+            length, start = [first, *second] if second else [first >> 16, first & 0xFFFF]
+            length -= 1
+            count -= length + lead
+            if length < 0 or length % reader.words or count < 0:
+                raise reader.bad("the length of a string of entries is expected")
+            yield column - 1, start - 1, reader.numbers(length // reader.words)
 
 
 class _Text:
     def __init__(self, source: Source) -> None:
         self._source, self._lines, self._at = source, source.lines(), 0
+
+    def begin(self) -> None:
+        """Records are lines."""
 
     def header(self) -> _Header | None:
         while self._at < len(self._lines) and not self._lines[self._at].strip():
@@ -121,33 +129,9 @@ class _Text:
         try:
             found, self._per_line, self._width = _text_header(self._line())
         except ValueError:
-            raise self._bad("a header of columns, rows, form, type and name is expected") from None
+            raise self.bad("a header of columns, rows, form, type and name is expected") from None
+        self.words = found.kind  # of a number in a string
         return found
-
-    def strings(self, header: _Header) -> Iterator[tuple[int, int, Array]]:
-        words = 1 if header.kind == 1 else 2
-        bigmat = header.bigmat or header.rows >= BIGMAT_ROWS
-        while True:
-            column, row, count = self._whole(3)
-            if column > header.columns:
-                self._numbers(count)
-                return
-            if column < 1 or count < 0:
-                raise self._bad(f"columns are 1 to {header.columns}")
-            if row > 0:
-                yield column - 1, row - 1, self._numbers(count)
-                continue
-            while count > 0:
-                if bigmat:
-                    length, row = self._whole(2)
-                    length, count = length - 1, count - length - 1
-                else:
-                    (both,) = self._whole(1)
-                    length, row = (both >> 16) - 1, both & 0xFFFF
-                    count -= length + 1
-                if length < 0 or length % words:
-                    raise self._bad("the length of a string of entries is expected")
-                yield column - 1, row - 1, self._numbers(length // words)
 
     def _line(self) -> str:
         if self._at == len(self._lines):
@@ -155,7 +139,7 @@ class _Text:
         self._at += 1
         return self._lines[self._at - 1].decode("ascii", "replace")
 
-    def _whole(self, count: int) -> list[int]:
+    def whole(self, count: int) -> list[int]:
         line = self._line()
         fields = [line[8 * k : 8 * k + 8] for k in range(count)]
         if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
@@ -165,12 +149,11 @@ class _Text:
         except ValueError:
             found = []
         if len(found) < count:
-            raise self._bad(f"{count} whole numbers are expected")
+            raise self.bad(f"{count} whole numbers are expected")
         return found
 
-    def _numbers(self, count: int) -> Array:
-        lines = -(-count // self._per_line)
-        if self._at + lines > len(self._lines):
+    def numbers(self, count: int) -> Array:
+        if self._at + -(-count // self._per_line) > len(self._lines):
             raise self._source.error(len(self._lines), "the file ends within a matrix.")
         found = np.empty(count)
         for first in range(0, count, self._per_line):
@@ -180,15 +163,28 @@ class _Text:
             try:
                 found[first:stop] = [float(fortran(field)) for field in fields]
             except ValueError:
-                raise self._bad(f"{stop - first} numbers are expected") from None
+                raise self.bad(f"{stop - first} numbers are expected") from None
         return found
 
-    def _bad(self, text: str) -> InputError:
+    def bad(self, text: str) -> InputError:
         line = self._lines[self._at - 1].decode("ascii", "replace").strip()[:60]
         return self._source.error(self._at, f"{text}; got {line!r}.")
 
 
-# -- binary
+def _text_header(line: str) -> tuple[_Header, int, int]:
+    """Header, numbers in a line, and characters of each."""
+    width = 16 if line.rstrip().endswith("|I16") else 8
+    line = line.rstrip().removesuffix("|I16")
+    columns, rows = int(line[:width]), int(line[width : 2 * width])
+    rest = line[2 * width :]
+    form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
+    layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
+    per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
+    if columns < 0 or not 0 < form < 20 or not 0 < kind < 5 or not name[:1].isalpha():
+        raise ValueError(line)
+    if per_line < 1 or size < 1:
+        raise ValueError(line)
+    return _Header(columns, abs(rows), kind, name, rows < 0), per_line, size
 
 
 def _markers(content: bytes) -> tuple[str, int] | None:
@@ -209,72 +205,52 @@ class _Binary:
         if found is None:
             raise source.at_byte(0, "the record marker of an OP4 header is expected.")
         self._order, self._size = found
-        self._integer = np.dtype(f"{self._order}i{self._size}")
-        self._source, self._at = source, 0
+        self._source, self._at, self._start, self._record = source, 0, 0, b""
 
     def header(self) -> _Header | None:
         if self._at == len(self._source.content):
             return None
-        start = self._at
-        record = self._record()
-        if len(record) != 6 * self._size:
-            raise self._source.at_byte(start, "the header of a matrix is expected.")
-        columns, rows, _, kind = (int(v) for v in np.frombuffer(record, self._integer, 4))
-        name = record[4 * self._size :].decode("ascii", "replace").strip()
+        self.begin()
+        if len(self._record) != 6 * self._size:
+            raise self.bad("the header of a matrix is expected")
+        columns, rows, _, kind = self.whole(4)
+        name = self._record[self._next :].decode("ascii", "replace").strip()
+        single = kind == 1 and self._size == 4
+        self._real = np.dtype(f"{self._order}f{4 if single else 8}")
+        self.words = self._real.itemsize // self._size  # of one number
         return _Header(columns, abs(rows), kind, name, rows < 0)
 
-    def strings(self, header: _Header) -> Iterator[tuple[int, int, Array]]:
-        size = self._size
-        single = header.kind == 1 and size == 4
-        real = np.dtype(f"{self._order}f{4 if single else 8}")
-        words = real.itemsize // size  # of one number
-        bigmat = header.bigmat or header.rows >= BIGMAT_ROWS
-        while True:
-            start = self._at
-            record = self._record()
-            if len(record) < 3 * size:
-                raise self._source.at_byte(start, "the record of a column is expected.")
-            column, row, count = (int(v) for v in np.frombuffer(record, self._integer, 3))
-            if column > header.columns:
-                return
-            if column < 1 or count < 0 or len(record) < (3 + count) * size:
-                raise self._source.at_byte(
-                    start, f"column {column} of {header.columns} has {count} words in a record of "
-                    f"{len(record)} bytes."
-                )  # fmt: skip
-            at, end = 3 * size, (3 + count) * size
-            if row > 0:
-                yield column - 1, row - 1, np.frombuffer(record, real, count // words, at)
-                continue
-            while at < end:
-                lead: IntArray = np.frombuffer(record, self._integer, 2 if bigmat else 1, at)
-                at += lead.nbytes
-                if bigmat:
-                    length, row = int(lead[0]) - 1, int(lead[1])
-                else:
-                    length, row = (int(lead[0]) >> 16) - 1, int(lead[0]) & 0xFFFF
-                if length < 0 or at + length * size > end:
-                    raise self._source.at_byte(
-                        start, f"a string of {length} words does not fit in its record."
-                    )
-                yield column - 1, row - 1, np.frombuffer(record, real, length // words, at)
-                at += length * size
-
-    def _record(self) -> bytes:
+    def begin(self) -> None:
         """One Fortran record: its length, the bytes, the length again."""
         content, at = self._source.content, self._at
+        self._start = at
         if at + 4 > len(content):
             raise self._source.at_byte(len(content), "the file ends within a matrix.")
         (length,) = struct.unpack_from(self._order + "i", content, at)
         if length < 0 or at + 8 + length > len(content):
-            raise self._source.at_byte(
-                at, f"the file ends within a record of {length} bytes."
-            )  # fmt: skip
+            raise self.bad(f"the file ends within a record of {length} bytes")
         (again,) = struct.unpack_from(self._order + "i", content, at + 4 + length)
         if again != length:
-            raise self._source.at_byte(at, f"a record of {length} bytes ends with {again}.")
+            raise self.bad(f"a record of {length} bytes ends with {again}")
         self._at = at + 8 + length
-        return content[at + 4 : at + 4 + length]
+        self._record, self._next = content[at + 4 : at + 4 + length], 0
+
+    def _values(self, kind: np.dtype[Any], count: int) -> Any:
+        at, self._next = self._next, self._next + count * kind.itemsize
+        if count < 0 or self._next > len(self._record):
+            raise self.bad(
+                f"{count} numbers are expected, in a record of {len(self._record)} bytes"
+            )
+        return np.frombuffer(self._record, kind, count, at)
+
+    def whole(self, count: int) -> list[int]:
+        return list(map(int, self._values(np.dtype(f"{self._order}i{self._size}"), count)))
+
+    def numbers(self, count: int) -> Array:
+        return np.asarray(self._values(self._real, count))
+
+    def bad(self, text: str) -> InputError:
+        return self._source.at_byte(self._start, f"{text}.")
 
 
 # -- writing

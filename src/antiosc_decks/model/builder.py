@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Block, Deck, IntArray, Place, some_rows
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
-from antiosc_decks.model.panels import Panel
 from antiosc_decks.model.pieces import one_piece
 from antiosc_decks.model.properties import Material
 
@@ -56,7 +55,8 @@ class Family:
     place: Place
 
 
-class Rod(NamedTuple):
+@dataclass(frozen=True)
+class Rod:
     """The section of a rod, in the deck's units."""
 
     E: float
@@ -67,25 +67,35 @@ class Rod(NamedTuple):
     mass: float
     place: Place
 
-    @property
-    def dimension(self) -> int:
-        """It has a length."""
-        return 1
+    #: what its mass is spread over: a length
+    dimension: ClassVar[int] = 1
 
     @property
     def across(self) -> float:
         """Area."""
         return self.area
 
-    @property
-    def EA(self) -> float:
-        """Stiffness against tension, times the length."""
-        return self.E * self.area
+
+@dataclass(frozen=True)
+class Panel:
+    """The section of a shear panel, in the deck's units."""
+
+    E: float
+    nu: float
+    thickness: float
+    #: mass per area
+    mass: float
+    #: F1, F2: what of the panel is in rods along its sides 12 and 34, 23 and 41, as shares of its
+    #: thickness and width (from 1.01: of the square of its thickness)
+    effective: tuple[float, float]
+    place: Place
+
+    dimension: ClassVar[int] = 2
 
     @property
-    def GJ(self) -> float:
-        """Stiffness against torsion, times the length."""
-        return self.E / (2 * (1 + self.nu)) * self.torsion
+    def across(self) -> float:
+        """Thickness."""
+        return self.thickness
 
 
 @dataclass
@@ -105,8 +115,6 @@ class ModelBuilder:
     rods: dict[int, Rod | Panel] = field(default_factory=dict)
     #: (node, place, kg, [kg m²])
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
-    #: (node, place, {motion: stiffness}), to the ground
-    springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
     #: whether the deck has no other elements: the rods are a truss
     truss: bool = False
     #: whether the deck gives masses at nodes, so that materials may have none
@@ -158,10 +166,14 @@ class ModelBuilder:
             "nothing can be struck; add it to the deck, or give density= in kg/m³."
         )
 
-    def elastic(self, material: Material, what: str) -> tuple[float, float]:
-        """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
+    def _constants(self, material: Material) -> Array:
         if material.constants is None:
             raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
+        return material.constants
+
+    def elastic(self, material: Material, what: str) -> tuple[float, float]:
+        """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
+        self._constants(material)
         found = material.isotropic
         if found is None:
             raise material.place.error(
@@ -175,40 +187,28 @@ class ModelBuilder:
 
     def anisotropic(self, material: Material) -> list[list[float]] | None:
         """The stiffness of a solid with directions, Pa; None of an isotropic one."""
-        if material.stiffness is not None:
-            return (material.stiffness * self.units.stress).tolist()  # type: ignore[no-any-return]
-        if material.constants is None or material.isotropic is not None:
-            return None
-        if not np.isfinite(material.constants).all():
-            raise material.place.error(
-                f"the material {material.name!r} is given for layers alone, in "
-                "plane stress, and cannot fill solids; give all nine constants."
-            )
-        E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
-        S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
-        S[0, 1] = S[1, 0] = -n12 / E1
-        S[0, 2] = S[2, 0] = -n13 / E1
-        S[1, 2] = S[2, 1] = -n23 / E2
-        C = np.linalg.inv(S)
+        C = material.stiffness
+        if C is None:
+            if material.constants is None or material.isotropic is not None:
+                return None
+            if not np.isfinite(material.constants).all():
+                raise material.place.error(
+                    f"the material {material.name!r} is given for layers alone, in "
+                    "plane stress, and cannot fill solids; give all nine constants."
+                )
+            E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
+            S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
+            S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2
+            C = np.linalg.inv(S)
         return ((C + C.T) / 2 * self.units.stress).tolist()  # type: ignore[no-any-return]
 
     def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
-        if material.constants is None:
-            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
-        E1, E2, _, nu12, _, _, *G = (float(c) for c in material.constants)
-        G12, G13, G23 = (value * self.units.stress for value in G)
-        return {
-            "E1": E1 * self.units.stress,
-            "E2": E2 * self.units.stress,
-            "nu12": nu12,
-            "G12": G12,
-            "G13": G13,
-            "G23": G23,
-            "rho": self.rho(material),
-            "thickness": thickness * self.units.length,
-            "angle": angle,
-        }
+        E1, E2, _, nu12, _, _, *G = self._constants(material).tolist()
+        moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
+        found = {name: value * self.units.stress for name, value in moduli}
+        thick = thickness * self.units.length
+        return found | {"nu12": nu12, "rho": self.rho(material), "thickness": thick, "angle": angle}
 
     def add(self, name: str, elements: IntArray, family: Family) -> None:
         """Set the section of elements; a later one replaces an earlier one."""
@@ -246,10 +246,10 @@ class ModelBuilder:
         if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
                 self.ignored.append(f"inertia ({place}) on a node of solids, which does not rotate")
-            M = np.where(np.add.outer(np.arange(6) >= 3, np.arange(6) >= 3), 0.0, M)
+            M[3:] = M[:, 3:] = 0.0
         kept = np.flatnonzero(M.any(axis=1))
-        rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]
-        if rows:
+        if len(kept):
+            rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]
             self.joints.masses.append((rows, M[np.ix_(kept, kept)], mass * self.units.mass))
 
     def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
@@ -260,20 +260,13 @@ class ModelBuilder:
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
             self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
 
-    def spring(self, node: int, motion: int, stiffness: float, place: Place) -> None:
-        """A grounded spring in the deck's units."""
-        unit = self.units.force / self.units.length
-        if motion >= 3:
-            unit = self.units.force * self.units.length
-        self.springs.append((node, place, {MOTIONS[motion]: stiffness * unit}))
-
     def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
-            self.spring(node, motion, stiffness * coefficient**2, place)
-        elif moving:
+            moving, stiffness = [(node, motion, 1.0)], stiffness * coefficient**2
+        if moving:
             self.joints.springs.append((moving, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:

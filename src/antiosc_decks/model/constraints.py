@@ -7,8 +7,9 @@ with six motions of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ Term = tuple[int, int, float]
 NEGLIGIBLE_TERM = 1e-14
 
 
-def _lever(r: Array) -> Array:
+def lever(r: Array) -> Array:
     """θ × r = lever θ."""
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
@@ -172,10 +173,10 @@ class Constraints:
             if node == leader:
                 continue
             r = self.place(node) - x
-            arm = _lever(r)
+            arm = lever(r)
             if twisted is not None:
                 axis, last = twisted
-                arm = _lever(r - last) + np.outer(axis, axis) @ _lever(last)
+                arm = lever(r - last) + np.outer(axis, axis) @ lever(last)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
@@ -185,8 +186,8 @@ class Constraints:
                     terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
                     terms += [(leader, first + k, -float(along[k])) for k in rest]
                     if not first:
-                        lever = along @ arm
-                        terms += [(leader, 3 + k, -float(lever[k])) for k in range(3) if lever[k]]
+                        led = along @ arm
+                        terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
                     self.equations.append(terms)
 
     def _directions(
@@ -231,7 +232,7 @@ class Constraints:
         skew -= np.swapaxes(skew, 1, 2)
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         arm = self.place(follower) - centre
-        cross = _lever(arm)
+        cross = lever(arm)
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         # rotations about the line do not matter for displacements of what lies on it
@@ -250,19 +251,25 @@ class Constraints:
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
                 self._sum_is_zero(terms, place)
 
+    def keep(self, stays: Callable[[list[Term]], bool]) -> int:
+        """Drop what acts on motions that do not stay; how many are dropped."""
+        before = len(self.every())
+        self.equations = [terms for terms in self.equations if stays(terms)]
+        self.springs = [one for one in self.springs if stays(one[0])]
+        self.dampers = [one for one in self.dampers if stays(one[0])]
+        self.masses = [one for one in self.masses if stays([*chain(*one[0])])]
+        return before - len(self.every())
+
     def loose(self) -> list[int]:
         """Nodes of no element, and further points, that constraints, springs and dampers act on."""
         nodes = {node for terms in self.every() for node, _, _ in terms}
         return sorted(node for node in nodes if not self._used(node))
 
-    def every(self) -> list[list[Term]]:
+    def every(self, dampers: bool = True) -> list[list[Term]]:
         """The terms of all constraints, springs, dampers and masses."""
-        return [*self.resisting(), *(terms for terms, _ in self.dampers)]
-
-    def resisting(self) -> list[list[Term]]:
-        """The same without dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
-        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
+        sprung = [*self.springs, *(self.dampers if dampers else ())]
+        return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""

@@ -17,24 +17,22 @@ from antiosc_decks.model.builder import SPRINGS, ModelBuilder
 def separate(deck: Deck, roles: Sequence[str]) -> list[tuple[int, int]]:
     """Give copies nodes of their own: (own node, node that it follows); they are told."""
     whole = set(roles) - SPRINGS
-    some = [k for k, role in enumerate(roles) if role not in SPRINGS or not whole]
-    rank = _ranks([deck.blocks[k] for k in some])
+    some = [
+        block
+        for role, block in zip(roles, deck.blocks, strict=True)
+        if role not in SPRINGS or not whole
+    ]
     made: dict[tuple[int, int], int] = {}
     copies: dict[str, int] = {}
-    for k, ranks in zip(some, rank, strict=True):
-        block = deck.blocks[k]
+    for block, ranks in zip(some, _ranks(some), strict=True):
         for element in np.flatnonzero(ranks):
             copies[block.type] = copies.get(block.type, 0) + 1
             for table in (block.corners, block.mids, block.inner):
-                table[element] = [
-                    made.setdefault((int(node), int(ranks[element])), len(deck.points) + len(made))
-                    if node >= 0
-                    else -1
-                    for node in table[element]
-                ]
+                for k in np.flatnonzero(table[element] >= 0):
+                    own = (int(table[element, k]), int(ranks[element]))
+                    table[element, k] = made.setdefault(own, len(deck.points) + len(made))
     if made:
-        first = [node for node, _ in made]
-        deck.points = np.vstack([deck.points, deck.points[first]])
+        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
         deck.told.append(
             f"{listed(copies)} of {deck.name} repeat other elements node by node: their "
             "stiffness and mass add to those of these."

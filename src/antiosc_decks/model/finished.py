@@ -17,7 +17,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.deck import IntArray, some_rows
+from antiosc.io.deck import some_rows
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder
@@ -51,45 +51,51 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         )
     hold_middles(builder)
     _drop_alone(builder)
+    joints = builder.joints
+    grounded = [one for one in joints.springs if len(one[0]) == 1]
+    joints.springs = [one for one in joints.springs if len(one[0]) > 1]
     mixed = "shell" in present and kept_apart(builder.deck)
     stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
     stiffened = stiffened and _on_edges(builder)
     several = mixed or (len(present) > 1 and not stiffened)
-    attached = [one[0] for one in builder.masses] + [one[0] for one in builder.springs]
+    attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
     beside = any(not builder.used[node] for node in attached)
     joined = several or beside or bool(builder.joints.every())
     if joined:
-        _attach(builder)
+        _attach(builder, grounded)
     if stiffened:
         _shear_with_shells(builder)
     plane = not builder.truss and not present <= JOINED
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, held = _held(builder, count, fixed_points)
-    joints = builder.joints.finished(builder.units)
+    pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
     groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):
             continue
-        given = builder.deck.element_sets.get(name)
-        if given is None or not np.array_equal(given, elements):
+        sets = builder.deck.element_sets
+        if name not in sets or not np.array_equal(sets[name], elements):
             name = f"{name} ({family.place})"
-            if name in builder.deck.element_sets:
-                name = f"{name} {number}"
-            builder.deck.element_sets[name] = elements
+            name = f"{name} {number}" if name in sets else name
+            sets[name] = elements
         groups.append([name, family.kind, family.arguments, str(family.place)])
     return {
         "families": groups,
         "supports": _supports(builder, count),
         "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
-        "springs": [[_point(builder, n), own] for n, _, own in builder.springs],
+        "springs": []
+        if joined
+        else [
+            [_point(builder, n), {MOTIONS[m]: k * _turned(builder, m)}]
+            for ((n, m, _),), k in grounded
+        ],
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
         "joined": joined,
         "mixed": mixed,
-        "joints": joints,
+        "joints": builder.joints.finished(builder.units),
         "apart": builder.apart,
         "fixed_points": fixed_points,
         "pieces": pieces,
@@ -97,7 +103,9 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[int, bool]:
+def _held(
+    builder: ModelBuilder, count: int, fixed_points: list[Any], grounded: list[list[Term]]
+) -> tuple[int, bool]:
     """(pieces of the deck, whether they are several and supports or springs hold each)."""
     joints, nodes = builder.joints, len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
@@ -109,69 +117,57 @@ def _held(builder: ModelBuilder, count: int, fixed_points: list[Any]) -> tuple[i
     moves[loose] = True
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
-    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
-    rows += [[(n, MOTIONS.index(name), 1.0)] for n, _, own in builder.springs for name in own]
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs), *grounded]
     return held_apart(builder.deck, x, moves, fixed, rows)
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
     """Masses on nodes of no element that do not move; what nothing joins to an element."""
-    joints, count = builder.joints, len(builder.used)
-    every = joints.every()
-    label = connected([np.array([[n for n, *_ in terms]]) for terms in every if terms],
-                      count + len(joints.more))  # fmt: skip
-    joined = np.isin(label, label[:count][builder.used])
-
-    def stays(terms: Sequence[Term]) -> bool:
-        return any(joined[n] for n, _, _ in terms)
+    joints, used = builder.joints, builder.used
+    every = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
+    label = connected(every, len(used) + len(joints.more))
+    joined = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
         return bool(joined[joints.alias.get((node, 0), (node, 0))[0]])
 
-    for node, place, *_ in builder.masses:
-        if not builder.used[node] and builder.fixed[node, :3].all():
-            builder.ignored.append(f"a mass on a held node of no element ({place})")
-    kept = [one for one in builder.masses if builder.used[one[0]]
-            or (moves(one[0]) and not builder.fixed[one[0], :3].all())]  # fmt: skip
+    still = [one for one in builder.masses if not used[one[0]] and builder.fixed[one[0], :3].all()]
     alone = [one[1] for one in builder.masses if not moves(one[0])]
+    builder.ignored += [f"a mass on a held node of no element ({one[1]})" for one in still]
     if alone:
         builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
-    springs = [one for one in builder.springs if moves(one[0])]
-    before = len(every) + len(builder.springs)
-    builder.masses, builder.springs = kept, springs
-    joints.equations = [terms for terms in joints.equations if stays(terms)]
-    joints.springs = [one for one in joints.springs if stays(one[0])]
-    joints.masses = [one for one in joints.masses if any(map(stays, one[0]))]
-    acting = {
-        (n, c) for n, _, mass, inertia in kept for c, m in enumerate([mass] * 3 + inertia) if m
-    }
-    acting |= {(n, m) for terms in joints.resisting() for n, m, _ in terms}
+    builder.masses = [one for one in builder.masses if moves(one[0]) and one not in still]
+    left = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
+    for node, _, mass, inertia in builder.masses:
+        acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
     def resists(terms: Sequence[Term]) -> bool:
         """Whether a damper has no end without mass that nothing else holds."""
-        return all((n < count and builder.used[n]) or (n, m) in acting for n, m, _ in terms)
+        return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
 
-    joints.dampers = [one for one in joints.dampers if stays(one[0]) and resists(one[0])]
-    if left := before - len(joints.every()) - len(springs):
+    dampers = [one for one in joints.dampers if resists(one[0])]
+    left, joints.dampers = left + len(joints.dampers) - len(dampers), dampers
+    if left:
         builder.ignored.append(
             f"{left} springs, dampers, masses and constraints that nothing joins to an element"
         )
 
 
-def _attach(builder: ModelBuilder) -> None:
+def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
     """Masses and grounded springs as those between numbered nodes."""
     masses, builder.masses = builder.masses, []
-    springs, builder.springs = builder.springs, []
-    size = builder.units.length
+    size, joints = builder.units.length, builder.joints
     for node, place, mass, inertia in masses:
         own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
-    for node, _, stiffness in springs:
-        for name, value in stiffness.items():
-            motion = MOTIONS.index(name)
-            unit = builder.units.force * (size if motion >= 3 else 1 / size)
-            end = builder.joints.alias.get((node, motion), (node, motion))
-            builder.joints.springs.append(([(*end, 1.0)], value / unit))
+    for ((node, motion, _),), value in grounded:
+        joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
+
+
+def _turned(builder: ModelBuilder, motion: int) -> float:
+    """N/m or N m of a grounded spring."""
+    return builder.units.force * builder.units.length ** (1 if motion >= 3 else -1)
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:
@@ -181,13 +177,11 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
 
 def _on_edges(builder: ModelBuilder) -> bool:
     """Whether all lines are edges of faces."""
-    edges: list[IntArray] = []
-    lines: list[IntArray] = []
+    found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
-        (lines if block.shape == "line" else edges).append(np.sort(ends, axis=1))
-    sides = {(int(a), int(b)) for a, b in np.vstack(edges)}
-    return all((int(a), int(b)) in sides for a, b in np.vstack(lines))
+        found[block.shape == "line"].update(map(tuple, np.sort(ends, axis=1).tolist()))
+    return found[True] <= found[False]
 
 
 def _shear_with_shells(builder: ModelBuilder) -> None:
@@ -267,20 +261,12 @@ def keep(builder: ModelBuilder, kept: BoolArray, roles: list[str]) -> list[str]:
 
 def _leave(builder: ModelBuilder) -> None:
     """Drop what acts on nodes of elements that are not chosen."""
-    count = len(builder.gone)
-
-    def stays(terms: Sequence[Term]) -> bool:
-        return not any(n < count and builder.gone[n] for n, _, _ in terms)
-
-    joints = builder.joints
-    before = len(joints.every()) + len(builder.masses) + len(builder.springs)
-    joints.equations = [terms for terms in joints.equations if stays(terms)]
-    joints.springs = [one for one in joints.springs if stays(one[0])]
-    joints.dampers = [one for one in joints.dampers if stays(one[0])]
-    joints.masses = [one for one in joints.masses if all(map(stays, one[0]))]
-    builder.masses = [one for one in builder.masses if not builder.gone[one[0]]]
-    builder.springs = [one for one in builder.springs if not builder.gone[one[0]]]
-    left = before - len(joints.every()) - len(builder.masses) - len(builder.springs)
+    gone = builder.gone
+    left = builder.joints.keep(
+        lambda terms: not any(n < len(gone) and gone[n] for n, _, _ in terms)
+    )
+    kept = [one for one in builder.masses if not gone[one[0]]]
+    left, builder.masses = left + len(builder.masses) - len(kept), kept
     if left:
         builder.ignored.append(
             f"{left} constraints, springs, dampers or masses on parts that are left out"

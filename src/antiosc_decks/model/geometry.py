@@ -1,7 +1,8 @@
-"""Directions of a deck's elements."""
+"""Directions and sizes of a deck's elements."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,38 +12,70 @@ from antiosc.io.deck import Array, Deck, IntArray
 
 #: Cosine from which a direction is that of an axis.
 AXIS_COSINE = 1 - 1e-9
+#: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
+FULL = {
+    "triangle": (0, 1, 2, 2),
+    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
+    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
+    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
+}
 
 
-def tangents_of(deck: Deck, elements: IntArray) -> Array:
-    """Unit vectors (n, 3) along lines, from their first node to their last."""
-    return _each(deck, elements, lambda x: x[:, 1] - x[:, 0])
-
-
-def normals_of(deck: Deck, elements: IntArray) -> Array:
-    """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
-    return _each(deck, elements, lambda x: np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]))
+def _blocks(deck: Deck, elements: IntArray) -> Iterator[tuple[BoolArray, Array, str]]:
+    """(which of some elements, their corners (n, corners, 3), shape) of each block."""
+    start = 0
+    for block in deck.blocks:
+        mine = (elements >= start) & (elements < start + len(block))
+        if mine.any():
+            yield mine, deck.points[block.corners[elements[mine] - start]], block.shape
+        start += len(block)
 
 
 def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
     """Coordinates (k, 3) of the corners of each element."""
-    found, start = [], 0
-    for block in deck.blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        found += list(deck.points[block.corners[own]])
-        start += len(block)
+    return [corners for _, x, _ in _blocks(deck, elements) for corners in x]
+
+
+def _unit(v: Array) -> Array:
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.asarray(v / np.where(length > 0, length, 1.0))
+
+
+def tangents_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit vectors (n, 3) along lines, from their first node to their last."""
+    return _unit(np.array([x[1] - x[0] for x in corners_of(deck, elements)]).reshape(-1, 3))
+
+
+def normals_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
+    found = np.zeros((len(elements), 3))
+    for mine, x, _ in _blocks(deck, elements):
+        found[mine] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+    return _unit(found)
+
+
+def measures_of(deck: Deck, elements: IntArray) -> Array:
+    """Lengths, areas or volumes of elements with straight edges."""
+    found = np.zeros(len(elements))
+    for mine, x, shape in _blocks(deck, elements):
+        found[mine] = _measure(x[:, list(FULL.get(shape, range(x.shape[1])))])
     return found
 
 
-def _each(deck: Deck, elements: IntArray, vector) -> Array:  # type: ignore[no-untyped-def]
-    found, start = [np.zeros((0, 3))], 0
-    for block in deck.blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        if len(own):
-            found.append(vector(deck.points[block.corners[own]]))
-        start += len(block)
-    v = np.vstack(found)
-    length = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.asarray(v / np.where(length > 0, length, 1.0))
+def _measure(x: Array) -> Array:
+    """Of lines, quadrilaterals or hexahedra x (n, corners, 3), by two Gauss points a direction."""
+    dim = x.shape[1].bit_length() - 1
+    total = np.zeros(len(x))
+    signs = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]])
+    signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
+    for point in np.ndindex(*[2] * dim):
+        values = (1 + signs * (2 * np.array(point) - 1) / np.sqrt(3)) / 2
+        slopes = [
+            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
+        ]
+        J = np.einsum("kc,nci->nki", np.array(slopes), x)
+        total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
+    return total
 
 
 def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
@@ -58,9 +91,8 @@ def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     """Vectors at the middles of elements, and of the triangles into which they are cut, in m."""
     places, directions = [], []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
-        cut = [x.mean(axis=0)]
-        if len(x) == 4:
-            cut += [np.delete(x, k, axis=0).mean(axis=0) for k in range(4)]
+        thirds = range(4) if len(x) == 4 else ()
+        cut = [x.mean(axis=0), *(np.delete(x, k, axis=0).mean(axis=0) for k in thirds)]
         places += [(c * length).tolist() for c in cut]
         directions += [vector] * len(cut)
     return {"places": places, "directions": directions}
@@ -87,50 +119,9 @@ def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
     if fixed.all() or not fixed.any():
         return fixed
     cosines = np.abs(frame)
-    result = np.zeros(3, dtype=bool)
-    if (cosines[fixed].max(axis=1) > AXIS_COSINE).all():
-        result[cosines[fixed].argmax(axis=1)] = True
-        return result
-    if (cosines[~fixed].max(axis=1) > AXIS_COSINE).all():  # a whole plane between two axes
-        result[cosines[~fixed].argmax(axis=1)] = True
-        return ~result
+    for some, value in ((fixed, True), (~fixed, False)):  # second: a plane between two axes
+        if (cosines[some].max(axis=1) > AXIS_COSINE).all():
+            result = np.full(3, not value)
+            result[cosines[some].argmax(axis=1)] = value
+            return result
     return None
-
-
-#: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
-_FULL = {
-    "triangle": (0, 1, 2, 2),
-    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
-    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
-    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
-}
-
-
-def measures_of(deck: Deck, elements: IntArray) -> Array:
-    """Lengths, areas or volumes of elements with straight edges."""
-    found = np.zeros(len(elements))
-    start = 0
-    for block in deck.blocks:
-        mine = (elements >= start) & (elements < start + len(block))
-        corners = block.corners[elements[mine] - start]
-        start += len(block)
-        full = _FULL.get(block.shape, range(corners.shape[1]))
-        found[mine] = _measure(deck.points[corners[:, list(full)]])
-    return found
-
-
-def _measure(x: Array) -> Array:
-    """Of lines, quadrilaterals or hexahedra x (n, corners, 3), by two Gauss points a direction."""
-    dim = x.shape[1].bit_length() - 1
-    total = np.zeros(len(x))
-    signs = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]])
-    signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
-    for point in np.ndindex(*[2] * dim):
-        r = (2 * np.array(point) - 1) / np.sqrt(3)
-        values = (1 + signs * r) / 2
-        slopes = [
-            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
-        ]
-        J = np.einsum("kc,nci->nki", np.array(slopes), x)
-        total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
-    return total

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
     rods = np.array([int(element) in builder.rods for element in elements])
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
         rod = builder.rods[element]
-        builder.rods[element] = rod._replace(mass=rod.mass + more * rod.across)
+        builder.rods[element] = replace(rod, mass=rod.mass + more * rod.across)
     numbers = builder.of_element[elements]
     for number in np.unique(numbers[~rods]):
         family, name = builder.families[number], builder.names[number]

@@ -16,12 +16,10 @@ UNHELD = 1e-10
 
 def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
     """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
-    first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
-    start, tables = 0, []
-    for block in deck.blocks:
-        tables.append(block.corners[chosen[start : start + len(block)]])
-        start += len(block)
-    label = connected(tables, len(deck.points))[first]
+    ends = np.cumsum([len(block) for block in deck.blocks])[:-1]
+    each = zip(deck.blocks, np.split(chosen, ends), strict=True)
+    label = connected([block.corners[some] for block, some in each], len(deck.points))
+    label = label[np.concatenate([block.corners[:, 0] for block in deck.blocks])]
     pieces, count = np.unique(label[chosen], return_counts=True)
     if not 1 <= (deck.piece or 0) <= len(pieces):
         raise MeshError(

@@ -94,29 +94,17 @@ def rectangle(height: float, width: float) -> Profile:
     a, b = max(height, width), min(height, width)
     n = np.arange(1, 40, 2)
     series = float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
-    return Profile(
-        height * width,
-        width * height**3 / 12,
-        height * width**3 / 12,
-        a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series),
-        RECTANGLE,
-        height,
-        width,
-    )
+    torsion = a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series)
+    second = width * height**3 / 12, height * width**3 / 12
+    return Profile(height * width, *second, torsion, RECTANGLE, height, width)
 
 
 def ellipse(height: float, width: float) -> Profile:
     """A solid ellipse with these axes."""
     area = math.pi * height * width / 4
-    return Profile(
-        area,
-        area * height**2 / 16,
-        area * width**2 / 16,
-        math.pi * height**3 * width**3 / (16 * (height**2 + width**2)),
-        CIRCLE,
-        height,
-        width,
-    )
+    torsion = math.pi * height**3 * width**3 / (16 * (height**2 + width**2))
+    second = area * height**2 / 16, area * width**2 / 16
+    return Profile(area, *second, torsion, CIRCLE, height, width)
 
 
 def tube(radius: float, wall: float) -> Profile:
@@ -137,17 +125,9 @@ def box(height: float, width: float, walls: tuple[float, float, float, float]) -
     if right != left or top != bottom:
         return None
     h, w = height - 2 * right, width - 2 * top
-    middle = (height - right) * (width - top)
-    around = 2 * (width - top) / right + 2 * (height - right) / top
-    return Profile(
-        height * width - h * w,
-        (width * height**3 - w * h**3) / 12,
-        (height * width**3 - h * w**3) / 12,
-        4 * middle**2 / around,
-        THIN,
-        height,
-        width,
-    )
+    second = (width * height**3 - w * h**3) / 12, (height * width**3 - h * w**3) / 12
+    torsion = box_torsion(height, width, top, top, right, right)
+    return Profile(height * width - h * w, *second, torsion, THIN, height, width)
 
 
 #: A rectangle: from and to along the height, from and to across it
@@ -167,16 +147,10 @@ def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
     y, z = (low + high) / 2, (left + right) / 2
     y, z = y - A @ y / A.sum(), z - A @ z / A.sum()
     first, second = (float(np.sum(t)) for t in (w * h**3 / 12 + A * y**2, h * w**3 / 12 + A * z**2))
-    return Profile(
-        float(A.sum()),
-        first,
-        second,
-        torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3),
-        THIN,
-        float(high.max() - low.min()),
-        float(right.max() - left.min()),
-        float(A @ (y * z)),
-    )
+    torsion = torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3)
+    height, width = float(high.max() - low.min()), float(right.max() - left.min())
+    mixed = float(A @ (y * z))
+    return Profile(float(A.sum()), first, second, torsion, THIN, height, width, mixed)
 
 
 def centroid(walls: Sequence[Wall]) -> Array:

@@ -1,6 +1,10 @@
-"""Rods of decks (CROD, CONROD, CTUBE, T2D2, T3D2) and shear panels.
+"""Rods of decks (CROD, CONROD, CTUBE, T2D2, T3D2) and shear panels (CSHEAR).
 
-Between other elements they are springs, with masses at their nodes; rods alone make a truss.
+Between other elements they are springs, with masses at their nodes; rods alone make a truss. The
+forces along the four sides of a panel that are in equilibrium with each other are known but for a
+factor: it is one spring in the motion on which they do work, whose compliance is the energy of that
+shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23, 1951), exact for
+parallelograms.
 """
 
 from __future__ import annotations
@@ -9,9 +13,9 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place
-from antiosc_decks.model.builder import MOTIONS, SPRINGS, Family, ModelBuilder, Rod
-from antiosc_decks.model.panels import Panel, shear_spring, side_areas
+from antiosc.io.deck import Array, Place
+from antiosc_decks.model.builder import SPRINGS, Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.constraints import Term
 
 #: Component of a rod's direction over the largest below which it is rounding.
 FLAT = 1e-8
@@ -23,8 +27,7 @@ def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolA
     The rods of a truss stay elements.
     """
     start, rods = 0, np.zeros(builder.deck.n_elements, dtype=bool)
-    masses: dict[int, float] = {}
-    first: Place | None = None
+    masses: dict[int, tuple[float, Place]] = {}
     for role, block in zip(roles, builder.deck.blocks, strict=True):
         some = np.arange(start, start + len(block))
         start += len(block)
@@ -33,38 +36,29 @@ def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolA
         rods[some] = True
         for k in np.flatnonzero(kept[some]):
             nodes = list(map(int, block.corners[k]))
-            if some[k] not in builder.rods:
+            rod = builder.rods.get(int(some[k]))
+            if rod is None:
                 raise MeshError(
                     f"{builder.deck.name} has {block.type} elements without a section, so that "
                     "their material is not known."
                 )
-            rod = builder.rods[int(some[k])]
-            first = first or rod.place
             if isinstance(rod, Panel):
                 size = _panel(builder, nodes, rod)
             else:
                 size = _spring(builder, nodes, rod)
             for node in nodes:
-                masses[node] = masses.get(node, 0.0) + rod.mass * size / len(nodes)
+                masses[node] = (
+                    masses.get(node, (0.0,))[0] + rod.mass * size / len(nodes),
+                    rod.place,
+                )
         builder.deck.told.append(
             f"the {int(kept[some].sum())} {block.type} of {builder.deck.name} are springs, with "
             f"their mass at their {'ends' if role == 'rod' else 'corners'}."
         )
-    for node, mass in masses.items():
-        if mass and first:
-            builder.mass(node, mass, [0.0] * 3, first)
+    for node, (mass, place) in masses.items():
+        if mass:
+            builder.mass(node, mass, [0.0] * 3, place)
     return rods
-
-
-def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
-    """Add the springs of a shear panel between its corners; its area."""
-    x = builder.deck.points[nodes]
-    builder.sprung(*shear_spring(panel, nodes, x), panel.place)
-    for k, area in enumerate(side_areas(panel, x)):
-        if area:
-            rod = Rod(panel.E, panel.nu, area, 0.0, 0.0, panel.place)
-            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
-    return float(np.linalg.norm(np.cross(x[2] - x[0], x[3] - x[1]))) / 2
 
 
 def make_truss(builder: ModelBuilder) -> None:
@@ -99,9 +93,6 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         for node, motion, _ in terms:
             if node < len(stiff) and motion < 3:
                 stiff[node, motion] = 1.0
-    for node, _, stiffness in builder.springs:
-        if node < len(stiff):
-            stiff[node] += [name in stiffness for name in MOTIONS[:3]]
     for node, _ in joints.alias:  # motions along axes of its own
         if node < len(stiff):
             stiff[node] = 1.0
@@ -118,8 +109,51 @@ def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, rod.place)
-    builder.sprung(terms, rod.EA / length, rod.place)
+    builder.sprung(terms, rod.E * rod.area / length, rod.place)
     if rod.torsion and builder.has_rotations[[a, b]].all():
         twist, _ = builder.joints.elongation(a, b, rod.place, 3)
-        builder.sprung(twist, rod.GJ / length, rod.place)
+        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length, rod.place)
     return length
+
+
+def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
+    """Add the springs of a shear panel between its corners, and along its sides; its area."""
+    x = builder.deck.points[nodes]
+    normal = np.cross(x[2] - x[0], x[3] - x[1])
+    size = float(np.linalg.norm(normal))
+    if not size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2:
+        raise panel.place.error("the corners of a shear panel lie on one line.")
+    sides, area = np.roll(x, -1, axis=0) - x, size / 2
+    builder.sprung(*_shear(panel, nodes, x, sides, normal / size), panel.place)
+    length, t = np.linalg.norm(sides, axis=1), panel.thickness
+    for k, factor in enumerate(panel.effective * 2):
+        width = area / (length[k] + length[(k + 2) % 4])
+        if across := factor * t * (width if factor <= 1.01 else t / 2):
+            rod = Rod(panel.E, panel.nu, across, 0.0, 0.0, panel.place)
+            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
+    return area
+
+
+def _shear(
+    panel: Panel, nodes: list[int], x: Array, sides: Array, normal: Array
+) -> tuple[list[Term], float]:
+    """(motion of the corners at x (4, 3), in one plane or nearly so, stiffness against it)."""
+    plane = np.linalg.svd(normal[None])[2][1:]
+    flat, along = (x - x.mean(axis=0)) @ plane.T, sides @ plane.T
+    length = np.linalg.norm(along, axis=1)
+    unit = along / length[:, None]
+    arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
+    forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
+    flow = forces / length
+    if not np.abs(flow).min() > 1e-6 * np.abs(flow).max():
+        raise panel.place.error("a shear panel needs four corners of less than 180°.")
+    pair = int(np.argmax([abs(unit[k] @ unit[k + 2]) for k in (0, 1)]))
+    upright = np.array([-unit[pair, 1], unit[pair, 0]])
+    s, c = ((unit[k] @ unit[pair]) / (unit[k] @ upright) for k in (1 - pair, 3 - pair))
+    skew = 1 + 2 / (3 * (1 + panel.nu)) * (s * s + s * c + c * c)
+    shear = float(np.sqrt(np.abs(np.prod(flow))))
+    area = float(np.linalg.norm(np.cross(x[2] - x[0], x[3] - x[1]))) / 2
+    G = panel.E / (2 * (1 + panel.nu))
+    loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
+    terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
+    return terms, G * panel.thickness / (area * shear * skew)

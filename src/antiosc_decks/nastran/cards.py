@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import takewhile, zip_longest
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place, real_number, whole_number
@@ -24,7 +25,6 @@ MOST_COPIES = 1_000_000
 _NUMBER = re.compile(r"-?\.?\d")
 _MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
-
 _SUPER = re.compile(r"SUPER\s*=?\s*(\d+)", re.IGNORECASE)
 _SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
 _SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
@@ -40,17 +40,29 @@ class Entry:
     #: what is wrong with its lines; an error where the entry is read
     fault: MeshError | None = None
 
+    def needs(self, holds: object, sentence: str) -> None:
+        """MeshError with this sentence and the place of the entry, unless something holds."""
+        if not holds:
+            raise self.place.error(sentence)
+
     def text(self, k: int) -> str:
         """Field k (from 0), "" where it is blank."""
         return self.fields[k].strip() if k < len(self.fields) else ""
 
+    def words(self, first: int, stop: int | None = None) -> list[str]:
+        """The fields from `first` that are not blank."""
+        last = len(self.fields) if stop is None else stop
+        return [word for k in range(first, last) if (word := self.text(k))]
+
+    def _filled(self, k: int) -> str:
+        self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
+        return self.text(k)
+
     def whole(self, k: int, default: int | None = None) -> int:
         """An integer; MeshError if it is none, or missing without a default."""
-        if not self.text(k):
-            if default is None:
-                raise self.place.error(f"field {k + 2} of {self.name} is empty.")
+        if default is not None and not self.text(k):
             return default
-        return whole_number(self.text(k), self.place)
+        return whole_number(self._filled(k), self.place)
 
     def number(self, k: int) -> int:
         """The number of a node, a property, … in field k, as no other part of the deck has it."""
@@ -58,11 +70,13 @@ class Entry:
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
-        if not self.text(k):
-            if default is None:
-                raise self.place.error(f"field {k + 2} of {self.name} is empty.")
+        if default is not None and not self.text(k):
             return default
-        return real_number("".join(self.text(k).split()), self.place)
+        return real_number("".join(self._filled(k).split()), self.place)
+
+    def reals(self, first: int, stop: int) -> list[float]:
+        """The numbers of some fields; 0 where they are blank."""
+        return [self.real(k) for k in range(first, stop)]
 
 
 def motions_of(text: str, place: Place) -> list[int]:
@@ -71,57 +85,6 @@ def motions_of(text: str, place: Place) -> list[int]:
     if not set(digits) <= set("0123456"):
         raise place.error(f"{text!r} are not components from 1 to 6.")
     return sorted({int(c) - 1 for c in digits} - {-1})
-
-
-@dataclass
-class CaseControl:
-    """What the lines before the bulk data select."""
-
-    #: whether there are such lines
-    given: bool = False
-    subcase: int = 0
-    #: (what, number of the subcase; 0: above all) -> set
-    sets: dict[tuple[str, int], int] = field(default_factory=dict)
-
-    def read(self, line: str) -> None:
-        """One line."""
-        self.given = True
-        self.subcase += bool(_SUBCASE.match(line))
-        if match := _SELECTED.match(line):
-            self.sets[match[1].upper(), self.subcase] = int(match[2][:18])
-
-    def of_first(self, what: str) -> int | None:
-        """The set of the first subcase, by default that above all subcases."""
-        return self.sets.get((what, 1), self.sets.get((what, 0)))
-
-
-@dataclass
-class Bulk:
-    """The content of a deck's files."""
-
-    entries: list[Entry] = field(default_factory=list)
-    name: str = ""
-    #: what the lines before the bulk data select
-    control: CaseControl = field(default_factory=CaseControl)
-    #: number of a property -> its name in a comment
-    names: dict[int, str] = field(default_factory=dict)
-    #: warnings, one sentence each
-    told: list[str] = field(default_factory=list)
-
-
-def bulk_data(sources: Sources) -> Bulk:
-    """All entries of a deck and of the files that it includes."""
-    bulk = Bulk(name=sources.name)
-    lines = sources.main()
-    begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
-    # a file without case control contains only bulk data
-    started = not any(begins)
-    collector = _Collector(sources, bulk, started)
-    collector.read(lines, sources.name)
-    if not bulk.entries:
-        raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
-    collector.continuations.find_lost()
-    return bulk
 
 
 class Continuations:
@@ -134,7 +97,7 @@ class Continuations:
         self._marks: dict[int, tuple[str, ...]] = {}
         self._last: Entry | None = None
         #: continuations that were joined to the entry before them, which has no mark
-        self._by_order: list[tuple[Entry, str, Place]] = []
+        self._by_order: list[tuple[Entry, MeshError]] = []
 
     def ends(self, entry: Entry, mark: str) -> None:
         """The last line is of this entry and ends with this mark."""
@@ -151,16 +114,19 @@ class Continuations:
         """The entry that a line with this first field continues."""
         label = name[1:].strip().upper()
         entry = self._last
-        assert entry is not None
+        if entry is None:
+            raise place.error("a continuation without an entry before it.")
         before = self._marks.get(id(entry), ())
         if label and label not in before:
             some = list(self._open.get(label, {}).values())
+            lost = place.error(f"the continuation {name[:20]!r} does not follow its entry; write "
+                               "it behind the line that ends with its mark.")  # fmt: skip
             if len(some) == 1:
                 entry = some[0]
             elif some or before:
-                entry.fault = _lost(name, place)
+                entry.fault = lost
             else:
-                self._by_order.append((entry, name, place))
+                self._by_order.append((entry, lost))
         for one in filter(None, self._marks.pop(id(entry), ())):
             del self._open[one][id(entry)]
         return entry
@@ -168,38 +134,53 @@ class Continuations:
     def find_lost(self) -> None:
         """Note faults where a mark has no continuation, and a continuation no mark."""
         waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
-        for entry, name, place in self._by_order if waiting else ():
-            entry.fault = entry.fault or _lost(name, place)
+        for entry, lost in self._by_order if waiting else ():
+            entry.fault = entry.fault or lost
 
 
-def _lost(name: str, place: Place) -> MeshError:
-    return place.error(
-        f"the continuation {name[:20]!r} does not follow its entry; write it behind "
-        "the line that ends with its mark."
-    )
+class Bulk:
+    """The entries of a deck and of the files that it includes."""
 
-
-class _Collector:
-    def __init__(self, sources: Sources, bulk: Bulk, started: bool) -> None:
-        self.sources = sources
-        self.bulk = bulk
-        self.started = started
-        self.continuations = Continuations()
-        self.ended = False
+    def __init__(self, sources: Sources) -> None:
+        self.entries: list[Entry] = []
+        #: number of a property -> its name in a comment
+        self.names: dict[int, str] = {}
+        #: warnings, one sentence each
+        self.told: list[str] = []
+        #: what the lines before the bulk data, if there are such, select: (what, number of the
+        #: subcase; 0: above all) -> set
+        self.selected: dict[tuple[str, int], int] | None = None
+        self._subcase = 0
+        self._sources = sources
+        lines = sources.main()
+        # a file without case control contains only bulk data
+        self._started = not any(_begins(line.split("$")[0]) for line in lines)
+        self._ended = False
+        self._continuations = Continuations()
         #: whether the next line continues a list of free fields
-        self.continued = False
+        self._continued = False
         #: changes of the fields of the last copied entry
-        self.changes: list[str] = []
+        self._changes: list[str] | None = None
+        self._read(lines, sources.name)
+        if not self.entries:
+            raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
+        self._continuations.find_lost()
 
-    def read(self, lines: list[str], file: str) -> None:
+    def of_first(self, what: str) -> int | None:
+        """The set of the first subcase, by default that above all subcases."""
+        sets = self.selected or {}
+        return sets.get((what, 1), sets.get((what, 0)))
+
+    def _read(self, lines: list[str], file: str) -> None:
         """One file."""
         number = 0
-        while number < len(lines) and not self.ended:
+        while number < len(lines) and not self._ended:
             number += 1
             line, place = lines[number - 1], Place(file, number)
-            if "$" in line:
-                self._note(line[line.index("$") :])
-                line = line[: line.index("$")]
+            line, comment, text = line.partition("$")
+            for pattern in PROPERTY_NAMES if comment else ():
+                if noted := pattern.match("$" + text):
+                    self.names[int(noted[1][:18])] = noted[2].strip()
             line = line.rstrip()
             if not line.strip():
                 continue
@@ -211,120 +192,113 @@ class _Collector:
                     named += lines[number].strip()
                     number += 1
                 try:
-                    included = self.sources.enter(named, place)
+                    included = self._sources.enter(named, place)
                 except MeshError as error:
-                    if self.started:
+                    if self._started:
                         raise
-                    self.bulk.told.append(
-                        f"{error} It is not read: it stands before the bulk data."
-                    )
+                    self.told.append(f"{error} It is not read: it stands before the bulk data.")
                     continue
-                self.read(included, named.strip("'\" "))
-                self.sources.leave()
-            elif not self.started:
+                self._read(included, named.strip("'\" "))
+                self._sources.leave()
+            elif not self._started:
                 self._control(line)
             else:
-                self._bulk(line.expandtabs(8), place)
-
-    def _note(self, comment: str) -> None:
-        for pattern in PROPERTY_NAMES:
-            if match := pattern.match(comment):
-                self.bulk.names[int(match[1][:18])] = match[2].strip()
+                self._line(line.expandtabs(8), place)
 
     def _control(self, line: str) -> None:
-        if line.upper().split()[:2] == ["BEGIN", "BULK"]:
-            self.started = True
+        """One line before the bulk data."""
+        if _begins(line):
+            self._started = True
             return
-        self.bulk.control.read(line)
+        self.selected = self.selected or {}
+        self._subcase += bool(_SUBCASE.match(line))
+        if match := _SELECTED.match(line):
+            self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
 
-    def _bulk(self, line: str, place: Place) -> None:
+    def _line(self, line: str, place: Place) -> None:
+        """One line of the bulk data."""
         words = line.upper().split()
-        if words[0] == "ENDDATA":
-            self.ended = True
+        if words[0].startswith("ENDDATA"):
+            self._ended = True
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
                 part = _SUPER.search(line) if "MASSID" not in line.upper() else None
                 name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
-                self._begin(Entry(name, place, number), "")
+                self._begin(Entry(name, place, number))
             return
-        continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
+        continued, self._continued = self._continued, "," in line and line.endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
         if words[0].startswith(TEXTS):
-            self._begin(Entry(words[0][:6], place), "")
+            self._begin(Entry(words[0][:6], place))
             return
-        last = self.bulk.entries[-1].name if self.bulk.entries else ""
-        if last in TEXTS and line[0] in " +*,":
+        if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
             return
-        name, fields, large, mark = _fields(line)
+        name, fields, large, mark = fields_of(line)
         fault = None
         if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
             fault = place.error(
                 "a line of free fields ends with the mark of the next line, and one of GRID has up "
                 "to 8 fields after its name; write the further ones in a line of their own."
             )
-        if name and name[0] == "=":
+        if name[:1] == "=":
             self._copy(words[0].split(",")[0], fields, place)
-            return
-        if not name or name[0] in "+*":
-            if not self.bulk.entries:
-                raise place.error("a continuation without an entry before it.")
-            entry = self.continuations.entry_of(name, place)
+        elif name[:1] in ("", "+", "*"):
+            entry = self._continuations.entry_of(name, place)
             filled = -len(entry.fields) % 8
             if filled and not (large and filled == 4):
                 entry.fields += [""] * filled
             entry.fields += fields
             entry.fault = entry.fault or fault
-            self.continuations.ends(entry, mark)
-            return
-        if not name[0].isalpha():
+            self._continuations.ends(entry, mark)
+        elif name[0].isalpha():
+            self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
+        else:
             fault = place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
-            if not self.bulk.entries:
+            if not self.entries:
                 raise fault
-            self.bulk.entries[-1].fault = fault
-            return
-        self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
+            self.entries[-1].fault = fault
 
-    def _begin(self, entry: Entry, mark: str) -> None:
-        self.bulk.entries.append(entry)
-        self.continuations.ends(entry, mark)
+    def _begin(self, entry: Entry, mark: str = "") -> None:
+        self.entries.append(entry)
+        self._continuations.ends(entry, mark)
 
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
         """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
-        if not self.bulk.entries:
+        if not self.entries:
             raise place.error("a copy (=) without an entry before it.")
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
-            if not 0 < times <= MOST_COPIES or not self.changes:
+            if not 0 < times <= MOST_COPIES or self._changes is None:
                 raise place.error(f"{name[:20]!r} repeats no copy, or one too often.")
         else:
-            self.changes = fields
+            self._changes = [*takewhile(lambda word: word != "==", fields)]
         for _ in range(times):
-            last = self.bulk.entries[-1]
-            own = Entry(last.name, place, [])
-            rest = False
-            for k, old in enumerate(last.fields):
-                change = "=" if rest or k >= len(self.changes) else self.changes[k].strip()
-                rest = rest or change == "=="
-                own.fields.append(_changed(old, change, place))
-            self._begin(own, "")
+            last = self.entries[-1]
+            pairs = zip_longest(
+                last.fields, (self._changes or [])[: len(last.fields)], fillvalue="="
+            )
+            self._begin(Entry(last.name, place, [_changed(*pair, place) for pair in pairs]))
+
+
+def _begins(line: str) -> bool:
+    """Whether the bulk data begin here."""
+    return line.upper().split()[:2] == ["BEGIN", "BULK"]
 
 
 def _changed(old: str, change: str, place: Place) -> str:
     """A field of a copy."""
-    if change in ("=", "=="):
-        return old
     if not change.startswith("*"):
-        return change
+        return old if change == "=" else change
     step = change[1:].strip("() ")
     if "." in step:
         return repr(real_number(old or "0", place) + real_number(step, place))
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str) -> tuple[str, list[str], bool, str]:
+def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     """(name, four or eight fields, whether they are large, the mark of the continuation).
 
     A line of free fields may have more of them: those of the lines that would follow.
@@ -352,8 +326,7 @@ def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:
     words = [word for word in words if word]
     k = 0
     while k < len(words):
-        first = whole_number(words[k], place)
-        last = first
+        first = last = whole_number(words[k], place)
         if k + 2 < len(words) and words[k + 1].upper() == "THRU":
             last = whole_number(words[k + 2], place)
             k += 2

@@ -23,39 +23,42 @@ class System:
 
     def point(self, c: Array) -> Array:
         """The point with coordinates `c`, in the basic system."""
-        if self.kind == "C":
-            angle = math.radians(c[1])
-            c = np.array([c[0] * math.cos(angle), c[0] * math.sin(angle), c[2]])
-        elif self.kind == "S":
-            theta, phi = math.radians(c[1]), math.radians(c[2])
-            across = c[0] * math.sin(theta)
-            c = np.array([across * math.cos(phi), across * math.sin(phi), c[0] * math.cos(theta)])
+        if self.kind != "R":
+            theta, phi = math.radians(c[1]), math.radians(c[2 if self.kind == "S" else 1])
+            across, up = (c[0], c[2]) if self.kind == "C" else (
+                c[0] * math.sin(theta), c[0] * math.cos(theta))  # fmt: skip
+            c = np.array([across * math.cos(phi), across * math.sin(phi), up])
         return np.asarray(self.origin + c @ self.axes)
 
     def frame(self, x: Array) -> Array:
         """Unit vectors (3, 3), as rows, of the system's directions at the point `x`."""
         if self.kind == "R":
             return self.axes
-        local = self.axes @ (x - self.origin)
-        phi = math.atan2(local[1], local[0])
-        around = np.array([-math.sin(phi), math.cos(phi), 0.0])
+        a, b, c = self.axes @ (x - self.origin)
+        phi = math.atan2(b, a)
         outward = np.array([math.cos(phi), math.sin(phi), 0.0])
+        around = np.array([-outward[1], outward[0], 0.0])
         up = np.array([0.0, 0.0, 1.0])
-        if self.kind == "C":
-            rows = np.stack([outward, around, up])
-        else:
-            theta = math.atan2(math.hypot(local[0], local[1]), local[2])
-            rows = np.stack(
-                [
-                    math.sin(theta) * outward + math.cos(theta) * up,
-                    math.cos(theta) * outward - math.sin(theta) * up,
-                    around,
-                ]
-            )
-        return np.asarray(rows @ self.axes)
+        rows = [outward, around, up]
+        if self.kind == "S":
+            theta = math.atan2(math.hypot(a, b), c)
+            sine, cosine = math.sin(theta), math.cos(theta)
+            rows = [sine * outward + cosine * up, cosine * outward - sine * up, around]
+        return np.asarray(np.stack(rows) @ self.axes)
 
 
 BASIC = System(np.zeros(3), np.eye(3))
+
+
+def axes_of(points: list[Array], entry: Entry) -> System:
+    """The system of three points: its origin, x to the second, z across all."""
+    a = points[0]
+    x, arm = points[1] - a, points[2] - a
+    z, size = np.cross(x, arm), np.linalg.norm(x)
+    apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
+    entry.needs(apart, f"the three points of {entry.name} lie on one line.")
+    x, z = x / size, z / np.linalg.norm(z)
+    return System(a, np.stack([x, np.cross(z, x), z]))
 
 
 class Systems:
@@ -86,11 +89,8 @@ class Systems:
         alike = known.name == entry.name and all(
             known.text(first + k) == entry.text(start + k) for k in range(width)
         )
-        if not alike:
-            raise entry.place.error(
-                f"the coordinate system {entry.whole(start)} is defined more than "
-                f"once, first otherwise in {known.place}."
-            )
+        entry.needs(alike, f"the coordinate system {entry.text(start)} is defined more than once, "
+                    f"first otherwise in {known.place}.")  # fmt: skip
 
     def __call__(self, number: int, place: Place) -> System:
         """The system `number`; MeshError if there is none, or it depends on itself."""
@@ -110,16 +110,9 @@ class Systems:
 
     def _place(self, entry: Entry, start: int) -> System:
         if entry.name.startswith("CORD1"):
-            nodes = [entry.whole(start + k) for k in (1, 2, 3)]
-            a, b, c = (self._node(number, entry.place) for number in nodes)
+            points = [self._node(entry.whole(start + k), entry.place) for k in (1, 2, 3)]
         else:
             base = self(entry.whole(1, 0), entry.place)
-            values = np.array([entry.real(k) for k in range(2, 11)]).reshape(3, 3)
-            a, b, c = (base.point(value) for value in values)
-        z = b - a
-        y = np.cross(z, c - a)
-        size = np.linalg.norm(z)
-        if not np.linalg.norm(y) > 1e-12 * size * np.linalg.norm(c - a):
-            raise entry.place.error(f"the three points of {entry.name} lie on one line.")
-        z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
-        return System(a, np.stack([np.cross(y, z), y, z]), entry.name[-1])
+            points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
+        z, x, y = axes_of(points, entry).axes  # z to the second point, y across all
+        return System(points[0], np.stack([x, y, z]), entry.name[-1])

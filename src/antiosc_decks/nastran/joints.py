@@ -1,337 +1,393 @@
-"""Joints of Nastran decks: MPC, RBE2, RBE3, RBAR; CELAS1 to 4, CDAMP1 to 4, CVISC, CBUSH
-and CGAP.
-"""
+"""Joints of Nastran decks: rigid elements, MPC, springs, dampers, gaps; and masses at nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.io.deck import Array, whole_number
+from antiosc.base._types import BoolArray
+from antiosc.io.deck import Array, real_number, whole_number
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.constraints import Term, lever
+from antiosc_decks.model.nonstructural import add_mass, add_total
 from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.beams import orientation
-from antiosc_decks.nastran.cards import Entry, motions_of
-from antiosc_decks.nastran.mesh import NastranDeck, its_property
+from antiosc_decks.nastran.cards import Entry, motions_of, through
+from antiosc_decks.nastran.mesh import SETS, NastranDeck, its_property, property_of
 
 ALL = (0, 1, 2, 3, 4, 5)
-
-
-def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
-    """Give the builder what the entries join."""
-    for row in found.systems_of:
-        builder.joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
-    for entry in found.named("RBE2"):
-        _rbe2(found, builder, entry)
-    for entry in found.named("RBAR"):
-        _rbar(found, builder, entry)
-    for entry in found.named("RBE3"):
-        _rbe3(found, builder, entry)
-    for entry in found.named("SECONCT"):
-        _same_nodes(found, builder, entry)
-    for follower, node in parts.coincident(found.grids, found.deck.points, found.bulk.entries):
-        leader = builder.joints.leader(node)
-        builder.joints.rigid(np.array([follower]), leader, ALL, found.grids[follower].place)
-    used = found.used_sets("MPC")
-    for entry in found.named("MPC"):
-        if entry.whole(0) in used:
-            _mpc(found, builder, entry)
-
-
-def _motions(entry: Entry, text: str) -> list[int]:
-    found = motions_of(text, entry.place)
-    if not found or "0" in text:
-        raise entry.place.error(f"{text!r} are not components from 1 to 6.")
-    return found
-
-
-def _nodes(found: NastranDeck, entry: Entry, words: list[str]) -> list[int]:
-    """Rows of a list of GRIDs, with THRU."""
-    rows: list[int] = []
-    k = 0
-    while k < len(words):
-        if words[k].upper() == "THRU" and rows and k + 1 < len(words):
-            one = Entry(entry.name, entry.place, [words[k - 1], words[k + 1]])
-            rows += [int(n) for n in found.nodes.between(one.number(0), one.number(1))][1:]
-            k += 2
-            continue
-        rows.append(found.row(Entry(entry.name, entry.place, [words[k]]).whole(0), entry.place))
-        k += 1
-    return rows
-
-
-def _rbe2(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
-    motions = _motions(entry, entry.text(2))
-    words = [entry.text(k) for k in range(3, len(entry.fields)) if entry.text(k)]
-    if words and "." in words[-1]:
-        words.pop()  # the coefficient of thermal expansion
-    rows = _nodes(found, entry, words)
-    reference = found.row(entry.whole(1), entry.place)
-    if reference in rows:
-        raise entry.place.error(f"the GRID {entry.whole(1)} of RBE2 cannot follow itself.")
-    leader = builder.joints.leader(reference)
-    followers = np.array(rows, dtype=np.int64)
-    builder.joints.rigid(followers, leader, motions, entry.place, own=True)
-
-
-def _same_nodes(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
-    """SECONCT: pairs of a node of one superelement and one of another, which are one node."""
-    words = [entry.text(k) for k in range(8, len(entry.fields)) if entry.text(k)]
-    if "THRU" in map(str.upper, words) or len(words) % 2:
-        raise entry.place.error("SECONCT is read as pairs of nodes.")
-    for pair in zip(words[::2], words[1::2], strict=True):
-        places = [parts.place_in(found.bulk.entries, entry, k) for k in (0, 1)]
-        follower, leader = (
-            found.row(whole_number(word, at), at) for word, at in zip(pair, places, strict=True)
-        )
-        if follower != leader:
-            builder.joints.rigid(
-                np.array([follower]), builder.joints.leader(leader), ALL, entry.place
-            )
-
-
-def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
-    first, second = (found.row(entry.whole(k), entry.place) for k in (1, 2))
-    if first == second:
-        raise entry.place.error(f"the GRID {entry.whole(1)} of RBAR cannot follow itself.")
-    leads, follows = entry.text(3), entry.text(4)
-    dependent = entry.text(6)
-    if not leads and follows:
-        first, second, leads, follows = second, first, follows, leads
-        dependent = entry.text(5)
-    if set(leads) - {" "} != set("123456") or follows:
-        raise entry.place.error("RBAR is read with CNA or CNB = 123456 only.")
-    motions = _motions(entry, dependent) if dependent else list(ALL)
-    leader = builder.joints.leader(first)
-    builder.joints.rigid(np.array([second]), leader, motions, entry.place, own=True)
-
-
-def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
-    reference = found.row(entry.whole(2), entry.place)
-    motions = _motions(entry, entry.text(3))
-    rows: list[int] = []
-    weights: list[float] = []
-    words = [entry.text(k) for k in range(4, len(entry.fields)) if entry.text(k)]
-    k = 0
-    while k < len(words):
-        if words[k].upper() in ("UM", "ALPHA"):
-            break
-        weight = Entry(entry.name, entry.place, [words[k]]).real(0)
-        if k + 1 < len(words) and set(words[k + 1]) & set("456"):
-            builder.tell_once(f"the weight of rotations (components 456) of RBE3 {entry.text(0)}")
-        if k + 1 >= len(words) or set(words[k + 1]) - set("456 ") != set("123"):
-            raise entry.place.error(
-                "RBE3 is read where the independent nodes move by 123; got "
-                f"{words[k + 1] if k + 1 < len(words) else 'nothing'!r}."
-            )
-        end = k + 2
-        while end < len(words) and "." not in words[end] and words[end][:1].isdigit():
-            end += 1
-            if end < len(words) and words[end].upper() == "THRU":
-                end += 1
-        own = _nodes(found, entry, words[k + 2 : end])
-        rows += own
-        weights += [weight] * len(own)
-        k = end
-    if not rows or sum(weights) <= 0:
-        raise entry.place.error("RBE3 names no nodes with weights.")
-    if reference in rows:
-        raise entry.place.error(f"the GRID {entry.whole(2)} of RBE3 cannot follow itself.")
-    follower = builder.joints.leader(reference)
-    table = np.array(rows, dtype=np.int64)
-    builder.joints.mean(follower, motions, table, np.array(weights), entry.place)
-
-
-def _mpc(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
-    terms: list[Term] = []
-    for start in range(1, len(entry.fields), 8):
-        for k in (start, start + 3):
-            if entry.text(k):
-                row = found.row(entry.whole(k), entry.place)
-                motion = 0 if row in found.scalar else entry.whole(k + 1, 1) - 1
-                if not 0 <= motion < 6:
-                    raise entry.place.error("MPC acts on components from 1 to 6.")
-                terms.append((row, motion, entry.real(k + 2)))
-    if not terms or not terms[0][2]:
-        raise entry.place.error("the first term of MPC needs a coefficient.")
-    builder.joints.equation(terms, entry.place)
-
-
 #: Share of an arm below which it lies along the spring.
 ROUNDING_ARM = 1e-9
-#: Element -> (its property, number of fields of one of these, what it gives).
-SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
+#: Share of the largest moment of inertia that a negative one may have by rounding.
+INERTIA_ROUNDING = 1e-6
+#: Element -> its property, the number of fields of one of these, and what it gives.
+SCALAR = {
+    "CELAS": ("PELAS", 4, "stiffness"),
+    "CDAMP": ("PDAMP", 2, "damping"),
+    "CMASS": ("PMASS", 2, "mass"),
+}
+#: Elements along axes at their place -> their property, the number of fields of one of these.
+BUSHES = {"CVISC": ("PVISC", 4), "CBUSH1D": ("PBUSH1D", 32), "CBUSH": ("PBUSH", 8)}
+BUSHES["CGAP"] = ("PGAP", 8)
+#: Those of them that act along their line, without arms.
+ON_LINE = ("CVISC", "CBUSH1D")
+#: Entries that give masses.
+MASSES = ("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
+#: Stiffnesses and dampings of the six motions.
+Constants = tuple[list[float], list[float]]
 
-#: Motion of one end: row of the node, direction, first motion (0 or 3), sign.
-End = tuple[int, Array, int, float]
 
+@dataclass
+class Joints:
+    """Gives the builder what entries join; masses times `factor` (PARAM,WTMASS)."""
 
-def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
-    """Give the builder the springs and the dampers."""
-    for kind, (name, width, what) in SCALAR.items():
-        known = found.properties(name, width)
-        for entry in found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
+    found: NastranDeck
+    builder: ModelBuilder
+    factor: float
+
+    def read(self) -> None:
+        """Rigid elements, constraints, springs and dampers."""
+        found, joints = self.found, self.builder.joints
+        for row in found.systems_of:
+            joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
+        for name, rigid in RIGID.items():
+            for entry in found.named(name):
+                rigid(self, entry)
+        for follower, node in parts.coincident(found.grids, found.deck.points, found.bulk.entries):
+            self._follow([follower], node, ALL, found.grids[follower], own=False)
+        used = found.used_sets("MPC")
+        for entry in found.named("MPC"):
+            if entry.whole(0) in used:
+                self._mpc(entry)
+        for kind in ("CELAS", "CDAMP"):
+            self._scalars(kind)
+        for kind, (name, width) in BUSHES.items():
+            known = found.properties(name, width)
+            for entry in found.named(kind):
+                self._bush(entry, *its_property(entry, name, known))
+
+    def read_masses(self) -> None:
+        """Masses at nodes, and those spread over elements."""
+        for entry in self.found.named("CONM2"):
+            self._at_a_point(entry)
+        for entry in self.found.named("CONM1"):
+            self._matrix(entry)
+        self._scalars("CMASS")
+        used = self.found.used_sets("NSM")
+        for entry in self.found.named(*SETS["NSM"]):
+            if entry.whole(0) in used:
+                self._nonstructural(entry)
+
+    # --- Rigid elements ---------------------------------------------------------------------------
+
+    def _follow(
+        self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry, own: bool = True
+    ) -> None:
+        """Motions of nodes follow another node as a rigid body."""
+        entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
+        leader = self.builder.joints.leader(node)
+        followers = np.array(rows, dtype=np.int64)
+        self.builder.joints.rigid(followers, leader, motions, entry.place, own=own)
+
+    def _nodes(self, entry: Entry, words: list[str]) -> list[int]:
+        """Rows of a list of GRIDs, with THRU, of which those within need not exist."""
+        rows: list[int] = []
+        for first, last in through(words, entry.place):
+            rows.append(self.found.row(first, entry.place))
+            some = first + entry.place.scope + 1, last + entry.place.scope
+            rows += map(int, self.found.nodes.between(*some) if last > first else ())
+        return rows
+
+    def _rbe2(self, entry: Entry) -> None:
+        motions = _motions(entry, entry.text(2))
+        words = entry.words(3)
+        if words and "." in words[-1]:
+            words.pop()  # the coefficient of thermal expansion
+        self._follow(self._nodes(entry, words), self.found.at(entry, 1), motions, entry)
+
+    def _seconct(self, entry: Entry) -> None:
+        """Pairs of a node of one superelement and one of another, which are one node."""
+        words = entry.words(8)
+        plain = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
+        entry.needs(plain, "SECONCT is read as pairs of nodes.")
+        places = [parts.place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
+        for pair in zip(words[::2], words[1::2], strict=True):
+            follower, leader = (
+                self.found.row(whole_number(word, at), at)
+                for word, at in zip(pair, places, strict=True)
+            )
+            if follower != leader:
+                self._follow([follower], leader, ALL, entry, own=False)
+
+    def _rbar(self, entry: Entry) -> None:
+        first, second = self.found.at(entry, 1), self.found.at(entry, 2)
+        leads, follows, dependent = (entry.text(k) for k in (3, 4, 6))
+        if not leads and follows:
+            first, second, leads, follows = second, first, follows, leads
+            dependent = entry.text(5)
+        plain = set(leads) - {" "} == set("123456") and not follows
+        entry.needs(plain, "RBAR is read with CNA or CNB = 123456 only.")
+        motions = _motions(entry, dependent) if dependent else ALL
+        self._follow([second], first, motions, entry)
+
+    def _rbe3(self, entry: Entry) -> None:
+        reference = self.found.at(entry, 2)
+        motions = _motions(entry, entry.text(3))
+        rows: list[int] = []
+        weights: list[float] = []
+        words = entry.words(4)
+        k = 0
+        while k < len(words) and words[k].upper() not in ("UM", "ALPHA"):
+            weight = real_number(words[k], entry.place)
+            components = words[k + 1] if k + 1 < len(words) else "nothing"
+            if set(components) & set("456"):
+                told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
+                self.builder.tell_once(told)
+            entry.needs(
+                set(components) - set("456 ") == set("123"),
+                f"RBE3 is read where the independent nodes move by 123; got {components!r}.",
+            )
+            start = k = k + 2
+            while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
+                k += 1
+                k += k < len(words) and words[k].upper() == "THRU"
+            own = self._nodes(entry, words[start:k])
+            rows += own
+            weights += [weight] * len(own)
+        entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
+        entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
+        joints, table = self.builder.joints, np.array(rows, dtype=np.int64)
+        joints.mean(joints.leader(reference), motions, table, np.array(weights), entry.place)
+
+    def _mpc(self, entry: Entry) -> None:
+        terms: list[Term] = []
+        for start in range(1, len(entry.fields), 8):
+            for k in (start, start + 3):
+                if entry.text(k):
+                    row = self.found.at(entry, k)
+                    motion = 0 if row in self.found.scalar else entry.whole(k + 1, 1) - 1
+                    entry.needs(0 <= motion < 6, "MPC acts on components from 1 to 6.")
+                    terms.append((row, motion, entry.real(k + 2)))
+        entry.needs(terms and terms[0][2], "the first term of MPC needs a coefficient.")
+        self.builder.joints.equation(terms, entry.place)
+
+    # --- Springs and dampers ----------------------------------------------------------------------
+
+    def _scalars(self, kind: str) -> None:
+        """Springs, dampers or masses between two motions, or of one against the ground."""
+        name, width, what = SCALAR[kind]
+        known = self.found.properties(name, width)
+        for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
                 own, k = its_property(entry, name, known)
                 value = own.real(k + 1, None)
                 if name == "PELAS" and own.real(k + 2):
-                    builder.tell_once(f"GE of PELAS {own.text(k)}")
-            _scalar(found, builder, entry, what, value)
-    viscous = found.properties("PVISC", 4)
-    for entry in found.named("CVISC"):
-        _viscous(found, builder, entry, *its_property(entry, "PVISC", viscous))
-    lines = found.properties("PBUSH1D", 32)
-    for entry in found.named("CBUSH1D"):
-        _bush_on_a_line(found, builder, entry, its_property(entry, "PBUSH1D", lines)[0])
-    bushes = found.properties("PBUSH")
-    for entry in found.named("CBUSH"):
-        own, _ = its_property(entry, "PBUSH", bushes)
-        _bush(found, builder, entry, own)
-    gaps = found.properties("PGAP")
-    for entry in found.named("CGAP"):
-        own, _ = its_property(entry, "PGAP", gaps)
-        _gap(found, builder, entry, own)
-
-
-def _scalar(
-    found: NastranDeck, builder: ModelBuilder, entry: Entry, what: str, value: float
-) -> None:
-    """A spring or a damper between two motions, or of one against the ground."""
-    ends: list[End] = []
-    for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
-        frame = found.frame(row, entry.place)
-        ends.append((row, frame[motion % 3], 3 * (motion // 3), sign))
-    if not ends:
-        raise entry.place.error(f"{entry.name} acts on no node.")
-    _add(builder, entry, ends, what, value)
-
-
-def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry, k: int) -> None:
-    """CVISC: a damper along the line between two nodes, and one against the twist about it."""
-    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3)]
-    for first, value in ((0, own.real(k + 1)), (3, own.real(k + 2))):
-        terms, _ = builder.joints.elongation(rows[0], rows[1], entry.place, first)
-        if value < 0:
-            raise entry.place.error("CVISC has a negative damping.")
-        builder.damped(terms, value)
-
-
-def _bush_on_a_line(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
-    """CBUSH1D: a spring and a damper along the line between two nodes, or along x of its system."""
-    if any(own.text(k) for k in range(3, len(own.fields))):
-        builder.tell_once(f"what of PBUSH1D {own.text(0)} is not K or C")
-    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
-    if entry.text(4) or len(rows) < 2:
-        axis = found.systems(entry.whole(4, 0), entry.place).axes[0]
-    else:
-        line = np.diff(found.deck.points[rows], axis=0)[0]
-        if not line.any():
-            raise entry.place.error("CBUSH1D at coincident nodes needs the system CID.")
-        axis = line / np.linalg.norm(line)
-    ends: list[End] = [(row, axis, 0, sign) for row, sign in zip(rows, (1.0, -1.0), strict=False)]
-    for k, what in ((1, "stiffness"), (2, "damping")):
-        if own.real(k):
-            _add(builder, entry, ends, what, own.real(k))
-
-
-def _gap(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
-    """CGAP as linear solutions take it: a spring, closed or open as it is at first."""
-    is_open = own.real(1) > 0
-    along = own.real(4) if is_open else own.real(3, 1e8)
-    across = 0.0 if is_open else own.real(5, own.real(6) * along)
-    spring = Entry("PBUSH", own.place, ["", "K", *(repr(k) for k in (along, across, across))])
-    builder.tell_once(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
-                      f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
-    if along or across:
-        _bush(found, builder, Entry(entry.name, entry.place, entry.fields[:8]), spring)
-
-
-def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
-    """CBUSH with the PBUSH `own`: springs and dampers at its place, on rigid arms."""
-    stiffness, damping = _constants(builder, own)
-    acts = [bool(k or c) for k, c in zip(stiffness, damping, strict=True)]
-    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
-    x = found.deck.points[rows]
-    apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
-    share = entry.real(8, 0.5)
-    place = x[0] + share * (x[1] - x[0]) if apart else x[0]
-    if entry.whole(9, -1) >= 0:
-        offset = np.array([entry.real(k) for k in (10, 11, 12)])
-        place = found.systems(entry.whole(9), entry.place).point(offset)
-    axes = _bush_axes(found, entry, acts, x if apart else x[:1], place)
-    for k in np.flatnonzero(acts):
-        axis, first = axes[k % 3], 3 * (int(k) // 3)
-        ends: list[End] = []
-        for row, at, sign in zip(rows, x, (1.0, -1.0), strict=False):
-            arm = np.cross(place - at, axis) if not first else np.zeros(3)
-            if np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - at):
-                row = builder.joints.leader(row)
-                ends.append((row, arm, 3, sign))
-            ends.append((row, axis, first, sign))
-        for what, value in (("stiffness", stiffness[k]), ("damping", damping[k])):
+                    self.builder.tell_once(f"GE of PELAS {own.text(k)}")
+            ends = self.found.scalar_ends(entry)
+            terms: list[Term] = []
+            for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
+                axis = self.found.frame(row, entry.place)[motion % 3]
+                first = 3 * (motion // 3)
+                unit = self.builder.units.length if first and what == "mass" else 1.0
+                terms += _along(row, axis, first, sign * unit)
+            if what != "mass":
+                self._add(entry, terms, what, value)
+                continue
+            entry.needs(value >= 0, f"{entry.name} has a negative mass.")
             if value:
-                _add(builder, entry, ends, what, value)
+                # three of them, one along each axis, are one mass
+                share = value / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0
+                self.builder.scalar_mass(terms, value * self.factor, share * self.factor)
 
+    def _add(self, entry: Entry, terms: list[Term], what: str, value: float) -> None:
+        """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
+        entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
+        if what == "stiffness":
+            self.builder.sprung(terms, value, entry.place)
+        else:
+            self.builder.damped(terms, value)
 
-def _constants(builder: ModelBuilder, own: Entry) -> tuple[list[float], list[float]]:
-    """(K1 to K6, B1 to B6) of a PBUSH; its damping by GE is told."""
-    values = {"K": [0.0] * 6, "B": [0.0] * 6}
-    for start in range(0, len(own.fields), 8):
-        kind = own.text(start + 1).upper()
-        given = [own.text(start + k) for k in range(2, 8)]
-        if kind in values:
-            values[kind] = [own.real(start + k) for k in range(2, 8)]
-        elif kind == "GE":
-            builder.tell_once(f"GE of PBUSH {own.text(0)}")
-        elif kind not in ("", "RCV") or (not kind and any(given)):
-            raise own.place.error(
-                "PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
-                f"{kind or '(?)'} would change the result."
-            )
-    return values["K"], values["B"]
+    def _bush(self, entry: Entry, own: Entry, at: int) -> None:
+        """Springs and dampers at one place, of CBUSH on rigid arms; `at`: where `own` begins."""
+        constants = self._constants(entry.name, own, at)
+        if entry.name in ON_LINE:  # the system is in another field
+            fields = [*entry.fields[:4], "", "", "", entry.text(4)]
+            entry = Entry(entry.name, entry.place, fields)
+        acts = [bool(k or c) for k, c in zip(*constants, strict=True)]
+        rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
+        x = self.found.deck.points[rows]
+        apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
+        own_place = entry.name == "CBUSH"
+        share = entry.real(8, 0.5) if own_place else 0.5
+        place = x[0] + share * (x[1] - x[0]) if apart else x[0]
+        if own_place and entry.whole(9, -1) >= 0:
+            offset = np.array(entry.reals(10, 13))
+            place = self.found.systems(entry.whole(9), entry.place).point(offset)
+        axes = self._bush_axes(entry, acts, x if apart else x[:1], place)
+        for k in np.flatnonzero(acts):
+            axis, first = axes[k % 3], 3 * (int(k) // 3)
+            terms: list[Term] = []
+            for row, where, sign in zip(rows, x, (1.0, -1.0), strict=False):
+                arm = np.cross(place - where, axis) if not first else np.zeros(3)
+                armed = entry.name not in ON_LINE
+                if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - where):
+                    row = self.builder.joints.leader(row)
+                    terms += _along(row, arm, 3, sign)
+                terms += _along(row, axis, first, sign)
+            for what, values in zip(("stiffness", "damping"), constants, strict=True):
+                if values[k]:
+                    self._add(entry, terms, what, values[k])
 
+    def _constants(self, name: str, own: Entry, at: int) -> Constants:
+        """(stiffnesses, dampings) of the six motions; what is not taken is told."""
+        told = self.builder.tell_once
+        values = {"K": [0.0] * 6, "B": [0.0] * 6}
+        if name == "CVISC":  # along the line, and against the twist about it
+            values["B"][0], values["B"][3] = own.real(at + 1), own.real(at + 2)
+        elif name == "CBUSH1D":
+            values["K"][0], values["B"][0] = own.real(1), own.real(2)
+            if own.words(3):
+                told(f"what of PBUSH1D {own.text(0)} is not K or C")
+        elif name == "CGAP":  # as linear solutions take it: a spring
+            is_open = own.real(1) > 0
+            along = own.real(4) if is_open else own.real(3, 1e8)
+            across = 0.0 if is_open else own.real(5, own.real(6) * along)
+            values["K"][:3] = along, across, across
+            told(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
+                 f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
+        else:
+            for start in range(0, len(own.fields), 8):
+                kind = own.text(start + 1).upper()
+                if kind in values:
+                    values[kind] = own.reals(start + 2, start + 8)
+                elif kind == "GE":
+                    told(f"GE of PBUSH {own.text(0)}")
+                elif kind != "RCV":
+                    own.needs(
+                        not kind and not own.words(start + 2, start + 8),
+                        "PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
+                        f"{kind or '(?)'} would change the result.",
+                    )
+        return values["K"], values["B"]
 
-def _bush_axes(
-    found: NastranDeck, entry: Entry, acts: Sequence[bool], x: Array, place: Array
-) -> Array:
-    """Axes of a CBUSH as rows: of its system, by its line and a vector, or of the deck.
+    def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
+        """Axes as rows: of the system of an entry, by its line and a vector, or of the deck.
 
-    `acts`: which of the six motions have a constant.
-    """
-    if entry.text(7):
-        return found.systems(entry.whole(7), entry.place).frame(place)
-    across = any(acts[k] for k in (1, 2, 4, 5))
-    given = any(entry.text(k) for k in (4, 5, 6))
-    if len(x) == 1 and not given:
-        return np.eye(3)
-    if len(x) == 1 or (across and not given):
-        raise entry.place.error(
-            "CBUSH needs the system CID at coincident nodes or to the ground, and "
-            "CID or an orientation between nodes apart, unless it acts along their line alone."
+        `acts`: which of the six motions have a constant.
+        """
+        if entry.text(7):
+            return self.found.systems(entry.whole(7), entry.place).frame(place)
+        across = any(acts[k] for k in (1, 2, 4, 5))
+        given = any(entry.text(k) for k in (4, 5, 6))
+        if len(x) == 1 and not given and not (entry.name in ON_LINE and entry.text(3)):
+            return np.eye(3)
+        entry.needs(
+            len(x) > 1 and (given or not across),
+            f"{entry.name} needs the system CID at coincident nodes or to the ground, and "
+            "CID or an orientation between nodes apart, unless it acts along their line alone.",
         )
-    line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
-    v = np.eye(3)[int(np.argmin(np.abs(line)))]
-    if given:
-        v = orientation(found, entry, line)
-    y = v - (v @ line) * line
-    y /= np.linalg.norm(y)
-    return np.stack([line, y, np.cross(line, y)])
+        line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+        v = np.eye(3)[int(np.argmin(np.abs(line)))]
+        if given:
+            v = orientation(self.found, entry, line)
+        y = v - (v @ line) * line
+        y /= np.linalg.norm(y)
+        return np.stack([line, y, np.cross(line, y)])
+
+    # --- Masses -----------------------------------------------------------------------------------
+
+    def _at_a_point(self, entry: Entry) -> None:
+        """CONM2: a rigid body, whose centre of mass may lie beside its node."""
+        row = self.found.at(entry, 1)
+        mass = entry.real(3) * self.factor
+        offset = np.array(entry.reals(4, 7))
+        J = np.zeros((3, 3))
+        J[np.tril_indices(3)] = np.array(entry.reals(8, 14)) * self.factor
+        J = 3 * np.diag(np.diag(J)) - J - J.T
+        number = entry.whole(2, 0)
+        if number == -1:  # the place of the mass
+            offset = offset - self.found.deck.points[row] if entry.words(4, 7) else np.zeros(3)
+        elif number:
+            axes = self.found.axes(entry, number)
+            offset, J = offset @ axes, axes.T @ J @ axes
+        small = mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max()
+        entry.needs(not small, "the mass or the inertia of CONM2 is negative.")
+        plain = not offset.any() and not (J - np.diag(np.diag(J))).any()
+        if plain and (self.builder.has_rotations[row] or not J.any()):
+            if mass or J.any():
+                self.builder.mass(row, mass, np.diag(J).tolist(), entry.place)
+            return
+        moved = np.hstack([np.eye(3), lever(offset)])
+        M = mass * moved.T @ moved
+        M[3:, 3:] += J
+        self.builder.body(row, M, mass, entry.place)
+
+    def _matrix(self, entry: Entry) -> None:
+        """CONM1: a mass matrix of one node."""
+        M = np.zeros((6, 6))
+        M[np.tril_indices(6)] = np.array(entry.reals(3, 24)) * self.factor
+        M = M + M.T - np.diag(np.diag(M))
+        if entry.whole(2, 0):
+            six = np.kron(np.eye(2), self.found.axes(entry, entry.whole(2)))
+            M = six.T @ M @ six
+        small = np.linalg.eigvalsh(M).min() < -INERTIA_ROUNDING * np.abs(M).max()
+        entry.needs(not small, "the matrix of CONM1 is not that of a mass: it has a negative "
+                    "eigenvalue.")  # fmt: skip
+        self.builder.body(self.found.at(entry, 1), M, float(np.trace(M[:3, :3])) / 3, entry.place)
+
+    def _nonstructural(self, entry: Entry) -> None:
+        """NSM and NSML: pairs of a number and a mass; NSM1 and NSML1: one mass of several."""
+        words = [entry.text(k).upper() for k in range(2, len(entry.fields))]
+        if entry.name in ("NSM1", "NSML1"):
+            shared = [([word for word in words[1:] if word], words[0])]
+        else:
+            shared = [([words[k]], words[k + 1]) for k in range(0, len(words) - 1, 2) if words[k]]
+        for numbers, mass in shared:
+            elements = np.flatnonzero(self._named(entry, numbers))
+            value = real_number(mass, entry.place) * self.factor
+            if entry.name.startswith("NSML"):
+                add_total(self.builder, elements, value, entry.place, "measure")
+            else:
+                add_mass(self.builder, elements, value, 0, entry.place)
+
+    def _named(self, entry: Entry, words: list[str]) -> BoolArray:
+        """The elements that a list of numbers of elements or properties names."""
+        kind = entry.text(1).upper()
+        of_element, of_property = kind in ("ELEMENT", "CONROD"), kind.startswith("P")
+        entry.needs(of_element or of_property,
+                    f"{entry.name} is read of properties and elements; got {kind!r}.")  # fmt: skip
+        every = [one.whole(0) if of_element else property_of(one) for one in self.found.elements]
+        own = np.array(every, dtype=np.int64)
+        if words == ["ALL"]:
+            given = {one.whole(0) for one in self.found.named(kind)}
+            return np.isin(own, list(given)) if of_property else np.ones(len(own), dtype=bool)
+        entry.needs("BY" not in words, f"{entry.name} is read without BY; list the numbers.")
+        chosen = np.zeros(len(own), dtype=bool)
+        for first, last in through(words, entry.place):
+            some = (own >= first) & (own <= last)
+            entry.needs(some.any(), f"{entry.name} names {kind} {first}, of no element.")
+            chosen |= some
+        return chosen
 
 
-def _add(builder: ModelBuilder, entry: Entry, ends: Sequence[End], what: str, value: float) -> None:
-    """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
-    if value < 0:
-        raise entry.place.error(f"{entry.name} has a negative {what}.")
-    terms = [
-        (row, first + c, sign * float(direction[c]))
-        for row, direction, first, sign in ends
-        for c in range(3)
-    ]
-    if what == "stiffness":
-        builder.sprung(terms, value, entry.place)
-    else:
-        builder.damped(terms, value)
+#: Rigid elements, in the order in which they are read.
+RIGID = {
+    "RBE2": Joints._rbe2,
+    "RBAR": Joints._rbar,
+    "RBE3": Joints._rbe3,
+    "SECONCT": Joints._seconct,
+}
+
+
+def _motions(entry: Entry, text: str) -> tuple[int, ...]:
+    found = motions_of(text, entry.place)
+    entry.needs(found and "0" not in text, f"{text!r} are not components from 1 to 6.")
+    return tuple(found)
+
+
+def _along(row: int, axis: Array, first: int, factor: float) -> list[Term]:
+    """The motion of a node along an axis as terms."""
+    return [(row, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]

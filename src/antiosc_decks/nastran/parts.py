@@ -14,7 +14,7 @@ import numpy as np
 
 from antiosc.io.deck import Array, Place
 from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.coordinates import System, Systems
+from antiosc_decks.nastran.coordinates import System, Systems, axes_of
 
 #: Above all numbers of a part.
 SCOPE = 10**10
@@ -28,11 +28,10 @@ def scope(entries: list[Entry]) -> None:
     """Set the scopes of the entries, where the parts need them."""
     part, found = 0, []
     known: dict[tuple[str, str], tuple[int, list[str]]] = {}
-    clash = False
+    clash = any(entry.name == "SELOC" for entry in entries)
     for entry in entries:
         part = entry.whole(0) if entry.name == "BEGIN SUPER" else part
         found.append(part)
-        clash = clash or entry.name == "SELOC"
         if entry.name.startswith(DEFINED) and entry.name not in ("PARAM", "PLOTEL"):
             other, fields = known.setdefault((entry.name, entry.text(0)), (part, entry.fields))
             clash = clash or (other != part and fields != entry.fields)
@@ -43,8 +42,8 @@ def scope(entries: list[Entry]) -> None:
 
 def label(number: int) -> str:
     """The name of a property of a part."""
-    part = number // SCOPE
-    return f"{number % SCOPE}" + (f" of part {part}" if part else "")
+    part, own = divmod(number, SCOPE)
+    return f"{own}" + (f" of part {part}" if part else "")
 
 
 def place_in(entries: list[Entry], entry: Entry, k: int) -> Place:
@@ -64,27 +63,16 @@ def moved(
         if number not in points:
             return node(number, place)
         at = points[number]
-        c = np.array([at.real(k) for k in (2, 3, 4)])
-        return systems(at.whole(1, 0), at.place).point(c)
+        return systems(at.whole(1, 0), at.place).point(np.array(at.reals(2, 5)))
 
     for entry in entries:
         if entry.name == "SELOC":
             own = place_in(entries, entry, 0)
-            a = _axes(np.array([node(entry.whole(k), own) for k in (1, 2, 3)]), entry)
-            b = _axes(np.array([aim(entry.whole(k), entry.place) for k in (4, 5, 6)]), entry)
+            a = axes_of([node(entry.whole(k), own) for k in (1, 2, 3)], entry)
+            b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
             turn = a.axes.T @ b.axes
             found[own.scope] = System(b.origin - a.origin @ turn, turn)
     return found
-
-
-def _axes(x: Array, entry: Entry) -> System:
-    """The system of three points: its origin, x to the second, z across all."""
-    first, second = x[1:] - x[0]
-    z = np.cross(first, second)
-    if not np.linalg.norm(z) > 1e-9 * np.linalg.norm(first) * np.linalg.norm(second):
-        raise entry.place.error("the three points of SELOC lie on one line.")
-    rows = np.stack([first, np.cross(z, first), z])
-    return System(x[0], rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def coincident(

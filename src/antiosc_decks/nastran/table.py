@@ -56,29 +56,27 @@ NEAREST = {
     **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "the rigidity in transverse shear of {} {}"),
     "BEGIN SUPER": "the reduction of {} superelements ({}), the whole that they divide is read",
 }
-#: Elements of older versions -> the element and the property that they are now; "" where they name
-#: their material.
-OLDER = {
-    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", "PSHELL")),
-    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", "PSHELL")),
-    **dict.fromkeys(("CHEXA1", "CHEXA2"), ("CHEXA", "")),
-    **dict.fromkeys(("CIHEX1", "CIHEX2"), ("CHEXA", "PSOLID")),
-    "CWEDGE": ("CPENTA", ""),
-}
 _PLATE, _MEMBRANE = (0, 1, 2, 1, None, 1, None, 3), (0, 1, 2, None, None, None, None, 3)
-#: Properties of these -> which field of the older one is in each field of the newer.
-OLDER_PROPERTIES = {
-    **dict.fromkeys(("PQUAD2", "PTRIA2"), _PLATE),
-    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), _MEMBRANE),
-    "PIHEX": (0, 1, 2),
+#: Entries of older versions -> those that they are now, and which of the older fields is in each of
+#: the newer ones; () where they are the same, and for those that `renew` names.
+OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
+    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", ())),
+    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", ())),
+    **dict.fromkeys(("CIHEX1", "CIHEX2", "CHEXA1", "CHEXA2"), ("CHEXA", ())),
+    **dict.fromkeys(("PQUAD1", "PTRIA1"), ("PSHELL", ())),
+    **dict.fromkeys(("PQUAD2", "PTRIA2"), ("PSHELL", _PLATE)),
+    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), ("PSHELL", _MEMBRANE)),
+    **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
+    "CRIGD2": ("CRIGD2", ()),
 }
+#: Of these, elements that name their material.
+OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
 #: Elements that are read, but are no cells of a mesh.
 BESIDE = (
-    *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
-    *("CELAS4", "CDAMP1", "CDAMP2", "CDAMP3", "CDAMP4", "CVISC", "CBUSH", "CBUSH1D", "RBE2"),
-    *("RBE3", "RBAR", "CGAP"),
+    *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
+    *("CONM1", "CONM2", "CVISC", "CBUSH", "CBUSH1D", "CGAP", "RBE2", "RBE3", "RBAR"),
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
@@ -98,7 +96,7 @@ NSM NSM1 NSML NSML1 NSMADD PARAM SEBULK SECONCT SELOC
 """
 _HARMLESS = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
-POINT SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D ENDDATA
+POINT SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D
 SET1 SET2 SET3 SUPORT SUPORT1 SPCOFF SPCOFF1
 ASET ASET1 BSET BSET1 CSET CSET1 OMIT OMIT1 QSET QSET1 USET USET1 BNDFIX BNDFIX1 BNDFREE BNDFREE1
 SESET SEBSET SEBSET1 SECSET SECSET1 SEQSET SEQSET1 SEUSET SEUSET1 SESUP SETREE SEEXCLD SELABEL
@@ -146,16 +144,7 @@ MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
 
 ENTRIES = table(
-    read=(
-        *_READ.split(),
-        *CELLS,
-        *PROPERTIES,
-        *BESIDE,
-        *NEAREST,
-        *OLDER,
-        *OLDER_PROPERTIES,
-        *("CRIGD1", "CRIGD2", "PQUAD1", "PTRIA1"),
-    ),
+    read=(*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER),
     harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
     ignored=_IGNORED.split(),
     refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},
@@ -178,6 +167,48 @@ def account_for(entries: Sequence[Entry], name: str) -> Account:
     for entry in entries:
         account.add(entry.name, entry.place, fate_of(entry.name))
     return account
+
+
+def renew(entries: Sequence[Entry]) -> list[Entry]:
+    """Make entries of older versions what they are now; the further ones that this needs."""
+    made: dict[str, Entry] = {}
+    more: list[Entry] = []
+    known = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
+    for entry in entries:
+        if entry.name not in OLDER:
+            continue
+        old, (entry.name, order) = entry.name, OLDER[entry.name]
+        if old in OF_MATERIAL:
+            material = entry.text(1)
+            made.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
+        elif old == "CRIGD1":
+            entry.fields[2:2] = ["123456"]
+        elif old == "CRIGD2":  # pairs of a node and its components
+            words = entry.words(0)
+            pairs = zip(words[2::2], words[3::2], strict=False)
+            more += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
+        elif old in ("PQUAD1", "PTRIA1"):
+            entry.fields = _plate(entry)
+        elif order:
+            first, second = (
+                ["" if k is None else entry.text(start + k) for k in order] for start in (0, 4)
+            )
+            if entry.name == "PSHELL" and second[0]:  # two of them in one entry
+                more.append(Entry(entry.name, entry.place, second))
+            entry.fields = first
+        known.update([entry.text(0)] if entry.name == "PSOLID" else [])
+    return [entry for number, entry in made.items() if number not in known] + more
+
+
+def _plate(entry: Entry) -> list[str]:
+    """Fields of the PSHELL that a PQUAD1 or PTRIA1 is: I for 12I/T³, T3 for TS/T."""
+    second = entry.real(4)
+    t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
+    entry.needs(t, f"{entry.name} needs a thickness, or I, above 0.")
+    shear = repr(entry.real(6) / t) if entry.real(6) else ""
+    ratio = repr(12 * second / t**3) if second else ""
+    number, membrane, bending, across, extra = (entry.text(k) for k in (0, 1, 3, 5, 7))
+    return [number, membrane, repr(t), bending, ratio, across, shear, extra]
 
 
 def tell_damping(account: Account, entries: Sequence[Entry]) -> None:

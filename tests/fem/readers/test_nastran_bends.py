@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.io.deck import Place
-from antiosc_decks.nastran.bends import arc
+from antiosc_decks.nastran.beams import arc
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.profiles import BeamProfiles
 

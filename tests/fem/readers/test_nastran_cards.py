@@ -6,7 +6,7 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc_decks.nastran import mesh as nastran
-from antiosc_decks.nastran.cards import bulk_data
+from antiosc_decks.nastran.cards import Bulk
 from antiosc_decks.sources import Sources
 from refusals import refused
 
@@ -75,15 +75,15 @@ def faults(folder, text: str) -> str:
 def bulk(folder, text: str):
     path = folder / "part.bdf"
     path.write_text(text)
-    return bulk_data(Sources(path, path.name, lambda size: None))
+    return Bulk(Sources(path, path.name, lambda size: None))
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("control", ["", "SOL 103\nCEND\nTITLE = a, b\nbegin  bulk\n"])
 def test_every_form_has_the_same_fields(tmp_path, form, control):
     text = "".join(FORMS[form](name, fields) for name, fields in ENTRIES)
-    found = bulk(tmp_path, control + text + ("ENDDATA\nno more\n" if control else ""))
-    assert found.control.given == bool(control)
+    found = bulk(tmp_path, control + text + ("ENDDATA,\nno more\n" if control else ""))
+    assert (found.selected is not None) == bool(control)
     assert [entry.name for entry in found.entries] == [name for name, _ in ENTRIES]
     for entry, (_, fields) in zip(found.entries, ENTRIES, strict=True):
         assert [entry.text(k) for k in range(len(fields) + 9)] == [*fields, *[""] * 9]
@@ -108,7 +108,7 @@ def test_case_control_and_names_in_comments(tmp_path):
     text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
     text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
     found = bulk(tmp_path, text)
-    assert [found.control.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
+    assert [found.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
 
