@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.app import cli
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import compiled
 from paths import DEMOS, MESHES

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from antiosc.app.scene_file.json_schema import schema
+from antiosc.app.scene_file.schema import schema
 from antiosc.base.engineering import engineering
 from paths import MESHES
 from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written

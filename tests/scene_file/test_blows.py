@@ -10,8 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.app import cli
-from antiosc.app.scene_file.problems import SceneFileError
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import SceneFileError, read
 from antiosc.app.scene_file.scene import compiled
 
 pytestmark = pytest.mark.fem

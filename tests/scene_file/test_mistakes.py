@@ -7,10 +7,8 @@ from pathlib import Path
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.evaluation import Evaluation
-from antiosc.app.scene_file.problems import Problems
-from antiosc.app.scene_file.read import DEEPEST, LARGEST_FILE, Document
+from antiosc.app.scene_file.build import Call, Evaluation
+from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems
 from scene_files import BEAM, BRACKET, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and a word of the one sentence.

@@ -12,9 +12,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.app.scene_file import output
-from antiosc.app.scene_file.json_schema import schema
-from antiosc.app.scene_file.parameters import parameters
-from antiosc.app.scene_file.sections import SECTIONS
+from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from paths import MESHES
 from scene_files import (
     BEAM,

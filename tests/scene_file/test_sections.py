@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.app.scene_file.problems import SceneFileError
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import SceneFileError, read
 from antiosc.app.scene_file.scene import Compiled, compiled
 from scene_files import BODIES, DECK, HIT, MATERIAL, MATRICES, MESH, MODEL, SITE
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from math import pi, sqrt
 from typing import Any
 
-from antiosc.app.scene_file.group_names import outlines
-from antiosc.app.scene_file.result_tables import lines
+from antiosc.app.scene_file.outline import outlines
+from antiosc.app.scene_file.results import lines
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.app.scene_file.studies import varied
 from antiosc.base.engineering import engineering
 from antiosc.base.errors import AntioscError
 from antiosc.base.memory import free_memory
@@ -111,7 +112,7 @@ def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{engineering(step, 's')}, {how}"))
-    impacts = len(next(iter(scene.varied.values()), [0]))
+    impacts = len(next(iter(varied(scene).values()), [0]))
     if impacts > 1:
         rows.append(("sweep", f"{impacts} impacts"))
     return rows

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import antiosc
-from antiosc.app.scene_file.group_names import GEOMETRIES, LARGEST
+from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import in_words
 from antiosc.base.errors import (

@@ -7,20 +7,18 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+import antiosc
 from antiosc.app import info
-from antiosc.app.scene_file import result_tables
-from antiosc.app.scene_file.outputs import Output
+from antiosc.app.scene_file.results import told
 from antiosc.app.scene_file.run import Results, on_first
+from antiosc.app.scene_file.schema import Output
 from antiosc.base import checks, files
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.models.body import places_of
-from antiosc.simulation.history import SceneHistory
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -35,10 +33,7 @@ def folder(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-# -- tables
-
-
-def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
+def write_table(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     """A CSV file whose first line has names and units; complete or absent."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -48,62 +43,14 @@ def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
     return path
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> object:
     """Floats with all their digits; nothing for NaN; texts that are no formulas."""
     if isinstance(value, float | np.floating):
         return "" if math.isnan(value) else repr(float(value))
     return files.table_text(value) if isinstance(value, str) else value
 
 
-def history_columns(history: Any) -> dict[str, Any]:
-    """Name with unit -> values: the table of the history, and the energies of all bodies."""
-    own = {n.replace("[", "(").replace("]", ")"): v for n, v in history.columns().items()}
-    energies = ("kinetic", "strain", "contact", "dissipated")
-    return own | {f"{name} energy (J)": getattr(history.energy, name) for name in energies}
-
-
-def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
-    """Tables of probes with equal times: [(times, {name with component and unit: values})]."""
-    groups: list[tuple[Any, dict[str, Any]]] = []
-    for name in found.probes:
-        asked = found.compiled.probes[name].arguments
-        at = np.asarray(asked.get("times", found.history.time), dtype=float).reshape(-1)
-        own = _components(found, name)
-        equal = next((columns for known, columns in groups if np.array_equal(known, at)), None)
-        if equal is None:
-            groups.append((at, own))
-        else:
-            equal.update(own)
-    return groups
-
-
-def _components(found: Results, name: str) -> dict[str, Any]:
-    """A scalar, the components of a vector, or the six of a symmetric tensor, as columns."""
-    units = result_tables.probe_components(found, name)
-    heads = [f"{name} {c}".rstrip() + (f" ({unit})" if unit else "") for c, unit in units.items()]
-    return dict(zip(heads, result_tables.probe_columns(found, name).T, strict=True))
-
-
-# -- numbers
-
-
-def numbers(history: Any) -> dict[str, Any]:
-    """The results of one run as JSON values; SI units."""
-    budget = result_tables.error_budget(history)
-    bars = {
-        name: {cause: getattr(bar, cause) for cause in (*budget.causes, "total")}
-        for name, bar in budget.items()
-    }
-    return history.numbers() | ({"error_budget": bars} if bars else {})
-
-
-def model_numbers(model: Any) -> dict[str, Any]:
-    """The parameters of a reduced model as JSON values; SI units."""
-    names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
-    return {name: getattr(model, name, None) for name in names} | {"points": places_of(model)}
-
-
-def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:
+def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     """A JSON file; NaN and infinity become null."""
     head = {"antiosc": info.version(), "units": "SI"}
     text = json.dumps(_plain({**head, **content}), indent=1, allow_nan=False)
@@ -111,7 +58,7 @@ def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:
     return path
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A value of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
@@ -121,12 +68,7 @@ def _plain(value: Any) -> Any:
         return [_plain(each) for each in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    return str(value)
-
-
-# -- all files of a run
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def write(found: Results, target: Path) -> list[Path]:
@@ -135,102 +77,39 @@ def write(found: Results, target: Path) -> list[Path]:
     wanted = Output() if asked is None else asked.made
     written: list[Path] = []
     if wanted.fields and found.history is not None and found.structure is not None:
-        import antiosc
-
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
     # what structures tell is asked on every rank, and written on the first
-    tables = _tables(found) if wanted.csv else []
-    content = _numbers_of(found) if wanted.json else {}
+    parts = told(found)
+    tables = {n: t for one in parts for n, t in one.tables.items()} if wanted.csv else {}
+    content: dict[str, object] = {}
+    if wanted.json:
+        title = found.compiled.document.data.get("title", "")
+        content = {"title": title, "warnings": found.warnings}
+        content |= {name: value for one in parts for name, value in one.numbers.items()}
 
     def files_of_first() -> tuple[list[Path], list[str]]:
-        told: list[str] = []
-        paths = [write_table(target / name, table) for name, table in tables]
-        if wanted.json:
+        warnings: list[str] = []
+        paths = [write_table(target / name, table) for name, table in tables.items()]
+        if content:
             paths.append(write_numbers(target / "result.json", content))
         if wanted.model and found.model is not None:
             found.model.save(target / "model.npz")
             paths.append(target / "model.npz")
-        if found.map is not None and wanted.fields:
-            paths.append(found.map.write(target / "map.vtu"))
         if wanted.fields:
-            fields = (found.stresses or {}).items()
-            paths += [peak.write(target / f"{name}.vtu") for name, peak in fields]
-        if found.worst is not None and wanted.fields:
-            paths.append(found.worst.write(target / "worst.vtu"))
-        if wanted.plot is not None:
-            shown = {"force": found.history, "model": found.model, "map": found.map}
-            shown |= {"fall": found.fall, "worst": found.worst, "found": found.found}
-            shown |= {"monte_carlo": found.sample, **(found.stresses or {})}
-            for name, one in shown.items():
-                if hasattr(one, "plot") and not isinstance(one, SceneHistory):
-                    paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
-        return paths, told
+            writers = ((n, field) for one in parts for n, field in one.fields.items())
+            paths += [field(target / name) for name, field in writers]
+        shown = ((n, each) for one in parts for n, each in one.plotted.items())
+        for name, each in shown if wanted.plot is not None else ():
+            path = target / f"{name}.{wanted.plot}"
+            try:
+                if hasattr(each, "plot"):
+                    each.plot(path)
+                    paths.append(path)
+            except (InputError, MissingDependencyError) as error:
+                warnings.append(f"{path.name} is not drawn: {error}")
+        return paths, warnings
 
-    paths, told = on_first(files_of_first)
-    found.warnings.extend(told)
+    paths, warnings = on_first(files_of_first)
+    found.warnings.extend(warnings)
     return [*written, *paths]
-
-
-def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
-    tables = []
-    if found.history is not None:
-        tables.append(("history.csv", history_columns(found.history)))
-    for k, (at, columns) in enumerate(probe_columns(found) if found.probes else ()):
-        name = f"probes_{k + 1}.csv" if k else "probes.csv"
-        tables.append((name, {"time (s)": at, **columns}))
-    if found.fall is not None:
-        tables.append(("fall.csv", result_tables.fall_columns(found.fall)))
-    if found.found is not None:
-        tables.append(("force.csv", {"time (s)": found.found.time, "force (N)": found.found.force}))
-    if found.batch is not None:
-        tables.append(("sweep.csv", result_tables.sweep_columns(found)))
-    if found.sample is not None:
-        tables.append(("monte_carlo.csv", result_tables.run_columns(found.sample)))
-    if found.map is not None:
-        several = len(found.map.surfaces()) > 1
-        table = {"surface": found.map.names.tolist()} if several else {}
-        table |= {f"{axis} (m)": found.map.points[:, k] for k, axis in enumerate("xyz")}
-        named = {result_tables.named(n): v for n, v in found.map.quantities().items()}
-        tables.append(("map.csv", table | named))
-    return tables
-
-
-def _numbers_of(found: Results) -> dict[str, Any]:
-    content: dict[str, Any] = {"title": found.compiled.title, "warnings": found.warnings}
-    if found.structure is not None:
-        content["structure"] = found.structure.describe()
-    if found.model is not None:
-        content["model"] = model_numbers(found.model)
-    if found.history is not None:
-        content["result"] = numbers(found.history)
-        content["probes"] = {n: result_tables.probe_peak(found, n) for n in found.probes or {}}
-        content["stress"] = result_tables.stress_numbers(found)
-    if found.fall is not None:
-        content["fall"] = result_tables.fall_columns(found.fall)
-        content["fall"] |= {"status": getattr(found.fall, "status", "")}
-        content["accelerometers"] = {
-            n: vars(p) | {"g": p.g} for n, p in (found.peaks or {}).items()
-        }
-    if found.worst is not None:
-        content["worst"] = {found.worst.quantity: float(found.worst.values.max())}
-    if found.found is not None:
-        content["found"] = found.found.numbers()
-    if found.batch is not None:
-        content["sweep"] = result_tables.sweep_columns(found)
-    if found.sample is not None:
-        content["monte_carlo"] = result_tables.sample_columns(found.sample)
-    if found.map is not None:
-        content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
-        content["map"] |= found.map.quantities() | {"doubtful": found.map.doubtful}
-    return content
-
-
-def _drawn(draw: Callable[[Path], Any], path: Path, told: list[str]) -> list[Path]:
-    """Draw a picture; if that fails, a warning says so and the other files are still written."""
-    try:
-        draw(path)
-    except (InputError, MissingDependencyError) as error:
-        told.append(f"{path.name} is not drawn: {error}")
-        return []
-    return [path]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import importlib
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +15,14 @@ import numpy as np
 
 from antiosc.app import info
 from antiosc.app.page import assets, live as of_page, verdict
-from antiosc.app.scene_file import result_tables as tables
-from antiosc.app.scene_file.largest import by_strengths
-from antiosc.app.scene_file.pages import rendered
-from antiosc.app.scene_file.report_pictures import Picture, pictures
+from antiosc.app.scene_file.pictures import drawn
+from antiosc.app.scene_file.results import advice_of, error_budget, shown, told
 from antiosc.app.scene_file.run import Results, on_first
+from antiosc.app.scene_file.scene import by_strengths
 from antiosc.base import checks, files
-from antiosc.base.engineering import engineering
-from antiosc.base.errors import AntioscError, InputError
-from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
+from antiosc.base.isolation import loading
 from antiosc.simulation.history import History, SceneHistory
-from antiosc.simulation.results import covers
-from antiosc.studies.advice import advise
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:
@@ -33,8 +30,6 @@ if TYPE_CHECKING:
 
 #: Headings of the picture that stands for the live one, in print and where nothing runs.
 STILLS = ("Deformed structure", "Map")
-#: What stands below a heading: names and values, a table of columns, a sentence, or nothing.
-Block = tables.Rows | dict[str, Any] | str
 
 
 def checked(path: str) -> Path:
@@ -81,7 +76,7 @@ def write_report(
         from antiosc.fem.structure.structure import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
-    found = Results(None, title=target.stem if title is None else checks.text("title", title))
+    found = Results(title=target.stem if title is None else checks.text("title", title))
     if isinstance(result, ImpactMap):
         found.map, found.structure = result, structure
     else:
@@ -100,20 +95,15 @@ def write(found: Results, path: Path) -> list[Path]:
 
     The page is made on every rank: fields and the dimensions of a structure are shared.
     """
-    live, headline = _live(found)
-    turned = live is not None and live.get("part") is not None
-    text = page(found, list(pictures(found, one_view=turned)), live, headline)
+    text = page(found)
     on_first(lambda: files.write_text(path, text, "the report"))
     return [path]
 
 
-def page(
-    found: Results,
-    drawn: Sequence[Picture],
-    live: dict[str, Any] | None = None,
-    headline: verdict.Headline | None = None,
-) -> str:
+def page(found: Results) -> str:
     """The page as a text."""
+    live, headline = _live(found)
+    one_view = live is not None and live.get("part") is not None
     program = f"antiosc {info.version()}"
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
@@ -125,17 +115,20 @@ def page(
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = path.read_text(encoding="utf-8")
     script = "" if live is None else assets.script()
-    stills = [each for each in drawn if each.heading.startswith(STILLS) and each.data]
+    model, *parts = told(found)
+    views = (each for one in (*parts, model) for each in one.pictures)
+    pictures = list(drawn(each for each in views if not (one_view and each.again)))
+    stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]
     return rendered(
         "report.html",
         title=found.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         warnings=found.warnings,
         headline=headline,
-        sections=_sections(found),
-        details=_details(found),
+        sections=[each for one in parts for each in one.sections.items()],
+        details=[(n, [advice_of(found), *blocks]) for n, blocks in model.sections.items()],
         still=stills[0] if stills else None,
-        pictures=[each for each in drawn if each not in stills[:1]],
+        pictures=[each for each in pictures if each not in stills[:1]],
         program=program,
         source=source,
         style=assets.style(),
@@ -153,104 +146,34 @@ def _live(found: Results) -> tuple[dict[str, Any] | None, verdict.Headline | Non
     hit = found.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
-    budget = tables.error_budget(hit)
+    budget = error_budget(hit)
     live = of_page.of_history(hit, found.structure, budget)
     worst = ((live or {}).get("part") or {}).get("worst")
     stresses = found.stresses or {}
     return live, verdict.of_history(hit, found.structure, budget, stresses, worst)
 
 
-def _sections(found: Results) -> list[tuple[str, list[Block]]]:
-    """Headings of results, each with what stands below it."""
-    hit, sections = found.history, []
-    if hit is not None:
-        sections.append(
-            ("Results", [*_results(hit), tables.probe_rows(found), tables.stress_rows(found)])
-        )
-    if found.fall is not None:
-        blocks: list[Block] = [tables.fall_columns(found.fall), tables.fall_rows(found)]
-        sections.append(("Fall", [*blocks, getattr(found.fall, "status", "")]))
-    if found.found is not None:
-        sections.append(("Blow", [found.found.rows(), found.found.message]))
-    if found.batch is not None:
-        sections.append(("Sweep", [tables.sweep_columns(found)]))
-    if found.sample is not None:
-        sections.append(("Random values", [tables.sample_columns(found.sample)]))
-    if found.map is not None:
-        sections.append(("Map", [tables.map_rows(found.map)]))
-    if hit is not None:
-        sections.append(("Errors", _errors(hit)))
-    return sections
-
-
-def _details(found: Results) -> list[tuple[str, list[Block]]]:
-    """What follows the pictures."""
-    known = found.structure is not None or found.model is not None
-    return [("Model", _model(found))] if known else []
-
-
-def _results(history: Any) -> list[Block]:
-    contacts = tables.contacts_of(history)
-    if contacts:
-        hits = list(contacts.values())
-        columns: dict[str, Any] = {
-            "contact": [f"{a} – {b}" for a, b in contacts],
-            "peak force (N)": [hit.peak_force for hit in hits],
-            "impulse (N s)": [hit.impulse for hit in hits],
-            "contact time (s)": [hit.contact_time for hit in hits],
-            "contacts": [len(hit.contacts) for hit in hits],
-        }
-        return [columns, history.message]
-    e = history.restitution
-    rows = [
-        *(
-            (name.replace("_", " "), engineering(getattr(history, name), unit, 4))
-            for name, unit in QUANTITIES.items()
-        ),
-        ("contacts", f"{len(history.contacts)}"),
-        ("coefficient of restitution", "not defined" if e is None else f"{e:.4f}"),
-    ]
-    return [rows, history.message]
-
-
-def _errors(history: Any) -> list[Block]:
-    rows = [(f"time integration: {name}", f"{value:.2g}") for name, value in history.error.items()]
-    rows.append(("these errors cover", covers(history)))
-    rows.append(("energy drift over the run", f"{history.energy.drift:.2g} of the energy"))
-    budget: Any = tables.error_budget(history)
-    if not budget:
-        return [rows]
-    columns: dict[str, Any] = {"Error budget": [name.replace("_", " ") for name in budget]}
-    columns["value"] = [engineering(bar.value, QUANTITIES[name], 4) for name, bar in budget.items()]
-    for cause in (*budget.causes, "total"):
-        columns[cause] = [f"{100 * getattr(bar, cause):.2g} %" for bar in budget.values()]
-    return [rows, columns, *budget.notes]
-
-
-def _model(found: Results) -> list[Block]:
-    model, blocks = found.model, list[Block]()
-    if found.structure is not None:
-        blocks.append([("structure", found.structure.describe()), *_advice(found)])
-    if model is not None:
-        blocks.append(tables.model_rows(model))
-    if model is not None and np.ndim(model.k0) == 0:
-        columns = {"anti-oscillator": range(1, model.n + 1)}
-        columns |= {"frequency (Hz)": model.omega / (2 * np.pi), "mass (kg)": model.m}
-        blocks.append(columns | {"stiffness (N/m)": model.k})
-    return blocks
-
-
-def _advice(found: Results) -> tables.Rows:
-    """What `advise` says of the family, where it can."""
-    if not hasattr(found.impactor, "hertz"):
-        return []
+def rendered(template: str, **content: object) -> str:
+    """The text of a template beside this file; in HTML all content is escaped: it is no markup."""
     try:
-        advice = advise(found.structure, found.impactor)
-    except AntioscError as error:
-        return [("element family", f"no advice: {error}")]
-    return [
-        ("sufficient element family", advice.family),
-        ("largest element", f"{1e3 * advice.element_size:.3g} mm"),
-        ("highest relevant frequency", engineering(advice.frequency, "Hz")),
-        ("reasons", "; ".join(advice.reasons)),
-    ]
+        with loading():
+            jinja2 = importlib.import_module("jinja2")
+    except ImportError:
+        raise MissingDependencyError(
+            "reports and new scenes need jinja2: apt install python3-jinja2, or pip install jinja2."
+        ) from None
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=lambda name: name is None or name.endswith(".html"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"shown": shown, "zipped": _zipped}
+    environment.tests["numeric"] = lambda cell: shown(cell).strip("-–+.0123456789eE% ") == ""
+    return str(environment.get_template(template).render(content))
+
+
+def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
+    return zip(*columns, strict=True)

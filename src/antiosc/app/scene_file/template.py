@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 
 from antiosc.app.scene_file.look import STEEL, Look, draw, look, look_at_deck
-from antiosc.app.scene_file.pages import rendered
+from antiosc.app.scene_file.report import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.impact_band import impact_band

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 import antiosc
-from antiosc.app.scene_file.build import Call, calls_in, in_keys
-from antiosc.app.scene_file.locations import Place
-from antiosc.app.scene_file.problems import label, unknown
+from antiosc.app.scene_file.build import Call, calls_in
+from antiosc.app.scene_file.document import Place, label, unknown
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -93,7 +92,7 @@ def check(found: Compiled) -> list[str]:
         try:
             known[part] = one = outline(call)
         except InputError as error:
-            problems.add(call.place, f"{_path(call).name} cannot be read: {in_keys(error, call)}")
+            problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
             continue
         except AntioscError as error:
             told.append(f"{_path(call).name} was not looked at: {error}")
