@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.app.scene_file import outline
 from antiosc.app.scene_file.build import Call
+from antiosc.app.scene_file.scene import Compiled
 from antiosc.base.errors import AntioscError, InputError
 
 # --- Groups ---------------------------------------------------------------------------------------
@@ -58,7 +57,7 @@ def test_meshes_and_decks_of_a_scene():
         (None, strikes[1], [("", "a.msh")]),
         (None, Call(ao.simulate, {}), []),
     ):
-        made = SimpleNamespace(structure=structure, history=run)
+        made = Compiled(document=None, structure=structure, history=run)
         calls = list(outline._meshes(made))
         assert [(part, outline._path(call).name) for part, call in calls] == expected
 

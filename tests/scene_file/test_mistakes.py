@@ -46,8 +46,8 @@ ONE = {
     "a text without end": ('dof = "z"', 'dof = "z', "TOML"),
     "a key twice": ("n = 6", "n = 6\nn = 7", "TOML"),
 }  # fmt: skip
-#: Those that are told with the line of their table: what the keys say together is wrong.
-OF_TABLE = {"a component that does not exist", "two ways to say one thing"}
+#: Told with the line of its table: what the keys say together is wrong.
+OF_TABLE = {"two ways to say one thing"}
 
 
 def sentences(path, capsys) -> list[tuple[int, str]]:

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from antiosc.app.scene_file.document import (
     Document,
     Place,
+    Table,
     label,
     listed,
     meant,
@@ -75,7 +76,7 @@ class Call:
     """
 
     make: Callable[..., Any]
-    arguments: Mapping[str, Any]
+    arguments: Table
     place: Place = ()
     made: Any = None
 
@@ -168,7 +169,7 @@ class Builder:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.data: Mapping[str, Any] = document.data
+        self.data: Table = document.data
         #: (place, sentence): notes a mistake
         self.note = document.problems.add
         #: warnings of the objects that were made
@@ -176,9 +177,7 @@ class Builder:
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
-    def known_sections(
-        self, data: Mapping[str, Any], known: Mapping[str, Section], place: Place = ()
-    ) -> None:
+    def known_sections(self, data: Table, known: Mapping[str, Section], place: Place = ()) -> None:
         """Note sections that do not exist and sections of the wrong form."""
         for name, value in data.items():
             at = (*place, name)
@@ -192,7 +191,7 @@ class Builder:
                 form = _FORMS[known[name].form][1].format(label(at))
                 self.note(at, f"{label(at)} must be {form}.")
 
-    def part(self, name: str, form: type = dict, data: Mapping[str, Any] | None = None) -> Any:
+    def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """A section, or an empty one where it is missing or of the wrong form."""
         value = (self.data if data is None else data).get(name)
         return value if isinstance(value, form) else form()
@@ -200,7 +199,7 @@ class Builder:
     def table(
         self,
         name: str,
-        data: Mapping[str, Any] | None = None,
+        data: Table | None = None,
         place: Place = (),
         always: bool = False,
         **options: Any,
@@ -211,15 +210,13 @@ class Builder:
             return None
         return self.call(SECTIONS[name], self.part(name, dict, data), (*place, name), **options)
 
-    def listed(
-        self, name: str, data: Mapping[str, Any] | None = None, place: Place = ()
-    ) -> list[Call]:
+    def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
         """The calls of a section [[x]]."""
         tables = enumerate(self.part(name, list, data))
         made = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in made if call is not None]
 
-    def named(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Call]:
+    def named(self, name: str, given: Table | None = None) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
         tables = self.part(name).items()
         made = {key: self.call(SECTIONS[name], table, (name, key), given) for key, table in tables}
@@ -232,7 +229,7 @@ class Builder:
         section: Section | Sequence[str],
         table: object,
         place: Place,
-        given: Mapping[str, Any] | None = None,
+        given: Table | None = None,
         methods: Methods | None = None,
     ) -> Call | None:
         """The call that a table describes, or None if it is wrong.
@@ -270,7 +267,7 @@ class Builder:
         return made if whole else None
 
     def _function(
-        self, makes: Sequence[str], table: Mapping[str, Any], place: Place, methods: Methods
+        self, makes: Sequence[str], table: Table, place: Place, methods: Methods
     ) -> tuple[str, Any]:
         """(the callable, the object whose method it is)."""
         kinds = [*makes, *methods]
@@ -285,7 +282,7 @@ class Builder:
         return methods.get(chosen, (chosen, None))
 
     def _values(
-        self, known: Mapping[str, Parameter], table: Mapping[str, Any], place: Place, function: str
+        self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, Any], bool]:
         """The sound values of a table, and whether all are sound and there."""
         found, whole = {}, True
@@ -321,7 +318,7 @@ class Builder:
         self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
 
     def _tried(
-        self, call: Call, known: Mapping[str, Parameter], table: Mapping[str, Any], whole: bool
+        self, call: Call, known: Mapping[str, Parameter], table: Table, whole: bool
     ) -> Call | None:
         """The call with its object; numbers that its constructor refuses are noted.
 

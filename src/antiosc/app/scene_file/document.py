@@ -7,7 +7,7 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,6 +17,9 @@ from antiosc.base.errors import InputError
 
 #: Names of tables and keys, and indices of arrays, from the top of the file to a value.
 Place: TypeAlias = tuple[str | int, ...]
+
+#: A table of a scene file; and arguments of a call, by name.
+Table: TypeAlias = Mapping[str, Any]
 
 #: Largest scene file, bytes; time histories of loads are the longest part of one.
 LARGEST_FILE = 4_000_000

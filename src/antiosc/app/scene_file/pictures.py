@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.charts.figures import legend_beside, new_figure, save_figure
+from antiosc.models.anti_oscillators import AntiOscillators
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Most curves of one chart.
 CURVES = 12
@@ -34,7 +38,7 @@ class Picture:
 
     heading: str
     caption: str
-    draw: Callable[[Path], Any]
+    draw: Callable[[Path], object]
     ending: str = ".png"
     again: bool = False
 
@@ -66,7 +70,7 @@ def drawn(pictures: Iterable[Picture]) -> Iterator[Drawn]:
         yield Drawn(one.heading, caption, before)
 
 
-def chart(heading: str, caption: str, fill: Callable[[Any], Any]) -> Picture:
+def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
     """A chart that a function draws into new axes."""
 
     def draw(path: Path) -> None:
@@ -77,7 +81,7 @@ def chart(heading: str, caption: str, fill: Callable[[Any], Any]) -> Picture:
     return Picture(heading, caption, draw, ".svg")
 
 
-def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Any) -> None:
+def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
     """Curves over time: (name, times in s, values)."""
     for name, time, values in islice(given, CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=plain(name))
@@ -86,7 +90,7 @@ def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Any) -> None:
     legend_beside(ax)
 
 
-def spectrum(model: Any, ax: Any) -> None:
+def spectrum(model: AntiOscillators, ax: Axes) -> None:
     """Frequency and mass of each anti-oscillator."""
     several = np.ndim(model.k0) > 0
     height = model.mass_shares if several else model.m

@@ -9,12 +9,13 @@ import os
 import platform
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.app import info
 from antiosc.app.page import assets, live as of_page, verdict
+from antiosc.app.page.assets import Data
 from antiosc.app.scene_file.pictures import drawn
 from antiosc.app.scene_file.results import advice_of, error_budget, shown, told
 from antiosc.app.scene_file.run import Results, on_first
@@ -139,7 +140,7 @@ def page(found: Results) -> str:
     )
 
 
-def _live(found: Results) -> tuple[dict[str, Any] | None, verdict.Headline | None]:
+def _live(found: Results) -> tuple[Data | None, verdict.Headline | None]:
     """What the page strikes anew, and its first screen; None for scenes, sweeps and falls."""
     if found.map is not None:
         return of_page.of_map(found.map, found.structure), verdict.of_map(found.map)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -26,11 +26,16 @@ from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
 from antiosc.plotting.parts import plot_deformed, plot_map
 from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.simulation.history import SceneHistory
+from antiosc.simulation.history import History, SceneHistory
 from antiosc.simulation.named_impactors import GRAVITY
 from antiosc.simulation.results import covers
 from antiosc.studies.advice import advise
 from antiosc.studies.map_results import hardest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from antiosc.results.peaks import PeakField
 
 #: Names and values; a table by the names of its columns.
 Rows: TypeAlias = list[tuple[str, str]]
@@ -72,7 +77,7 @@ def lines(rows: Rows) -> str:
     return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
 
 
-def columns(table: Mapping[str, Any]) -> str:
+def columns(table: Columns) -> str:
     """A table with a line of names; of long ones the first rows; units with prefixes."""
     own = dict(_column(name, list(values)) for name, values in table.items())
     rows = list(zip(*own.values(), strict=True))
@@ -106,7 +111,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _largest(peak: Any) -> str:
+def _largest(peak: PeakField) -> str:
     value, point, time = peak.largest(1)[0]
     where = f"at {placed(point)}, {engineering(time, 's')}"
     return f"largest {engineering(value, peak.unit, 4)} {where}"
@@ -265,7 +270,7 @@ def _impact(found: Results) -> Told:
     )
 
 
-def _facts(hit: Any) -> Block:
+def _facts(hit: History) -> Block:
     if contacts := _contacts(hit):
         hits = contacts.values()
         table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
@@ -277,7 +282,7 @@ def _facts(hit: Any) -> Block:
     return [*numbers, ("contacts", f"{len(hit.contacts)}"), ("coefficient of restitution", e)]
 
 
-def _errors(hit: Any) -> list[Block]:
+def _errors(hit: History) -> list[Block]:
     budget = error_budget(hit)
     rows = [(f"time integration: {name}", f"{value:.2g}") for name, value in hit.error.items()]
     rows.append(("these errors cover", covers(hit)))
@@ -303,7 +308,7 @@ def _probe_rows(probes: Sequence[Probe]) -> Rows:
     return rows
 
 
-def _stress_rows(peaks: Mapping[str, Any]) -> Rows:
+def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
     """The verdicts on the largest stresses, or the values where no strength is known."""
     rows = []
     for name, peak in peaks.items():
@@ -317,9 +322,9 @@ def _stress_rows(peaks: Mapping[str, Any]) -> Rows:
     return rows
 
 
-def _stress_numbers(peaks: Mapping[str, Any]) -> dict[str, Any]:
+def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
     """Quantity -> its largest value with place and time, and the margin."""
-    content: dict[str, Any] = {}
+    content: Columns = {}
     for name, peak in peaks.items():
         value, point, time = peak.largest(1)[0]
         content[name] = {"value": value, "unit": peak.unit, "point": point, "time": time}
@@ -364,14 +369,14 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
     return shown
 
 
-def _struck(model: Any) -> dict[str, Any]:
+def _struck(model: Any) -> Columns:
     """Point and direction of the one site, for the arrow of the impact, if known in space."""
     points, direction = list(places_of(model).values()), info_of(model).direction
     known = len(points) == 1 and len(points[0]) == 3 and direction is not None
     return {"point": points[0], "direction": direction} if known else {}
 
 
-def _contacts(history: Any) -> dict[tuple[str, str], Any]:
+def _contacts(history: History) -> dict[tuple[str, str], Any]:
     """The contacts of a scene of several, by their ends; none of a single impact."""
     if not isinstance(history, SceneHistory):
         return {}
@@ -414,7 +419,7 @@ class Probe:
         ]
         return dict(zip(heads, self.values.T, strict=True))
 
-    def peak(self) -> dict[str, Any]:
+    def peak(self) -> Columns:
         """The largest value: of a vector its magnitude; else of one component.
 
         Keys: quantity, component ("magnitude", "" of a scalar), value, unit, time, of an
@@ -450,7 +455,7 @@ def _fall(found: Results) -> Told:
         for name, peak in peaks.items()
     ]
     rows = told if worst is None else [*told, (_words(worst.quantity), _largest(worst))]
-    numbers: dict[str, Any] = {"fall": table | {"status": status}}
+    numbers: Columns = {"fall": table | {"status": status}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
     if single:
@@ -492,7 +497,7 @@ def _sweep(found: Results) -> Told:
     table = lists | {f"{_words(n)} ({u})": getattr(batch, n) for n, u in QUANTITIES.items()}
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
-    def draw(ax: Any) -> None:
+    def draw(ax: Axes) -> None:
         name, values = next(iter(lists.items()))
         numbers = all(isinstance(v, int | float) for v in values)
         ax.plot(values if numbers else range(len(values)), batch.peak_force, "o-", ms=4, lw=1)

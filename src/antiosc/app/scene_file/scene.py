@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Methods, Mistake
-from antiosc.app.scene_file.document import Document, Place, label
+from antiosc.app.scene_file.document import Document, Place, Table, label
 from antiosc.app.scene_file.schema import (
     KIND,
     LAWS,
@@ -120,7 +120,8 @@ RULES = (
     ("scene loads base motion", "without", _MANY,
      "[{0}] belongs to a scene of several contacts: give [[contacts]]."),
     ("simulate extract", "beside", "strike", f"[strike] chooses what [{{0}}] says; {_KEEP}."),
-    ("strike", "without", f"{_MESHED} matrices", "[strike] needs a structure and one site."),
+    ("strike", "without", f"{_MESHED} matrices",
+     "[strike] needs a structure and one site, [sites.NAME]."),
     ("accelerometers worst", "without", "drop",
      "[{0}] belongs to a fall; this scene has no [drop]."),
     (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "beside", "drop",
@@ -234,7 +235,7 @@ def refined(build: Builder) -> bool:
     return mesh and not {"attached", "structure"} & set(build.data)
 
 
-def _part(build: Builder, data: Mapping[str, Any], place: Place) -> Call | None:
+def _part(build: Builder, data: Table, place: Place) -> Call | None:
     """The structure of a deck, or of a mesh, in a scene or in a part of it."""
     supported = _supported(build, data, place)
     if "deck" in data:
@@ -246,7 +247,7 @@ def _part(build: Builder, data: Mapping[str, Any], place: Place) -> Call | None:
     return build.call(SECTIONS["structure"], options, (*place, at), given)
 
 
-def _supported(build: Builder, data: Mapping[str, Any], place: Place) -> dict[str, Any]:
+def _supported(build: Builder, data: Table, place: Place) -> dict[str, Any]:
     """The arguments `supports` and `attached`, where there are any."""
     fixed = ("all", "x", "y", "z", "rx", "ry", "rz")
     for i, table in enumerate(build.part("supports", list, data)):
@@ -258,7 +259,7 @@ def _supported(build: Builder, data: Mapping[str, Any], place: Place) -> dict[st
     return {name: value for name, value in given.items() if value}
 
 
-def _material(build: Builder, data: Mapping[str, Any], place: Place) -> Any:
+def _material(build: Builder, data: Table, place: Place) -> Any:
     """One material, or a table of them by groups of cells."""
     table, at = data.get("material"), (*place, "material")
     section = SECTIONS["material"]

@@ -12,10 +12,11 @@ import dataclasses
 import functools
 import inspect
 import os
+import pkgutil
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -269,38 +270,17 @@ def descriptions(call: object) -> dict[str, str]:
     return found
 
 
-def _choice(options: Callable[[], Collection[str]]) -> Check:
-    return lambda name, value: checks.choice(name, value, tuple(options()))
+def _named(name: str) -> Any:
+    """What `antiosc` has by this name, imported when it is needed: it may need dolfinx."""
+    return pkgutil.resolve_name(f"antiosc.{name}")
 
 
-def _methods() -> Collection[str]:
-    from antiosc.simulation.comparison import METHODS
-
-    return METHODS
+def _among(name: str) -> Check:
+    return lambda key, value: checks.choice(key, value, tuple(_named(name)))
 
 
-def _probed() -> Collection[str]:
-    from antiosc.results.probe import PROBED_QUANTITIES
-
-    return PROBED_QUANTITIES
-
-
-def _filters() -> Collection[str]:
-    from antiosc.studies.drops.filters import CLASSES
-
-    return CLASSES
-
-
-def _unit(_: str, value: Any) -> object:
-    from antiosc.io.unit_system import UnitSystem
-
-    return UnitSystem.of(value)
-
-
-def _until(_: str, value: Any) -> object:
-    from antiosc.studies.drops.drop import end_of
-
-    return end_of(value)
+def _by(name: str) -> Check:
+    return lambda _, value: _named(name)(value)
 
 
 def _of(unit: str) -> Check:
@@ -317,20 +297,22 @@ CHECKS: dict[str, Check] = {
     "band": _of("rad/s"),
     "damping": lambda _, value: as_damping(value),
     "density": _of("kg/m³"),
-    "filter": _choice(_filters),
+    "filter": _among("studies.drops.filters:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
-    "method": _choice(_methods),
+    "method": _among("simulation.comparison:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
-    "quantity": _choice(_probed),
+    "quantity": _among("results.probe:PROBED_QUANTITIES"),
     "times": checks.filled,
     "tol": lambda name, value: checks.tolerance(value, name),
-    "unit": _unit,
+    "unit": _by("io.unit_system:UnitSystem.of"),
     "from_frf.band": functools.partial(checks.array, shape=(2,)),
-    "from_frf.damping": _choice(lambda: ("viscous", "hysteretic")),
-    "read_frf.quantity": _choice(lambda: ("receptance", "mobility", "accelerance")),
+    "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
+    "read_frf.quantity": functools.partial(
+        checks.choice, options=("receptance", "mobility", "accelerance")
+    ),
     "read_frf.unit": checks.positive,
-    "until": _until,
+    "until": _by("studies.drops.drop:end_of"),
 }
 
 # -- sections

@@ -10,7 +10,7 @@ from typing import Any
 
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Evaluation
-from antiosc.app.scene_file.document import Place, Problems, SceneFileError, label, listed
+from antiosc.app.scene_file.document import Place, Problems, SceneFileError, Table, label, listed
 from antiosc.app.scene_file.scene import Compiled, Objects, model, pair, source, structure
 from antiosc.app.scene_file.schema import (
     DATA,
@@ -34,7 +34,7 @@ _GIVEN = ("models", "impactors", "contacts")
 # -- a scene with other values in it
 
 
-def leaves(table: Mapping[str, Any], place: Place = ()) -> Iterator[tuple[Place, Any]]:
+def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
     """(place, value) of the values in tables within tables, of which one with a kind is a value."""
     for key, value in table.items():
         if isinstance(value, dict) and KIND not in value:
@@ -111,6 +111,7 @@ def sweep(build: Builder, found: Compiled) -> Call | None:
     if "sweep" in build.data and not lists:
         told = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         build.note(("sweep",), told)
+    whole: list[list[object]] = []
     for place, values in lists.items():
         most = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
         at = ("sweep", *place)
@@ -123,7 +124,8 @@ def sweep(build: Builder, found: Compiled) -> Call | None:
             told = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
             build.note(at, f"{told}; got {place[1]!r}.")
         else:
-            continue
+            whole.append(values)
+    if len(whole) < len(lists):
         return None
     sizes = {label(place): len(values) for place, values in lists.items()}
     if len(set(sizes.values())) > 1:
@@ -227,7 +229,7 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
     return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), given)
 
 
-def _inputs(build: Builder, drawn: Mapping[str, Any]) -> dict[Place, Call | None]:
+def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
     """The distribution of each value, by its place in the scene."""
     found: dict[Place, Call | None] = {}
     for place, value in leaves(drawn):
