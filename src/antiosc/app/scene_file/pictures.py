@@ -14,8 +14,8 @@ import numpy as np
 
 from antiosc.base import progress
 from antiosc.base._types import Array
+from antiosc.base.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.base.errors import AntioscError
-from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.models.anti_oscillators import AntiOscillators
 
 if TYPE_CHECKING:

@@ -18,13 +18,13 @@ from antiosc.app.scene_file.pictures import Picture, chart, curves, plain, spect
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.studies import varied
 from antiosc.base._types import Array
+from antiosc.base.charts.histories import plot_force, plot_motion
+from antiosc.base.charts.models import plot_model
 from antiosc.base.engineering import engineering, place as placed, prefixed, span
 from antiosc.base.errors import AntioscError
-from antiosc.charts.histories import plot_force, plot_motion
-from antiosc.charts.models import plot_model
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
-from antiosc.plotting.parts import plot_deformed, plot_map
+from antiosc.results.pictures import plot_deformed, plot_map
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.history import History, SceneHistory
 from antiosc.simulation.named_impactors import GRAVITY
