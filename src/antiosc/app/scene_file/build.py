@@ -295,14 +295,13 @@ class Builder:
                 found[key] = self.value(known[key], value, (*place, key))
             except Mistake:
                 whole = False
-        named = {nearest(key, known) for key in table if key not in known}
-        for one in known.values():
-            if one.needed and one.name not in table:
-                whole = False
-                if one.name not in named:  # a key that does not exist means it
-                    what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
-                    self.note(place, f"{label(place)} lacks {what}.")
-        return found, whole
+        missing = [one for one in known.values() if one.needed and one.name not in table]
+        named = {nearest(key, known) for key in table if missing and key not in known}
+        for one in missing:
+            if one.name not in named:  # a key that does not exist means it
+                what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
+                self.note(place, f"{label(place)} lacks {what}.")
+        return found, whole and not missing
 
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str

@@ -6,6 +6,7 @@ geometry | deck | matrices | parts → structure → sites → model → impacto
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -376,21 +377,25 @@ def own_laws(variable: str, table: Any, body: Call | None) -> Methods:
     Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
     """
     made = None if body is None else body.made
-    kind = table.get(KIND) if isinstance(table, dict) else None
-    classes = [each for each in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(each)]
-    classes = [each for each in classes if each.__name__ == kind] or classes
+    classes: list[type] = [type(made)]
+    if made is None:
+        kind = table.get(KIND) if isinstance(table, dict) else None
+        classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
+        classes = [each for each in classes if each.__name__ == kind] or classes
     return {
         f"{variable}.{name}": (f"{each.__name__}.{name}", made)
-        for each in (classes if made is None else [type(made)])
-        for name, method in inspect.getmembers(each, inspect.isfunction)
-        if not name.startswith("_") and _makes_law(method)
+        for each in classes
+        for name in _laws_of(each)
     }
 
 
-def _makes_law(method: object) -> bool:
-    """Whether a method of a body returns a contact law."""
-    made = getattr(method, "__annotations__", {}).get("return")
-    return made in LAWS.split() or (inspect.isclass(made) and issubclass(made, ContactLaw))
+@functools.cache
+def _laws_of(body: type) -> list[str]:
+    """The methods of a class that return a contact law."""
+    methods = inspect.getmembers(body, inspect.isfunction)
+    made = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
+    known = (*LAWS.split(), ContactLaw.__name__)
+    return [name for name, law in made.items() if law in known]
 
 
 #: The name of the structure among the bodies of a scene.
