@@ -13,13 +13,13 @@ import pytest
 pytest.importorskip("matplotlib")
 
 import antiosc as ao
-from antiosc.app.scene_file import output, pictures, results as told
+from antiosc.app.new.template import write
+from antiosc.app.report import output, pictures, results as told
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.document import Problems, SceneFileError
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
-from antiosc.app.scene_file.template import write
 from antiosc.base.errors import InputError
 from antiosc.models.model_info import ModelInfo
 

@@ -131,7 +131,7 @@ def _results(command: argparse.ArgumentParser) -> None:
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:
-    from antiosc.app.scene_file.commands import guarded
+    from antiosc.app.commands import guarded
 
     return guarded(options)
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from antiosc.app.report.pictures import Picture, chart, curves, plain, spectrum
 from antiosc.app.scene_file.document import label
-from antiosc.app.scene_file.pictures import Picture, chart, curves, plain, spectrum
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.studies import varied
 from antiosc.base._types import Array

@@ -14,7 +14,7 @@ import numpy as np
 
 import antiosc
 from antiosc.app import info
-from antiosc.app.scene_file.results import told
+from antiosc.app.report.results import told
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.app.scene_file.schema import Output
 from antiosc.base import checks, files

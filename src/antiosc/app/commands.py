@@ -9,7 +9,9 @@ from argparse import Namespace
 from pathlib import Path
 
 import antiosc
-from antiosc.app.scene_file import outline, output, report, results, run, template
+from antiosc.app.new import template
+from antiosc.app.report import output, report, results
+from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
@@ -114,7 +116,7 @@ def _study(options: Namespace) -> int:
     if getattr(scene, wanted) is None:
         raise InputError(f"{options.file} has {lacking}.")
     if options.dry_run:
-        from antiosc.app.scene_file.forecast import text
+        from antiosc.app.report.forecast import text
 
         say(text(scene))
         return 0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
+from antiosc.app.report.results import lines
 from antiosc.app.scene_file.document import Table
 from antiosc.app.scene_file.outline import outlines
-from antiosc.app.scene_file.results import lines
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.studies import varied

@@ -16,8 +16,8 @@ import numpy as np
 from antiosc.app import info
 from antiosc.app.page import assets, live as of_page, verdict
 from antiosc.app.page.assets import Data
-from antiosc.app.scene_file.pictures import drawn
-from antiosc.app.scene_file.results import advice_of, error_budget, shown, told
+from antiosc.app.report.pictures import drawn
+from antiosc.app.report.results import advice_of, error_budget, shown, told
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.app.scene_file.scene import by_strengths
 from antiosc.base import checks, files
@@ -121,7 +121,7 @@ def page(found: Results) -> str:
     pictures = list(drawn(each for each in views if not (one_view and each.again)))
     stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]
     return rendered(
-        "report.html",
+        Path(__file__).with_name("report.html"),
         title=found.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         warnings=found.warnings,
@@ -154,8 +154,8 @@ def _live(found: Results) -> tuple[Data | None, verdict.Headline | None]:
     return live, verdict.of_history(hit, found.structure, budget, stresses, worst)
 
 
-def rendered(template: str, **content: object) -> str:
-    """The text of a template beside this file; in HTML all content is escaped: it is no markup."""
+def rendered(template: Path, **content: object) -> str:
+    """The text of a template; in HTML all content is escaped: it is no markup."""
     try:
         with loading():
             jinja2 = importlib.import_module("jinja2")
@@ -164,7 +164,7 @@ def rendered(template: str, **content: object) -> str:
             "reports and new scenes need jinja2: apt install python3-jinja2, or pip install jinja2."
         ) from None
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        loader=jinja2.FileSystemLoader(template.parent),
         autoescape=lambda name: name is None or name.endswith(".html"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -173,7 +173,7 @@ def rendered(template: str, **content: object) -> str:
     )
     environment.filters |= {"shown": shown, "zipped": _zipped}
     environment.tests["numeric"] = lambda cell: shown(cell).strip("-–+.0123456789eE% ") == ""
-    return str(environment.get_template(template).render(content))
+    return str(environment.get_template(template.name).render(content))
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
