@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.app import cli
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import compiled
 from paths import DEMOS, MESHES
@@ -116,6 +116,64 @@ stiffness = 1e9
 [strike]
 duration = 3e-4
 tol = 0.5
+"""
+#: A box that falls, what it is asked for; a plate with sensors that tell a blow.
+FALL = """\
+[geometry]
+source = "box.geo"
+size = 0.06
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700
+[drop]
+height = 0.2
+tilt = [10, 5, 0]
+until = 1
+modes = 3
+corner_radius = 1e-3
+floor = {friction = 0.3, material = {E = 30e9, nu = 0.2, rho = 2400}}
+"""
+ASKED = """\
+[accelerometers.middle]
+at = [0.06, 0.03, 0.03]
+filter = "CFC1000"
+[worst]
+"""
+BLOW = """\
+[geometry]
+source = "plate.geo"
+size = 0.15
+gdim = 3
+[material]
+kind = "Shell"
+E = 210e9
+nu = 0.3
+rho = 7850.0
+thickness = 4e-3
+[[supports]]
+where = "rim"
+[sensors.left]
+point = [0.07, 0.06, 0.0]
+direction = [0, 0, 1]
+[sensors.right]
+point = [0.33, 0.08, 0.0]
+direction = [0, 0, 1]
+quantity = "velocity"
+[impactor]
+kind = "RigidMass"
+mass = 0.3
+velocity = 2.0
+[contact]
+kind = "Hertz"
+stiffness = 4e7
+[find]
+signals = "signals.csv"
+where = [[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]
+direction = [0, 0, -1]
+unknown = ["place"]
+modes = 5
 """
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file import result_tables
+from antiosc.app.report import results as result_tables
 from antiosc.base.engineering import place, prefixed, span
 
 HIT = ao.simulate(

@@ -4,7 +4,7 @@
 from antiosc.app.exports.export import (
     export as export,
 )
-from antiosc.app.scene_file.report import (
+from antiosc.app.report.report import (
     write_report as write_report,
 )
 from antiosc.base.errors import (

@@ -10,49 +10,13 @@ import pytest
 
 import antiosc as ao
 from antiosc.app import cli
-from antiosc.app.scene_file.problems import SceneFileError
-from antiosc.app.scene_file.read import read
-from antiosc.app.scene_file.scene import compiled
+from scene_files import BLOW
 
 pytestmark = pytest.mark.fem
 
 PLATE = """\
 SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.4, 0.3};
 Physical Surface("skin") = {1}; Physical Curve("rim") = {1, 2, 3, 4};
-"""
-SCENE = """\
-[geometry]
-source = "plate.geo"
-size = 0.15
-gdim = 3
-[material]
-kind = "Shell"
-E = 210e9
-nu = 0.3
-rho = 7850.0
-thickness = 4e-3
-[[supports]]
-where = "rim"
-[sensors.left]
-point = [0.07, 0.06, 0.0]
-direction = [0, 0, 1]
-[sensors.right]
-point = [0.33, 0.08, 0.0]
-direction = [0, 0, 1]
-quantity = "velocity"
-[impactor]
-kind = "RigidMass"
-mass = 0.3
-velocity = 2.0
-[contact]
-kind = "Hertz"
-stiffness = 4e7
-[find]
-signals = "signals.csv"
-where = [[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]
-direction = [0, 0, -1]
-unknown = ["place"]
-modes = 5
 """
 
 
@@ -68,7 +32,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 def test_the_blow_is_that_of_find_impact(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "find.toml").write_text(SCENE)
+    (folder / "find.toml").write_text(BLOW)
     assert cli.main(["check", "find.toml"]) == 0
     shell = ao.Shell(210e9, 0.3, 7850.0, 4e-3)
     mesh = ao.read_mesh("plate.geo", size=0.15, gdim=3)
@@ -94,32 +58,8 @@ def test_the_blow_is_that_of_find_impact(folder: Path, capsys: pytest.CaptureFix
     assert "<img" in (folder / "page.html").read_text()
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "word"),
-    [
-        (SCENE + "[simulate]\nduration = 1.0\n", 33, "simulate"),
-        (SCENE + "[drop]\nheight = 1.0\n", 33, "drop"),
-        (SCENE.replace("[find]", "[sites.a]"), 13, "sensors"),
-        (SCENE[: SCENE.index("[sensors")] + SCENE[SCENE.index("[find]") :], 13, "sensors"),
-        (SCENE.replace("signals.csv", "signal.csv"), 28, "signals.csv"),
-        (SCENE.replace('"velocity"', '"force"'), 19, "acceleration"),
-        (SCENE.replace("modes", "mode"), 32, "modes"),
-        (SCENE.replace('"RigidMass"', '"Brick"'), 21, "RigidMass"),
-        ('[model]\npath = "plate.geo"\n' + SCENE[SCENE.index("[sensors") :], 17, "structure"),
-    ],
-)
-def test_mistakes(folder: Path, text: str, line: int, word: str) -> None:
-    (folder / "wrong.toml").write_text(text)
-    with pytest.raises(SceneFileError) as caught:
-        compiled(read("wrong.toml"))
-    assert any(
-        one.startswith(f"wrong.toml:{line}:") and word in one
-        for one in str(caught.value).split("\n")
-    ), caught.value
-
-
 def test_groups_and_sensors_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    wrong = SCENE.replace("[[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]", '["skin", "top"]')
+    wrong = BLOW.replace("[[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]", '["skin", "top"]')
     (folder / "wrong.toml").write_text(wrong.replace("0.33", "33"))
     assert cli.main(["check", "wrong.toml"]) == 1
     told = capsys.readouterr().err

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.app.scene_file import group_names
+from antiosc.app.scene_file import outline
 from antiosc.app.scene_file.build import Call
+from antiosc.app.scene_file.scene import Compiled
 from antiosc.base.errors import AntioscError, InputError
 
 # --- Groups ---------------------------------------------------------------------------------------
@@ -29,7 +28,7 @@ DATA = {
 
 
 def named(data, part):
-    return {place: name for place, name in group_names._named(data, part) if isinstance(name, str)}
+    return {place: name for place, name in outline._named(data, part) if isinstance(name, str)}
 
 
 def test_places_that_name_groups():
@@ -58,9 +57,9 @@ def test_meshes_and_decks_of_a_scene():
         (None, strikes[1], [("", "a.msh")]),
         (None, Call(ao.simulate, {}), []),
     ):
-        made = SimpleNamespace(structure=structure, history=run)
-        calls = list(group_names._meshes(made))
-        assert [(part, group_names._path(call).name) for part, call in calls] == expected
+        made = Compiled(document=None, structure=structure, history=run)
+        calls = list(outline._meshes(made))
+        assert [(part, outline._path(call).name) for part, call in calls] == expected
 
 
 def test_the_outline_of_a_file(tmp_path, monkeypatch):
@@ -69,14 +68,14 @@ def test_the_outline_of_a_file(tmp_path, monkeypatch):
     path.write_bytes(b"x" * 11)
     call = Call(ao.read_mesh, {"source": str(path)})
     pieces = [(np.array([[0.0, 1.0], [3.0, -1.0]]), 0.5), (np.array([[4.0, 0.0]]), 0.7)]
-    monkeypatch.setattr(group_names, "_read", lambda call, path: (["A", "B"], pieces))
-    monkeypatch.setattr(group_names, "LARGEST", 11)
-    found = group_names.outline(call)
+    monkeypatch.setattr(outline, "_read", lambda call, path: (["A", "B"], pieces))
+    monkeypatch.setattr(outline, "LARGEST", 11)
+    found = outline.outline(call)
     assert (found.name, found.groups, found.element) == ("a.msh", ["A", "B"], 0.7)
     assert (found.low.tolist(), found.high.tolist()) == ([0, -1, 0], [4, 1, 0])
     assert found.distance(np.array([4.0, 1.6, 0.0])) == 0.0
     assert found.distance(np.array([7.0, 5.0, 0.0])) == pytest.approx(5.0)
-    monkeypatch.setattr(group_names, "LARGEST", 10)
+    monkeypatch.setattr(outline, "LARGEST", 10)
     with pytest.raises(AntioscError, match="larger") as refused:
-        group_names.outline(call)
+        outline.outline(call)
     assert not isinstance(refused.value, InputError)  # no mistake of the scene

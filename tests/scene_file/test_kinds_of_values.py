@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.app.scene_file.kinds import kinds_of, words
-from antiosc.app.scene_file.sections import FAMILIES, IMPACTORS, JOINTS, LAWS
+from antiosc.app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of, words
 
 TEXT = 'a text in "quotes"'
 ANNOTATIONS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from antiosc.app.scene_file.locations import lines_of
+from antiosc.app.scene_file.document import lines_of
 
 TEXT = '''\
 # a comment with [brackets] and = signs

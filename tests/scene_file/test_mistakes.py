@@ -7,10 +7,8 @@ from pathlib import Path
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.evaluation import Evaluation
-from antiosc.app.scene_file.problems import Problems
-from antiosc.app.scene_file.read import DEEPEST, LARGEST_FILE, Document
+from antiosc.app.scene_file.build import Call, Evaluation
+from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems
 from scene_files import BEAM, BRACKET, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and a word of the one sentence.
@@ -48,8 +46,8 @@ ONE = {
     "a text without end": ('dof = "z"', 'dof = "z', "TOML"),
     "a key twice": ("n = 6", "n = 6\nn = 7", "TOML"),
 }  # fmt: skip
-#: Those that are told with the line of their table: what the keys say together is wrong.
-OF_TABLE = {"a component that does not exist", "two ways to say one thing"}
+#: Told with the line of its table: what the keys say together is wrong.
+OF_TABLE = {"two ways to say one thing"}
 
 
 def sentences(path, capsys) -> list[tuple[int, str]]:

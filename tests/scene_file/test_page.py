@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file.sections import SECTIONS
+from antiosc.app.scene_file.schema import SECTIONS
 from paths import MESHES, ROOT
 from scene_files import SCENES, antiosc, numbers, written
 

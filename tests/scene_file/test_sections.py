@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.app.scene_file.problems import SceneFileError
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import SceneFileError, read
 from antiosc.app.scene_file.scene import Compiled, compiled
-from scene_files import BODIES, DECK, HIT, MATERIAL, MATRICES, MESH, MODEL, SITE
+from scene_files import (
+    ASKED,
+    BLOW,
+    BODIES,
+    DECK,
+    FALL,
+    HIT,
+    MATERIAL,
+    MATRICES,
+    MESH,
+    MODEL,
+    SITE,
+)
 
 pytest.importorskip("dolfinx")
 
@@ -18,7 +29,7 @@ MAT = MATERIAL.format("material")
 def scene(tmp_path, monkeypatch):
     """A scene file in the working folder, beside files that are not opened."""
     monkeypatch.chdir(tmp_path)
-    for name in ("part.msh", "part.inp", "model.npz"):
+    for name in ("part.msh", "part.inp", "model.npz", "box.geo", "plate.geo", "signals.csv"):
         (tmp_path / name).write_text("not read")
 
     def of(text: str) -> Compiled:
@@ -87,11 +98,11 @@ WRONG = {
     "sweep kind": (
         MODEL + HIT.replace('"Hertz"\nstiffness = 5e8', '"impactor.hertz"') + '[sweep]\n'
         'contact.stiffness = [1e8]\nsimulate.n = [1]\n',
-        [(7, "number"), (7, "number"), (12, "itself"), (13, "sweep.simulate")]),
+        [(7, "number"), (7, "number"), (13, "duration")]),
     "sweep section": (
         MODEL + HIT + '[sweep]\nextract.n = [1]\nmodel = 3\n'
         'simulate.method = ["exact"]\nimpactor.mass = []\n',
-        [(13, "extract"), (14, "lists"), (15, "sweep.simulate"), (16, "sweep.impactor.mass")]),
+        [(13, "extract"), (14, "lists"), (15, "simulate"), (16, "sweep.impactor.mass")]),
     "empty sweep": (MODEL + HIT + '[sweep]\n', [(12, "holds")]),
     "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "Anti-oscillators")]),
     "parts": (
@@ -108,6 +119,23 @@ WRONG = {
         MESH + MAT + SITE + '[[supports]]\nwhere = "x"\nfix = ["x", "w"]\n'
         '[[supports]]\nwhere = "y"\nfix = "q"\n',
         [(13, "supports[0].fix"), (16, "supports[1].fix")]),
+    "fall": (FALL + "[[supports]]\nwhere = 'x'\n" + HIT, [
+        (1, "site"), (16, "free"), (18, "impactor"), (22, "contact"), (25, "simulate")]),
+    "falls": (FALL + "ensemble = {sigma = 2.0}\n" + ASKED, [(17, "ensemble"), (20, "ensemble")]),
+    "fall's end": (FALL.replace("until = 1", 'until = "now"'), [(12, "rest")]),
+    "filter": (FALL + ASKED.replace("CFC1000", "CFC100"), [(18, "CFC180")]),
+    "no fall": (FALL[:FALL.index("[drop]")] + ASKED, [(9, "drop"), (12, "drop")]),
+    "fall of a model": (MODEL + "[drop]\nheight = 1.0\n", [(3, "structure")]),
+    "blow and sweep": (BLOW + "[sweep]\n", [
+        (1, "site"), (33, "blow"), (33, "list"), (33, "simulate")]),
+    "sensors alone": (BLOW[:BLOW.index("[find]")], [(13, "find")]),
+    "no sensors": (BLOW.replace("[sensors.", "[sites."), [
+        (13, "blow"), (19, "quantity"), (27, "sensors")]),
+    "sensor": (BLOW.replace('"velocity"', '"force"'), [(19, "acceleration")]),
+    "blow on a model": (MODEL + BLOW[BLOW.index("[sensors"):], [(17, "structure")]),
+    "frf": (
+        '[frf]\npath = "none.csv"\n[from_frf]\nband = [5.0]\ndamping = "rubber"\n' + SITE + HIT,
+        [(2, "exist"), (4, "shape"), (5, "viscous"), (6, "structure")]),
     "wrong forms": (
         'title = 3\ngeometry = 1\nsupports = 2\n[[sites]]\npoint = 1\n',
         [(1, "constants"), (1, "quotes"), (2, "geometry"), (3, "tables"), (4, "names")]),

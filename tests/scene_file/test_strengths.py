@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
 from scene_files import BRACKET, HIT, antiosc, numbers
 

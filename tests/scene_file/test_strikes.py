@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from antiosc.app.scene_file.read import read
+from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
 from paths import MESHES
 from scene_files import STRIKE, antiosc, numbers, objects, table, written

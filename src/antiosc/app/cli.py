@@ -78,7 +78,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def _tell(error: AntioscError) -> None:
     """An error on the first rank; the sentences of a scene file begin with its name."""
-    from antiosc.app.scene_file.problems import SceneFileError
+    from antiosc.app.scene_file.document import SceneFileError
 
     head = "" if isinstance(error, SceneFileError) else "antiosc: "
     say(f"{head}{error}", sys.stderr)
@@ -131,7 +131,7 @@ def _results(command: argparse.ArgumentParser) -> None:
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:
-    from antiosc.app.scene_file.commands import guarded
+    from antiosc.app.commands import guarded
 
     return guarded(options)
 

@@ -92,7 +92,7 @@ def _usual(field: dataclasses.Field[Any], value: Any) -> bool:
     return value is field.default or (plain and bool(value == field.default))
 
 
-def _given(value: Any) -> str:
+def _given(value: object) -> str:
     """A value of a field in one short piece."""
     if isinstance(value, float) and float(f"{value:g}") == value:
         return f"{value:g}"
@@ -114,7 +114,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= WIDTH else text[: WIDTH - 1] + "…"
 
 
-def short(value: Any) -> str:
+def short(value: object) -> str:
     """A value in one short line; "" for None and what is empty."""
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return ""

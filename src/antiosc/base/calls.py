@@ -21,7 +21,7 @@ class CallError(InputError, TypeError):
     """Arguments that a constructor or a function does not take, or lacks."""
 
 
-def checked(value: Any) -> Any:
+def checked(value: object) -> Any:
     """A public class or function whose wrong calls raise a CallError; other objects as they are."""
     if isinstance(value, FunctionType) and not hasattr(value, "checks_calls"):
         wrapped = _guarded(value, value.__name__, 0)

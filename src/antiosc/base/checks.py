@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import wraps
 from math import inf, isfinite
 from numbers import Integral, Real
@@ -44,7 +44,7 @@ _repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict =
 # -- numbers
 
 
-def number(name: str, value: Any, unit: str = "") -> float:
+def number(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
     result = value if type(value) is float else _as_float(name, value, unit)
     if not isfinite(result):
@@ -57,7 +57,7 @@ def number(name: str, value: Any, unit: str = "") -> float:
     return result
 
 
-def _as_float(name: str, value: Any, unit: str) -> float:
+def _as_float(name: str, value: object, unit: str) -> float:
     """A real number of any type as a float; infinite beyond the range of one."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
@@ -69,7 +69,7 @@ def _as_float(name: str, value: Any, unit: str) -> float:
         return inf
 
 
-def positive(name: str, value: Any, unit: str = "") -> float:
+def positive(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float > 0, or InputError."""
     result = number(name, value, unit)
     if result <= 0:
@@ -77,7 +77,7 @@ def positive(name: str, value: Any, unit: str = "") -> float:
     return result
 
 
-def nonnegative(name: str, value: Any, unit: str = "") -> float:
+def nonnegative(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float >= 0, or InputError."""
     result = number(name, value, unit)
     if result < 0:
@@ -101,17 +101,17 @@ def whole(name: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE) -> i
     return result
 
 
-def endless(value: Any) -> bool:
+def endless(value: object) -> bool:
     """Whether `value` is +inf or -inf, which a radius may be (a plane)."""
     return isinstance(value, float | np.floating) and bool(np.isinf(value))
 
 
-def rigid(value: Any) -> bool:
+def rigid(value: object) -> bool:
     """Whether `value` is +inf, which a modulus or a stiffness may be (rigid); -inf is not."""
-    return endless(value) and bool(value > 0)
+    return endless(value) and value == inf
 
 
-def poisson(value: Any, name: str = "nu") -> float:
+def poisson(value: object, name: str = "nu") -> float:
     """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
     result = number(name, value)
     if not -1 < result < 0.5:
@@ -122,7 +122,7 @@ def poisson(value: Any, name: str = "nu") -> float:
     return result
 
 
-def tolerance(value: Any, name: str = "tol") -> float:
+def tolerance(value: object, name: str = "tol") -> float:
     """A relative error 0 < tol < 1, or InputError."""
     result = positive(name, value)
     if result >= 1:
@@ -133,7 +133,7 @@ def tolerance(value: Any, name: str = "tol") -> float:
 # -- arrays of numbers
 
 
-def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
+def array(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
     """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
 
     An array of floats is returned without a copy; use `kept` to store it.
@@ -157,7 +157,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
     return result
 
 
-def filled(name: str, value: Any) -> Array:
+def filled(name: str, value: object) -> Array:
     """A sequence of one number or more as an array (n,), or InputError."""
     result = array(name, value, (None,))
     if not result.size:
@@ -165,7 +165,7 @@ def filled(name: str, value: Any) -> Array:
     return result
 
 
-def positives(name: str, value: Any, unit: str = "") -> Array:
+def positives(name: str, value: object, unit: str = "") -> Array:
     """Numbers > 0, each of a magnitude from 1e-60 to 1e60, as an array (n,), or InputError."""
     result = column(name, value)
     if result.size and not result.min() >= SMALLEST:
@@ -177,7 +177,7 @@ def positives(name: str, value: Any, unit: str = "") -> Array:
     return result
 
 
-def column(name: str, value: Any, size: int | None = None) -> Array:
+def column(name: str, value: object, size: int | None = None) -> Array:
     """One number or a sequence of them as an array (n,), or InputError."""
     result = array(name, value, None)
     result = result.reshape(1) if result.ndim == 0 else result
@@ -185,7 +185,7 @@ def column(name: str, value: Any, size: int | None = None) -> Array:
     return result
 
 
-def spectrum(name: str, value: Any) -> Numbers:
+def spectrum(name: str, value: object) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
     result = _numbers(name, value, "iufc")
     result = result.astype(complex if result.dtype.kind == "c" else float)
@@ -194,7 +194,7 @@ def spectrum(name: str, value: Any) -> Numbers:
     return np.asarray(result)
 
 
-def coordinates(name: str, value: Any, unit: str = "m") -> tuple[float, ...]:
+def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     """`value` as 2 or 3 floats, or InputError."""
     result = array(name, value, None)
     if result.shape not in ((2,), (3,)):
@@ -221,7 +221,7 @@ def kept(values: NDArray[Any]) -> NDArray[Any]:
 # -- other arguments
 
 
-def flag(name: str, value: Any) -> bool:
+def flag(name: str, value: object) -> bool:
     """`value` as a bool, or InputError."""
     if not isinstance(value, _TRUTH):
         raise InputError(f"{name} must be True or False; got {shown(value)}.")
@@ -238,14 +238,14 @@ def choice(name: str, value: Any, options: Collection[C]) -> C:
     return value
 
 
-def text(name: str, value: Any) -> str:
+def text(name: str, value: object) -> str:
     """`value` as a string that is not empty, or InputError."""
     if not isinstance(value, str) or not value:
         raise InputError(f"{name} must be a name in quotes; got {shown(value)}.")
     return str(value)
 
 
-def path(name: str, value: Any) -> Path:
+def path(name: str, value: object) -> Path:
     """`value` as a path, or InputError."""
     if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
         raise InputError(f"{name} must be a file name; got {shown(value)}.")
@@ -255,18 +255,18 @@ def path(name: str, value: Any) -> Path:
     return Path(name_of_file)
 
 
-def new_file(name: str, value: Any) -> Path:
+def new_file(name: str, value: object) -> Path:
     """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
     found = path(name, value)
     if found.name in ("", ".."):
         raise InputError(
-            f"{name} must be the name of a file; {shown(os.fspath(value))} is a folder: give a "
+            f"{name} must be the name of a file; {shown(str(found))} is a folder: give a "
             "name in it."
         )
     return found
 
 
-def function(name: str, value: Any, what: str = "a function") -> Callable[..., Any]:
+def function(name: str, value: object, what: str = "a function") -> Callable[..., Any]:
     """`value` if it can be called, or InputError; `what` says of which arguments."""
     if not callable(value):
         raise InputError(f"{name} must be {what}; got {shown(value)}.")
@@ -285,7 +285,7 @@ def instance(name: str, value: object, kind: type | tuple[type, ...], what: str)
     return value
 
 
-def several(name: str, value: Any, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
+def several(name: str, value: object, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
     """One object of `kind`, or a sequence of them, as a list, or InputError."""
     items = [value] if isinstance(value, kind) else value
     if not isinstance(items, Sequence) or isinstance(items, str):
@@ -298,7 +298,7 @@ def several(name: str, value: Any, kind: type[C] | tuple[type[C], ...], what: st
     return list(items)
 
 
-def store(target: Any, **values: Any) -> None:
+def store(target: object, **values: Any) -> None:
     """Set attributes of a frozen dataclass: from its `__post_init__` only."""
     for name, value in values.items():
         object.__setattr__(target, name, value)
@@ -331,7 +331,7 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
     return within_memory(guarded)
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """`value` in a message: one short line."""
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of shape {value.shape} and type {value.dtype}"
@@ -342,7 +342,7 @@ def shown(value: Any) -> str:
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
 
 
-def in_words(point: Any) -> str:
+def in_words(point: Iterable[float]) -> str:
     """A point (n,) [m] in a message."""
     rounding = 1e-9 * max(map(abs, point), default=0.0)
     return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
@@ -351,7 +351,7 @@ def in_words(point: Any) -> str:
 # -- helpers
 
 
-def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:
+def _numbers(name: str, value: object, kinds: str) -> NDArray[Any]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
     meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
     if _foreign(value):
@@ -365,14 +365,14 @@ def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:
     return result
 
 
-def _foreign(value: Any) -> bool:
+def _foreign(value: object) -> bool:
     """Whether NumPy would convert an entry that is not a number into a number."""
     if isinstance(value, list | tuple):
         return any(_foreign(entry) for entry in value)
     return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))
 
 
-def _masked(value: Any) -> bool:
+def _masked(value: object) -> bool:
     return isinstance(value, np.ma.MaskedArray)
 
 

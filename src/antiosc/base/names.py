@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Any
 
 #: Most names that are all listed.
 FEW = 12
@@ -12,7 +11,7 @@ FEW = 12
 NEAREST = 5
 
 
-def known(asked: Any, names: Iterable[str], what: str) -> str:
+def known(asked: object, names: Iterable[str], what: str) -> str:
     """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
 
     `what` : the noun, as "its groups".

@@ -6,8 +6,6 @@ components 11, 22, 33, 23, 13, 12 of a stress.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -106,7 +104,7 @@ def delamination_load(D: float, G: float) -> float:
     return float(np.pi * np.sqrt(32 * D * G / 3))
 
 
-def tensors(name: str, value: Any) -> Array:
+def tensors(name: str, value: object) -> Array:
     """Symmetric tensors (..., 3, 3) of such, or of six components (..., 6)."""
     given = checks.array(name, value, None)
     if given.shape[-2:] == (3, 3):
@@ -122,7 +120,7 @@ def tensors(name: str, value: Any) -> Array:
     )
 
 
-def components(name: str, value: Any) -> Array:
+def components(name: str, value: object) -> Array:
     """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors in either form."""
     s = tensors(name, value)
     return np.stack([s[..., i, j] for i, j in PAIRS], axis=-1)

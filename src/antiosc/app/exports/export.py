@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from antiosc.app.exports import c_file, fmu, modelica, mujoco
 from antiosc.app.exports.run_data import RunData, of_model, of_scene
@@ -87,7 +86,7 @@ def export(
         _MODELS[ending](target, source, impactor, contact, duration)
         return
     data = _run_data(source, scene, duration, checks.tolerance(tol))
-    options: dict[str, Any] = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
+    options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
     _RUNS[ending](target, data, **options)
 
 
@@ -102,11 +101,11 @@ def checked(path: str | os.PathLike[str]) -> str:
 
 
 def _scene(
-    source: Any,
+    source: LinearBody | SceneParts,
     impactor: LinearBody | None,
     contact: ContactLaw | None,
     initial_velocity: float | Motion,
-    gravity: Any,
+    gravity: float | Sequence[float],
     gap: float | None,
 ) -> SceneParts | None:
     """The scene of an impact; None for a model alone."""
@@ -138,7 +137,9 @@ def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:
     return Motion(tuple(float(-speed * x) for x in modes.direction))
 
 
-def _run_data(source: Any, scene: SceneParts | None, duration: float | None, tol: float) -> RunData:
+def _run_data(
+    source: LinearBody | SceneParts, scene: SceneParts | None, duration: float | None, tol: float
+) -> RunData:
     if scene is None:
-        return of_model(source)
+        return of_model(source)  # type: ignore[arg-type]
     return of_scene(scene, duration, tol, plain=scene is not source)

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact.compiled import is_compiled
+from antiosc.models.body import LinearBody
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.convergence import FINE
@@ -146,7 +146,7 @@ class RunData:
         return text.hexdigest()[:32]
 
 
-def of_model(model: Any) -> RunData:
+def of_model(model: LinearBody) -> RunData:
     """A model alone: forces on its sites, their motions."""
     body = place("model", model, None)
     _refuse_coupled({"model": body})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -11,7 +9,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 _SMALLEST = 1e-6
 
 
-def chain(model: Any, ending: str) -> AntiOscillators:
+def chain(model: object, ending: str) -> AntiOscillators:
     """The model with a residual mass > 0; InputError for one that is no chain of springs."""
     if not isinstance(model, AntiOscillators) or model.sites:
         raise InputError(

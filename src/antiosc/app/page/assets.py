@@ -6,9 +6,12 @@ import base64
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+
+#: What the page reads: numbers, texts, arrays, lists and tables of them.
+Data: TypeAlias = dict[str, Any]
 
 FOLDER = Path(__file__).parent
 #: In the order in which they need each other.
@@ -40,13 +43,13 @@ def policy(program: str) -> str:
     return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {own}"
 
 
-def embedded(data: Any) -> str:
+def embedded(data: Data) -> str:
     """Data as JSON that may stand in a script element: no text in it can end that."""
     text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, dict):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):

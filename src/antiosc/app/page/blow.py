@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from antiosc.app.page.assets import Data
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.contact.compiled import Compiled, is_compiled
+from antiosc.models.body import LinearBody
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.history import History, SceneHistory
@@ -24,7 +26,7 @@ CURVE = 2000
 RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
-def of_history(hit: Any, bars: Mapping[str, Any]) -> dict[str, Any] | None:
+def of_history(hit: History, bars: Mapping[str, Any]) -> Data | None:
     """The impact for the page; None for one that the page cannot repeat.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
@@ -52,7 +54,7 @@ def of_history(hit: Any, bars: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
-def given(law: ContactLaw, striker: dict[str, Any], impactor: Any, speed: float) -> dict[str, Any]:
+def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
     """What does not depend on the site: the law, the striker, and where the sliders stand.
 
     None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.
@@ -80,7 +82,7 @@ def given(law: ContactLaw, striker: dict[str, Any], impactor: Any, speed: float)
 
 def modal(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
-) -> dict[str, Any]:
+) -> Data:
     """A body in free modes, as `pose` of engine.js takes it; `local`: compliance of its patch."""
     zeros = np.zeros(body.omega.size)
     return {
@@ -95,7 +97,7 @@ def modal(
     }
 
 
-def _ratio(model: Any) -> float | None:
+def _ratio(model: LinearBody) -> float | None:
     """The damping ratio of all modes, where the damping is just that; None of another damping."""
     damping = getattr(model, "damping", None)
     if damping is None:
@@ -104,7 +106,7 @@ def _ratio(model: Any) -> float | None:
     return damping.ratio if plain and damping.alpha == damping.beta == 0 else None
 
 
-def _bars(hit: History, budget: Mapping[str, Any], local: float) -> dict[str, Any]:
+def _bars(hit: History, budget: Mapping[str, Any], local: float) -> Data:
     """Relative errors by quantity and cause, and the bodies whose impacts tell mesh and truncation.
 
     On the page the bar of such a cause grows as the difference that its body makes there.
@@ -121,7 +123,7 @@ def _bars(hit: History, budget: Mapping[str, Any], local: float) -> dict[str, An
     return {"shares": shares, "variants": variants}
 
 
-def _computed(hit: History) -> dict[str, Any]:
+def _computed(hit: History) -> Data:
     """The curve and the numbers of the computed case, which stay on the page."""
     time, force = hit.time, hit.force
     if time.size > CURVE:

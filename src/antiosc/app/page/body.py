@@ -8,11 +8,11 @@ the run, as many as it needs.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from antiosc.base._types import Array, IntArray
+from antiosc.app.page.assets import Data
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
 from antiosc.fem.assembly import with_parts
@@ -34,7 +34,7 @@ STEPS = 32767
 BEAM = 0.012
 
 
-def of_structure(structure: Structure, hit: History) -> dict[str, Any] | None:
+def of_structure(structure: Structure, hit: History) -> Data | None:
     """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
     try:
         shapes = shapes_of(structure, hit, "structure")
@@ -58,7 +58,7 @@ def of_structure(structure: Structure, hit: History) -> dict[str, Any] | None:
     return page
 
 
-def geometry(points: Array, faces: IntArray) -> dict[str, Any]:
+def geometry(points: Array, faces: IntArray) -> Data:
     """Points in whole numbers: those of the box about `middle` with the half side `half` [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, float((high - low).max() / 2) or 1.0
@@ -140,14 +140,14 @@ def _by_coordinates(hit: History) -> Array:
     return np.asarray(own.amplitudes(own.coordinates(q, force))).T
 
 
-def _held(moved: Array) -> Any:
+def _held(moved: Array) -> BoolArray:
     """Points (P,) with a component that no shape moves, though it moves elsewhere."""
     reach = np.abs(moved).max(axis=2, initial=0.0)
     moves = reach.max(axis=0) > 0
     return (reach[:, moves] <= HELD * reach.max()).any(axis=1)
 
 
-def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> dict[str, Any]:
+def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
     """Principal fields of `linear` (P, c, J + 1) over a run x (n, J + 1), in whole numbers.
 
     `fields` (K, P, c) times `scale` (K,) times `factors` (K, J + 1) times x is the field; `largest`
@@ -182,7 +182,7 @@ def _equivalent(stress: Array) -> Array:
     return equivalent(np.moveaxis(stress, 1, -1))
 
 
-def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> dict[str, Any]:
+def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
     """The largest von Mises stress at the times: value [Pa], place [m], time [s]."""
     values = np.max([_equivalent(each @ x.T) for each in stress], axis=0)
     i, k = np.unravel_index(int(values.argmax()), values.shape)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from antiosc.app.page import assets, blow
+from antiosc.app.page.assets import Data
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
+from antiosc.simulation.history import History
 from antiosc.studies.map_results import ImpactMap
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
 
 #: Density [kg/m^3] of the ball as which a striker of unknown size is drawn.
 STEEL = 7850.0
 
 
-def of_map(found: ImpactMap, structure: Any) -> dict[str, Any] | None:
+def of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
     """The data of a map, on every rank; None for one that the page cannot strike anew."""
     from antiosc.app.page import sites
 
@@ -24,7 +30,7 @@ def of_map(found: ImpactMap, structure: Any) -> dict[str, Any] | None:
     return {"engine": assets.engine(), "blow": struck[0], "sites": struck[1]}
 
 
-def of_history(hit: Any, structure: Any, budget: Any) -> dict[str, Any] | None:
+def of_history(hit: History, structure: Structure | None, budget: Mapping[str, Any]) -> Data | None:
     """The data of an impact, on every rank; None for one that the page cannot repeat."""
     own = blow.of_history(hit, budget)
     if own is None:
@@ -38,7 +44,7 @@ def of_history(hit: Any, structure: Any, budget: Any) -> dict[str, Any] | None:
     return {"engine": assets.engine(), "blow": own, "part": part, "place": place}
 
 
-def drawn(data: dict[str, Any]) -> str:
+def drawn(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
     told = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
@@ -47,7 +53,7 @@ def drawn(data: dict[str, Any]) -> str:
     return told
 
 
-def _place(hit: Any, own: dict[str, Any]) -> dict[str, Any] | None:
+def _place(hit: History, own: Data) -> Data | None:
     """Where the striker is drawn; None where the site is not known in space."""
     points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

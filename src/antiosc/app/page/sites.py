@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.app.page import blow
+from antiosc.app.page.assets import Data
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
@@ -32,9 +33,7 @@ SHOWN = {
 }
 
 
-def of_map(
-    found: ImpactMap, structure: Structure | None = None
-) -> tuple[dict[str, Any], dict[str, Any]] | None:
+def of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
     """Blow and sites for the page, on every rank; None for a map that it cannot strike anew.
 
     `structure` gives the surface behind sites that are points by themselves.
@@ -80,7 +79,7 @@ def of_map(
     return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 
 
-def _skin(structure: Structure, mapped: float) -> dict[str, Any] | None:
+def _skin(structure: Structure, mapped: float) -> Data | None:
     """The surface of a part, the same on all ranks; None where there is none behind the map's."""
     from antiosc.app.page import body
 

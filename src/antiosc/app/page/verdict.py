@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from antiosc.app.page.assets import Data
 from antiosc.base.engineering import engineering, percent, place, with_bar
-from antiosc.models.body import places_of
+from antiosc.models.body import LinearBody, places_of
 from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.simulation.history import History
 from antiosc.studies.map_results import ImpactMap, hardest
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.results.peaks import PeakField
 
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
@@ -37,11 +43,11 @@ class Headline(NamedTuple):
 
 
 def of_history(
-    hit: Any,
-    structure: Any,
+    hit: History,
+    structure: Structure | None,
     budget: Mapping[str, Any],
-    fields: Mapping[str, Any],
-    worst: Mapping[str, Any] | None,
+    fields: Mapping[str, PeakField],
+    worst: Data | None,
 ) -> Headline:
     """The headline of an impact of two bodies.
 
@@ -101,14 +107,14 @@ def _most_dangerous(found: ImpactMap) -> str:
     return f"{told}, {share[i]:.3g} of the yield strength; yield is reached {where}."
 
 
-def _struck(hit: Any, structure: Any) -> str:
+def _struck(hit: History, structure: Structure | None) -> str:
     part = "a model" if structure is None else _named(structure.describe())
     places = list(places_of(hit.model).values())
     where = f" at {place(places[0])}" if len(places) == 1 else ""
     return f"{_body(hit.impactor)} strikes {part}{where}."
 
 
-def _body(body: Any) -> str:
+def _body(body: LinearBody | None) -> str:
     """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
     kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
     told = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
@@ -124,7 +130,7 @@ def _named(described: str) -> str:
     return re.split("[:,]", described, maxsplit=1)[0]
 
 
-def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> list[str]:
+def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     """Whether strengths are reached, and where; else the largest stress of the picture."""
     told = []
     for peak in fields.values():
@@ -142,7 +148,7 @@ def _stresses(fields: Mapping[str, Any], worst: Mapping[str, Any] | None) -> lis
     return told
 
 
-def _absorbed(hit: Any) -> str:
+def _absorbed(hit: History) -> str:
     """Which share of the striker's energy stays."""
     if len(hit.bodies) != 2 or not hit.contacts:
         return ""

@@ -1,30 +1,41 @@
-"""Tables of a scene file as calls; every mistake is noted, with what the key may hold."""
+"""Tables of a scene file as calls, and their objects; every mistake is noted."""
 
 from __future__ import annotations
 
-import inspect
+import contextlib
+import os
 import re
-import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from antiosc.app.scene_file.kinds import NUMBER, Kind, words
-from antiosc.app.scene_file.locations import Place
-from antiosc.app.scene_file.parameters import (
+from antiosc.app.scene_file.document import (
+    Document,
+    Place,
+    Table,
+    label,
+    listed,
+    meant,
+    nearest,
+    unknown,
+)
+from antiosc.app.scene_file.schema import (
+    KIND,
+    NUMBER,
+    SECTIONS,
     WITHHELD,
+    Kind,
     Parameter,
+    Section,
+    constructors_of,
     light,
     parameters,
     resolved,
-    takes,
+    words,
 )
-from antiosc.app.scene_file.problems import label, listed, nearest, unknown
-from antiosc.app.scene_file.read import Document
-from antiosc.app.scene_file.sections import KIND, SECTIONS, Section, constructors_of
-from antiosc.base import checks
+from antiosc.base import checks, progress
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -39,6 +50,13 @@ _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGN
 LONGEST_LIST = 200_000
 #: A sound modulus, density, length and Poisson's ratio, in place of one that is not.
 STAND_IN = 0.3
+#: Form of a section -> its type, and what it must be.
+_FORMS: dict[str, tuple[type, str]] = {
+    "table": (dict, "a table, [{0}]"),
+    "named": (dict, "a table of names, [{0}.NAME]"),
+    "list": (list, "a list of tables, [[{0}]]"),
+    "text": (str, 'a text in "quotes"'),
+}
 
 
 class Mistake(Exception):
@@ -58,7 +76,7 @@ class Call:
     """
 
     make: Callable[..., Any]
-    arguments: Mapping[str, Any]
+    arguments: Table
     place: Place = ()
     made: Any = None
 
@@ -67,8 +85,19 @@ class Call:
         """Of what is called: "simulate", "Structure.from_files"."""
         return str(getattr(self.make, "__qualname__", ""))
 
+    def refused(self, error: Exception) -> tuple[Place, str]:
+        """Where and what is wrong; the sentences of checks begin with the argument's name."""
+        what = str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
+        name = what.removeprefix("every ").partition(" ")[0]
+        within = (name,) if name in self.arguments else ()
+        return (*self.place, *within), f"{label(self.place)}: {what.rstrip('.')}."
 
-def calls_in(value: Any) -> Iterator[Call]:
+
+#: Laws that bodies make: "ball.hertz" -> (its class and method, the ball).
+Methods = Mapping[str, tuple[str, Any]]
+
+
+def calls_in(value: object) -> Iterator[Call]:
     """The calls within a value, inner ones first."""
     if isinstance(value, Call):
         yield from calls_in(value.arguments)
@@ -78,7 +107,7 @@ def calls_in(value: Any) -> Iterator[Call]:
             yield from calls_in(each)
 
 
-def replaced(value: Any, made: Callable[[Call], Any]) -> Any:
+def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -> Any:
     """A value with what `made` returns in place of each call in it."""
     if isinstance(value, Call):
         return made(value)
@@ -89,32 +118,50 @@ def replaced(value: Any, made: Callable[[Call], Any]) -> Any:
     return value
 
 
-def refused(call: Call, error: Exception) -> tuple[Place, str]:
-    """Where and what is wrong, of an exception of a call."""
-    if not isinstance(error, AntioscError):
-        error = InputError(f"{type(error).__name__}: {error}")
-    name = _refused_argument(error, call.arguments)
-    return (*call.place, *name), f"{label(call.place)}: {in_keys(error, call).rstrip('.')}."
+#: What is called -> what a progress line says meanwhile.
+DOING = {
+    "read_mesh": "reading the mesh",
+    **dict.fromkeys(
+        ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
+    ),
+    **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
+    "from_frf": "fitting the measurement",
+    **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
+    "simulate_many": "simulating the sweep",
+    "impact_map": "mapping the surface",
+    "nearby": "reducing structures nearby",
+    "probe": "motion of the probes",
+    **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
+    "drop": "computing the fall",
+    "find_impact": "finding the blow",
+    "Fall.peak": "peaks of the accelerometers",
+    "Fall.worst": "largest stresses",
+}
 
 
-def in_keys(error: Exception, call: Call) -> str:
-    """An error of a call with its arguments as keys: `density=` as the key density, `piece = 1`."""
-    known = "|".join(inspect.signature(call.make).parameters)
-    text = re.sub(rf"\b({known})=(?=\w)", r"\1 = ", str(error))
-    return re.sub(rf"\b({known})=(?!\w)", r"the key \1", text)
+class Evaluation:
+    """Makes the objects of calls, each once; a mistake of the scene gets its line."""
 
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self._made: dict[Call, Any] = {}
 
-def _refused_argument(error: Exception, arguments: Mapping[str, Any]) -> tuple[str, ...]:
-    """The argument whose check has failed; () where the error is of no check of an argument.
+    def __call__(self, value: Any) -> Any:
+        """A value with the objects of the calls in it."""
+        return replaced(value, self._object)
 
-    Every check of `antiosc.base.checks` takes the argument's name as `name`.
-    """
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        if frame.f_globals.get("__name__") == checks.__name__:
-            name = str(frame.f_locals.get("name"))
-            if name in arguments:
-                return (name,)
-    return ()
+    def _object(self, call: Call) -> Any:
+        if call.made is None and call not in self._made:
+            arguments = {name: self(value) for name, value in call.arguments.items()}
+            text = DOING.get(call.name)
+            with progress.doing(text) if text else contextlib.nullcontext():
+                try:
+                    self._made[call] = call.make(**arguments)
+                except InputError as error:
+                    if not call.place:
+                        raise
+                    raise self.document.problems.error(*call.refused(error)) from error
+        return self._made.get(call, call.made)
 
 
 class Builder:
@@ -122,8 +169,7 @@ class Builder:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.data = document.data
-        self.problems = document.problems
+        self.data: Table = document.data
         #: (place, sentence): notes a mistake
         self.note = document.problems.add
         #: warnings of the objects that were made
@@ -131,56 +177,46 @@ class Builder:
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
-    def known_sections(
-        self, data: Mapping[str, Any], known: Mapping[str, Section], place: Place = ()
-    ) -> None:
+    def known_sections(self, data: Table, known: Mapping[str, Section], place: Place = ()) -> None:
         """Note sections that do not exist and sections of the wrong form."""
-        forms: dict[str, tuple[type, str]] = {
-            "table": (dict, "a table, [{0}]"),
-            "named": (dict, "a table of names, [{0}.NAME]"),
-            "list": (list, "a list of tables, [[{0}]]"),
-            "text": (str, 'a text in "quotes"'),
-        }
         for name, value in data.items():
             at = (*place, name)
             if name not in known:
                 close = nearest(name, known)
                 hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
-                where = f"[{label(place)}]" if place else "a scene"
-                self.note(
-                    at,
-                    f"{where} has no section {checks.shown(name)}{hint} There is {listed(known)}.",
-                )
-            elif not isinstance(value, forms[known[name].form][0]):
-                form = forms[known[name].form][1].format(label(at))
+                what = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
+                there = f"There is {listed(known)}."
+                self.note(at, f"{what} {checks.shown(name)}{hint} {there}")
+            elif not isinstance(value, _FORMS[known[name].form][0]):
+                form = _FORMS[known[name].form][1].format(label(at))
                 self.note(at, f"{label(at)} must be {form}.")
 
-    def part(self, name: str, form: type = dict, data: Any = None) -> Any:
+    def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """A section, or an empty one where it is missing or of the wrong form."""
         value = (self.data if data is None else data).get(name)
         return value if isinstance(value, form) else form()
 
-    def section(
-        self, name: str, given: Mapping[str, Any] | None = None, table: Any = None
+    def table(
+        self,
+        name: str,
+        data: Table | None = None,
+        place: Place = (),
+        always: bool = False,
+        **options: Any,
     ) -> Call | None:
-        """The call of a section that other sections give arguments, also where it is missing."""
-        table = self.part(name) if table is None else table
-        return self.call(SECTIONS[name], table, (name,), given)
-
-    def table(self, name: str, data: Any = None, place: Place = (), **options: Any) -> Call | None:
-        """The call of a section [x]; None where it is missing."""
+        """The call of a section [x]; None where it is missing, unless it is made `always`."""
         data = self.data if data is None else data
-        if not isinstance(data.get(name), dict):
+        if not always and not isinstance(data.get(name), dict):
             return None
-        return self.call(SECTIONS[name], data[name], (*place, name), **options)
+        return self.call(SECTIONS[name], self.part(name, dict, data), (*place, name), **options)
 
-    def listed(self, name: str, data: Any = None, place: Place = ()) -> list[Call]:
+    def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
         """The calls of a section [[x]]."""
         tables = enumerate(self.part(name, list, data))
         made = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in made if call is not None]
 
-    def named(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Call]:
+    def named(self, name: str, given: Table | None = None) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
         tables = self.part(name).items()
         made = {key: self.call(SECTIONS[name], table, (name, key), given) for key, table in tables}
@@ -191,10 +227,10 @@ class Builder:
     def call(
         self,
         section: Section | Sequence[str],
-        table: Any,
+        table: object,
         place: Place,
-        given: Mapping[str, Any] | None = None,
-        methods: Mapping[str, tuple[str, Any]] | None = None,
+        given: Table | None = None,
+        methods: Methods | None = None,
     ) -> Call | None:
         """The call that a table describes, or None if it is wrong.
 
@@ -202,7 +238,7 @@ class Builder:
         ----------
         section : a section, or the names from which `kind` chooses.
         given : arguments from other sections; None where one of them is wrong.
-        methods : "ball.hertz" -> (its class and method, the ball): what `kind` may name too.
+        methods : laws of bodies, which `kind` may name too.
         """
         makes = section.makes if isinstance(section, Section) else section
         withheld = {*(given or ())}
@@ -220,7 +256,6 @@ class Builder:
         except Mistake:
             return None
         arguments, whole = self._values(known, table, place, function)
-        whole &= not self._lacking(known, table, place)
         arguments = {**(given or {}), **arguments}
         whole &= all(value is not None for value in arguments.values())
         method = function.rpartition(".")[2]
@@ -232,11 +267,7 @@ class Builder:
         return made if whole else None
 
     def _function(
-        self,
-        makes: Sequence[str],
-        table: Mapping[str, Any],
-        place: Place,
-        methods: Mapping[str, tuple[str, Any]],
+        self, makes: Sequence[str], table: Table, place: Place, methods: Methods
     ) -> tuple[str, Any]:
         """(the callable, the object whose method it is)."""
         kinds = [*makes, *methods]
@@ -246,68 +277,54 @@ class Builder:
         if chosen is None:
             self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
         if not isinstance(chosen, str) or chosen not in kinds:
-            close = nearest(str(chosen), kinds)
-            hint = f"; did you mean {close!r}?" if close else "."
-            self._wrong(
-                (*place, KIND),
-                f"{label(place)} has no {KIND} {checks.shown(chosen)}{hint} It may be "
-                f"{listed(kinds)}.",
-            )
+            what = f"{label(place)} has no {KIND} {checks.shown(chosen)}{meant(chosen, kinds)}"
+            self._wrong((*place, KIND), f"{what} It may be {listed(kinds)}.")
         return methods.get(chosen, (chosen, None))
 
-    def _lacking(
-        self, known: Mapping[str, Parameter], table: Mapping[str, Any], place: Place
-    ) -> bool:
-        """Whether needed keys are missing; noted, unless a key that does not exist means them."""
-        missing = [one for n, one in known.items() if one.needed and n not in table]
-        meant = {nearest(key, known) for key in table if key not in known}
-        for one in missing:
-            if one.name not in meant:
-                about = f" ({one.about})" if one.about else ""
-                self.note(place, f"{label(place)} lacks {one.name!r}, {words(one.kinds)}{about}.")
-        return bool(missing)
-
     def _values(
-        self, known: Mapping[str, Parameter], table: Mapping[str, Any], place: Place, function: str
+        self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, Any], bool]:
-        """The sound values of a table, and whether all are sound."""
+        """The sound values of a table, and whether all are sound and there."""
         found, whole = {}, True
         for key, value in table.items():
             if key == KIND and key not in known:
                 continue
             try:
                 if key not in known:
-                    self.no_key(place, key, known, function)
+                    self._no_key(place, key, known, function)
                 found[key] = self.value(known[key], value, (*place, key))
             except Mistake:
                 whole = False
-        return found, whole
+        missing = [one for one in known.values() if one.needed and one.name not in table]
+        named = {nearest(key, known) for key in table if missing and key not in known}
+        for one in missing:
+            if one.name not in named:  # a key that does not exist means it
+                what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
+                self.note(place, f"{label(place)} lacks {what}.")
+        return found, whole and not missing
 
-    def no_key(
-        self, place: Place, key: str, known: Mapping[str, Parameter], function: str = ""
-    ) -> None:
+    def _no_key(
+        self, place: Place, key: str, known: Mapping[str, Parameter], function: str
+    ) -> NoReturn:
         """Note a key that does not exist, with the nearest that does and what that holds."""
-        if function and key in WITHHELD and takes(function, key):
-            why = f"{label((*place, key))} has no place in a file: {WITHHELD[key]}."
-            self._wrong((*place, key), why)
+        at = (*place, key)
+        if key in WITHHELD and key in parameters(function, withheld=True):
+            self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
         close = nearest(key, known)
-        hint = "."
-        if close:
-            one = known[close]
-            about = f": {one.about}" if one.about else ""
-            hint = f"; did you mean {close!r} ({words(one.kinds)}{about})?"
+        about = f": {known[close].about}" if close and known[close].about else ""
+        hint = f"; did you mean {close!r} ({words(known[close].kinds)}{about})?" if close else "."
         there = f"It takes {listed(known)}." if known else "It takes no keys."
-        self._wrong((*place, key), f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
+        self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
 
     def _tried(
-        self, call: Call, known: Mapping[str, Parameter], table: Mapping[str, Any], whole: bool
+        self, call: Call, known: Mapping[str, Parameter], table: Table, whole: bool
     ) -> Call | None:
         """The call with its object; numbers that its constructor refuses are noted.
 
         Another number stands in for each of them, so that the next mistake is found too; also for
         those that are missing or wrong otherwise (not `whole`).
         """
-        arguments = replaced(dict(call.arguments), lambda inner: inner.made)
+        arguments = replaced(dict(call.arguments))
         if whole and any(each.made is None for each in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
         lost = {n for n, p in known.items() if n not in arguments and (p.needed or n in table)}
@@ -322,7 +339,7 @@ class Builder:
                 self.told += [one for one in told if one not in self.told]
                 return replace(call, made=made) if whole else None
             except Exception as error:
-                place, sentence = refused(replace(call, arguments=arguments), error)
+                place, sentence = call.refused(error)
                 key = str(place[-1]) if len(place) > len(call.place) else ""
             if key not in lost and (whole or key):
                 self.note(place, sentence)
@@ -334,7 +351,7 @@ class Builder:
 
     # -- values
 
-    def value(self, parameter: Parameter, value: Any, place: Place) -> Any:
+    def value(self, parameter: Parameter, value: object, place: Place) -> Any:
         """A value as an argument; raises Mistake after noting what is wrong."""
         converted = self._converted(parameter.kinds, value, place, parameter.about)
         if parameter.check is not None and not isinstance(converted, Call):
@@ -344,49 +361,47 @@ class Builder:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted
 
-    def _converted(self, kinds: Sequence[Kind], value: Any, place: Place, about: str) -> Any:
+    def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> Any:
         fitting = [kind for kind in kinds if kind.fits(value)]
         for kind in [kind for kind in fitting if kind.holds(value)] or fitting:
             return self._of_kind(kind, value, place, about)
-        meaning = f" ({about})" if about else ""
         hint = "."
-        numeric = any(kind.name in ("number", "whole") for kind in kinds)
-        if isinstance(value, str) and numeric and _WITH_UNIT.fullmatch(value):
-            hint = "; write the number alone: all numbers are in SI units, lengths in m."
-        sized = [kind for kind in kinds if kind.each]
-        if isinstance(value, list) and sized and len(value) != len(sized[0].each):
+        if isinstance(value, str):
+            choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
+            if any(k.name in ("number", "whole") for k in kinds) and _WITH_UNIT.fullmatch(value):
+                hint = "; write the number alone: all numbers are in SI units, lengths in m."
+            hint = meant(value, choices) if choices else hint
+        if isinstance(value, list) and any(kind.each for kind in kinds):
             hint = f"; the list has {len(value)} entries."
-        choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
-        if isinstance(value, str) and choices and nearest(value, choices):
-            hint = f"; did you mean {nearest(value, choices)!r}?"
         got = str(value).lower() if isinstance(value, bool) else checks.shown(value)
         got = "a table" if isinstance(value, dict) else got
-        self._wrong(place, f"{label(place)} must be {words(kinds)}{meaning}; got {got}{hint}")
+        what = f"{label(place)} must be {words(kinds)}{_about(about)}"
+        self._wrong(place, f"{what}; got {got}{hint}")
 
     def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> Any:
         if isinstance(value, list) and len(value) > LONGEST_LIST:
             self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
         if kind.name == "path":
-            return self.path(value, place)
-        if kind.name == "list":
-            each = kind.each or (kind.items,) * len(value)
-            pairs = enumerate(zip(each, value, strict=True))
+            return self._path(value, place)
+        if isinstance(value, list):
+            items = (kind,) if kind.name == "data" else kind.items
+            pairs = enumerate(zip(kind.each or (items,) * len(value), value, strict=True))
             return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
         if kind.name == "table":
-            key_of = self._node if kind.options == (int,) else lambda key, _: key
+            nodes = kind.options == (int,)
+            for key in value if nodes else ():
+                if not re.fullmatch(r"\d{1,15}", key):
+                    told = f"{label(place)} has node numbers as keys; got {key!r}."
+                    self._wrong((*place, key), told)
             return {
-                key_of(key, place): self._converted(kind.items, each, (*place, key), about)
-                for key, each in value.items()
+                int(key) if nodes else key: self._converted(kind.items, one, (*place, key), about)
+                for key, one in value.items()
             }
         if kind.name == "object":
             made = self.call(constructors_of(kind.options[0]), value, place)
             if made is None:
                 raise Mistake
             return made
-        if kind.name == "data" and isinstance(value, list):
-            return tuple(
-                self._converted((kind,), each, (*place, i), about) for i, each in enumerate(value)
-            )
         if kind.name == "number":
             try:
                 return float(value)
@@ -394,20 +409,11 @@ class Builder:
                 self._wrong(place, f"{label(place)} is larger than any number that can be stored.")
         return value
 
-    def _node(self, key: str, place: Place) -> int:
-        if not re.fullmatch(r"\d{1,15}", key):
-            self._wrong((*place, key), f"{label(place)} has node numbers as keys; got {key!r}.")
-        return int(key)
-
-    def path(self, value: str, place: Place) -> str:
+    def _path(self, value: str, place: Place) -> str:
         """A file that the scene names; it must be there."""
-        try:
-            checks.path(label(place), value)
-        except InputError as error:
-            self._wrong(place, str(error))
-        path = Path(self.document.file(value))
         what = "which does not exist"
         try:
+            path = Path(os.path.normpath(self.document.path.parent / checks.path("it", value)))
             if path.is_file():
                 return str(path)
             if path.exists():
@@ -418,18 +424,20 @@ class Builder:
                 what += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes
             pass
-        return self._wrong(  # type: ignore[no-any-return]
-            place,
-            f"{label(place)} names the file {checks.shown(value)}, {what}; paths begin at the "
-            "folder of the scene file.",
-        )
+        named = f"{label(place)} names the file {checks.shown(value)}, {what}"
+        self._wrong(place, f"{named}; paths begin at the folder of the scene file.")
 
-    def names(self, what: str, name: str, known: Sequence[str], place: Place) -> bool:
+    def names(self, what: str, name: str, known: Iterable[str], place: Place) -> bool:
         """Note a name that refers to nothing; whether it does exist."""
+        known = list(known)
         if name not in known:
             self.note(place, unknown(f"{label(place)}: the {what}", name, known))
         return name in known
 
-    def _wrong(self, place: Place, sentence: str) -> Any:
+    def _wrong(self, place: Place, sentence: str) -> NoReturn:
         self.note(place, sentence)
         raise Mistake
+
+
+def _about(text: str) -> str:
+    return f" ({text})" if text else ""

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from antiosc.app.scene_file.evaluation import Evaluation
-from antiosc.app.scene_file.scene import Compiled
+from antiosc.app.scene_file.build import Evaluation
+from antiosc.app.scene_file.scene import Compiled, Objects
 from antiosc.base import progress
 from antiosc.base.errors import AntioscError, warnings_to
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 T = TypeVar("T")
 
@@ -28,52 +31,30 @@ COMMANDS = {
 }
 
 
-@dataclass
-class Results:
-    """What a scene has made; None for what it has not.
+@dataclass(kw_only=True)
+class Results(Objects[Any]):
+    """What a scene has made, and the title of a report; no scene: a program made it."""
 
-    Attributes
-    ----------
-    compiled : the scene; None of results that were computed by a program.
-    title : of a report.
-    warnings : sentences that were told on the way.
-    """
-
-    compiled: Any
+    compiled: Any = None
     title: str = ""
-    structure: Any = None
-    model: Any = None
-    impactor: Any = None
-    contact: Any = None
-    history: Any = None
-    probes: Any = None
-    stresses: Any = None
-    batch: Any = None
-    map: Any = None
-    sample: Any = None
-    fall: Any = None
-    peaks: Any = None
-    worst: Any = None
-    found: Any = None
-    warnings: list[str] = field(default_factory=list)
 
 
 def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
     """Make objects of a scene; SceneFileError with the line where one of them fails."""
     evaluate = Evaluation(compiled.document)
-    title = compiled.title or compiled.document.path.stem
-    found = Results(compiled, title, warnings=list(compiled.warnings))
+    title = str(compiled.document.data.get("title") or compiled.document.path.stem)
+    found = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
     with telling(found.warnings):
         for name in wanted:
             setattr(found, name, evaluate(getattr(compiled, name)))
-        if compiled.history is not None and compiled.history.name == "strike" and found.history:
+        if compiled.striking and found.history:
             found.model = found.history.model
             found.structure = found.structure or found.history.structure
     return found
 
 
 @contextlib.contextmanager
-def telling(sentences: list[str]) -> Any:
+def telling(sentences: list[str]) -> Iterator[None]:
     """Keep the warnings of the block, each once; an error tells them first: they may say why."""
 
     def keep(message: str) -> None:
@@ -93,10 +74,10 @@ def telling(sentences: list[str]) -> Any:
 # -- ranks
 
 
-def communicator() -> Any:
+def communicator() -> MPI.Comm | None:
     """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
-    MPI = sys.modules.get("mpi4py.MPI")
-    return None if MPI is None else MPI.COMM_WORLD  # type: ignore[attr-defined]
+    loaded = sys.modules.get("mpi4py.MPI")
+    return getattr(loaded, "COMM_WORLD", None)
 
 
 def on_first(work: Callable[[], T]) -> T:

@@ -6,70 +6,84 @@ geometry | deck | matrices | parts → structure → sites → model → impacto
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from antiosc.app.scene_file import blow, chance, fall, impact, largest, struck, studies
-from antiosc.app.scene_file.build import Builder, Call
-from antiosc.app.scene_file.problems import label
-from antiosc.app.scene_file.read import Document
-from antiosc.app.scene_file.sections import MODELS, SECTIONS
-from antiosc.app.scene_file.variants import leaves
+import antiosc
+from antiosc.app.scene_file.build import Builder, Call, Methods, Mistake
+from antiosc.app.scene_file.document import Document, Place, Table, label
+from antiosc.app.scene_file.schema import (
+    KIND,
+    LAWS,
+    MODELS,
+    NUMBERS,
+    SECTIONS,
+    SOURCES,
+    Parameter,
+    resolved,
+)
+from antiosc.base.errors import finite_element_packages
+from antiosc.contact.base import ContactLaw
+
+T = TypeVar("T")
+#: Of a section that is missing.
+NOTHING: Any = None
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """What the sections of a scene file make, as calls; None where a section is missing.
+@dataclass(kw_only=True)
+class Objects(Generic[T]):
+    """What the sections of a scene make, as calls or as objects; None where a section is missing.
 
     Attributes
     ----------
     structure, model : what is struck; None where [strike] makes them.
     impactor, contact : of one impact; `scene` of several contacts.
     history : of the simulation.
-    probes : name -> call, of the structure and the history.
-    stresses : a call that makes {quantity: its largest values over the run}.
+    probes : name -> displacements and others, of the structure and the history.
+    stresses : {quantity: its largest values over the run}.
     batch, map, sample : of [sweep], [map] and [monte_carlo].
-    fall : of [drop]; `peaks` name -> call, and `worst`, of the fall.
+    fall : of [drop]; `peaks` by name, and `worst`, of the fall.
     found : of [find].
-    output : the files that are written.
-    warnings : of the objects that were made.
+    warnings : sentences that were told on the way.
     """
 
-    document: Document
-    structure: Call | None = None
-    model: Call | None = None
-    impactor: Call | None = None
-    contact: Call | None = None
-    scene: Call | None = None
-    history: Call | None = None
-    probes: Mapping[str, Call] = field(default_factory=dict)
-    stresses: Call | None = None
-    batch: Call | None = None
-    map: Call | None = None
-    sample: Call | None = None
-    fall: Call | None = None
-    peaks: Mapping[str, Call] = field(default_factory=dict)
-    worst: Call | None = None
-    found: Call | None = None
-    output: Call | None = None
+    structure: T = NOTHING
+    model: T = NOTHING
+    impactor: T = NOTHING
+    contact: T = NOTHING
+    scene: T = NOTHING
+    history: T = NOTHING
+    probes: Mapping[str, T] = field(default_factory=dict)
+    stresses: T = NOTHING
+    batch: T = NOTHING
+    map: T = NOTHING
+    sample: T = NOTHING
+    fall: T = NOTHING
+    peaks: Mapping[str, T] = field(default_factory=dict)
+    worst: T = NOTHING
+    found: T = NOTHING
     warnings: list[str] = field(default_factory=list)
 
-    @property
-    def title(self) -> str:
-        """What the scene shows."""
-        return str(self.document.data.get("title", ""))
 
-    @property
-    def varied(self) -> dict[str, Any]:
-        """ "impactor.velocity" -> the values of a sweep."""
-        table = self.document.data.get("sweep", {})
-        return {label(place): values for place, values in leaves(table)}
+@dataclass(kw_only=True)
+class Compiled(Objects[Call | None]):
+    """The sections of a document as calls, and the files that are written."""
+
+    document: Document
+    output: Call | None = None
 
     @property
     def simulation(self) -> Call | None:
         """What `antiosc run` computes."""
         return self.history or self.fall or self.found
+
+    @property
+    def striking(self) -> bool:
+        """Whether the impact is one of [strike], which chooses mesh and model."""
+        return self.history is not None and self.history.name == "strike"
 
     def does(self) -> list[str]:
         """The commands that this scene is for."""
@@ -78,37 +92,414 @@ class Compiled:
         return [f"antiosc {name}" for name, call in there.items() if call is not None]
 
 
+# -- which sections go together
+
+_MESHED, _MANY = "geometry deck parts", "contacts bodies run"
+_ONE = "simulate strike"
+_SEVERAL = f"{_MANY} loads base motion scene"
+_REDUCED = "sites extract probes sweep map stress"
+_KEEP = "keep one of the two"
+#: (sections, whether they stand "beside" or "without" others, what is wrong with that).
+RULES = (
+    ("joints at points assembly", "without", "parts",
+     "[{0}] belongs to an assembly; this scene has no [parts.NAME]."),
+    ("material structure", "beside", "deck",
+     "[{0}] has no place beside [deck]: a deck has its own materials."),
+    ("material structure", "beside", "parts",
+     "[{0}] has no place beside [parts]: each part has its own: [parts.NAME.{0}]."),
+    ("material structure supports attached", "beside", "matrices",
+     "[{0}] has no place beside [matrices]: matrices have their own; fix nodes by"
+     ' supports = {{12 = "all"}} in [matrices].'),
+    ("material structure supports attached", "beside", "model",
+     "[{0}] has no place beside [model]: a saved model has its own."),
+    ("material structure supports attached", "beside", "frf",
+     "[{0}] has no place beside [frf]: a measurement has none."),
+    ("from_frf", "without", "frf",
+     "[from_frf] belongs to a measurement; this scene has no [frf]."),
+    ("sites", "without", f"{_MESHED} matrices",
+     "[sites] belong to a structure; this scene has none of its own."),
+    ("scene loads base motion", "without", _MANY,
+     "[{0}] belongs to a scene of several contacts: give [[contacts]]."),
+    ("simulate extract", "beside", "strike", f"[strike] chooses what [{{0}}] says; {_KEEP}."),
+    ("strike", "without", f"{_MESHED} matrices",
+     "[strike] needs a structure and one site, [sites.NAME]."),
+    ("accelerometers worst", "without", "drop",
+     "[{0}] belongs to a fall; this scene has no [drop]."),
+    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "beside", "drop",
+     f"[drop] describes a fall and [{{0}}] an impact; {_KEEP}."),
+    ("supports", "beside", "drop",
+     "a part that is dropped is free: leave its [[supports]] out."),
+    ("drop", "without", f"{_MESHED} matrices frf",
+     "[drop] needs a structure, by one of [geometry], [deck], [matrices], [parts], [frf]."),
+    ("sensors", "without", "find",
+     "[sensors] belong to [find]; motion is told by [probes]."),
+    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "beside", "find",
+     f"[find] looks for a blow, and [{{0}}] belongs to one that is described; {_KEEP}."),
+    ("find map", "without", _MESHED,
+     "[{0}] needs a structure of [geometry], [deck] or [parts]."),
+    ("find", "without", "sensors",
+     "[find] needs sensors: give [sensors.NAME] in the order of signals."),
+    *(("probes", "without", others,
+        "[probes] need a structure of this scene and its simulation.")
+       for others in (f"{_MESHED} matrices", f"{_ONE} run")),
+    *(("stress", "without", others, "[stress] needs a structure with a mesh, and its simulation.")
+       for others in (_MESHED, f"{_ONE} run")),
+    *(("sweep", "without", other,
+        "[sweep] varies [impactor], [contact] and [simulate]; give all three.")
+       for other in ("impactor", "contact", "simulate")),
+    *(("monte_carlo", "without", other,
+        "[monte_carlo] needs [impactor], [contact] and [simulate].")
+       for other in ("impactor", "contact", "simulate")),
+)  # fmt: skip
+
+
+def _check_together(build: Builder) -> None:
+    """Note sections that contradict each other, or lack what they need."""
+    there = {name for name, value in build.data.items() if value or name != "sensors"}
+    for names, how, others, sentence in RULES:
+        for name in names.split():
+            if name in build.data and bool(there & set(others.split())) == (how == "beside"):
+                build.note((name,), sentence.format(name))
+    sources = [name for name in SOURCES if name in there]
+    if len(sources) > 1:
+        both = f"[{sources[0]}] and [{sources[1]}]"
+        build.note((sources[1],), f"{both} both say what is struck; keep one of them.")
+    if not sources and not build.data.get("bodies"):
+        names = ", ".join(f"[{name}]" for name in SOURCES)
+        build.note((), f"the scene does not say what is struck: give one of {names}.")
+    single = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
+    many = [n for n in _MANY.split() if n in there]
+    if single and many:
+        told = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
+        build.note((many[0],), f"{told}; {_KEEP}.")
+    if "ensemble" in build.part("drop"):
+        for name in ("accelerometers", "worst"):
+            told = f"[{name}] is of one fall; [drop] has an ensemble: keep one of them."
+            if name in there:
+                build.note((name,), told)
+
+
+# -- the objects
+
+
 def compiled(document: Document) -> Compiled:
     """The objects of a document; SceneFileError with all its mistakes."""
+    from antiosc.app.scene_file import studies
+
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
-    source = struck.source(build)
-    structure = struck.structure(build, source)
-    model = struck.model(build, source, structure)
-    found = blow.blow(build, source, structure)
-    made = {} if "find" in build.data else impact.impact(build, structure, model)
-    impactor, contact, history = (made.get(n) for n in ("impactor", "contact", "history"))
-    of_probes = structure
-    if history is not None and history.name == "strike" and structure is None:
-        of_probes = Call(_structure, {"history": history})
-    probes = build.named("probes", {"structure": of_probes, "history": history})
-    if "probes" in build.data and (
-        source in ("", *MODELS) or not {"simulate", "run", "strike"} & set(build.data)
-    ):
-        build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
-    stresses = largest.stresses(build, source, of_probes, history)
-    batch = studies.sweep(build, model, impactor, contact)
-    surface = studies.surface(build, source, structure, impactor, contact)
-    sample = chance.monte_carlo(build, structure, model, impactor, contact)
-    fallen = fall.fall(build, source, structure)
-    output = build.table("output")
-    build.problems.raise_if_any()
-    return Compiled(
-        document, structure, model, **made, **fallen, probes=probes, stresses=stresses, batch=batch,
-        map=surface, found=found, sample=sample, output=output, warnings=build.told,
-    )  # fmt: skip
+    _check_together(build)
+    found = Compiled(document=document, warnings=build.told)
+    found.structure = structure(build)
+    found.model = model(build, found.structure)
+    if "find" in build.data:
+        _find(build, found)
+    elif set(_MANY.split()) & set(build.data):
+        _several(build, found)
+    elif {"impactor", "contact", *_ONE.split()} & set(build.data):
+        pair(build, found)
+        _single(build, found)
+    _told(build, found)
+    if "drop" in build.data:
+        found.fall = build.table("drop", given={"part": found.structure})
+        given = {"self": found.fall}
+        found.peaks = build.named("accelerometers", given | {"quantity": "acceleration"})
+        found.worst = build.table("worst", given=given)
+    found.batch = studies.sweep(build, found)
+    found.map = studies.surface(build, found)
+    found.sample = studies.monte_carlo(build, found)
+    found.output = build.table("output")
+    document.problems.raise_if_any()
+    return found
 
 
-def _structure(history: Any) -> Any:
-    """The structure of a strike's last mesh."""
-    return history.structure
+def source(build: Builder) -> str:
+    """Which section says what is struck; "" for rigid bodies alone."""
+    return next((name for name in SOURCES if name in build.data), "")
+
+
+def structure(build: Builder) -> Call | None:
+    """The structure; None for a saved model, for rigid bodies, and for a mesh that is refined."""
+    name = source(build)
+    if name == "parts":
+        return _assembly(build)
+    if name == "matrices":
+        return build.table("matrices")
+    if name == "deck" or (name == "geometry" and not refined(build)):
+        return _part(build, build.data, ())
+    return None
+
+
+def refined(build: Builder) -> bool:
+    """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
+    mesh = {"geometry", "strike"} <= set(build.data)
+    return mesh and not {"attached", "structure"} & set(build.data)
+
+
+def _part(build: Builder, data: Table, place: Place) -> Call | None:
+    """The structure of a deck, or of a mesh, in a scene or in a part of it."""
+    supported = _supported(build, data, place)
+    if "deck" in data:
+        return build.table("deck", data, place, given=supported)
+    given = {"mesh": build.table("geometry", data, place), **supported}
+    given["material"] = _material(build, data, place)
+    at = "structure" if "structure" in data else "material"  # the section that is there
+    options = build.part("structure", dict, data)
+    return build.call(SECTIONS["structure"], options, (*place, at), given)
+
+
+def _supported(build: Builder, data: Table, place: Place) -> dict[str, Any]:
+    """The arguments `supports` and `attached`, where there are any."""
+    fixed = ("all", "x", "y", "z", "rx", "ry", "rz")
+    for i, table in enumerate(build.part("supports", list, data)):
+        fix = table.get("fix", "all") if isinstance(table, dict) else "all"
+        for name in fix if isinstance(fix, list) else [fix]:
+            if isinstance(name, str):
+                build.names("component", name, fixed, (*place, "supports", i, "fix"))
+    given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
+    return {name: value for name, value in given.items() if value}
+
+
+def _material(build: Builder, data: Table, place: Place) -> Any:
+    """One material, or a table of them by groups of cells."""
+    table, at = data.get("material"), (*place, "material")
+    section = SECTIONS["material"]
+    if not isinstance(table, dict):
+        told = f"there is no [{label(at)}]; it takes kind and the constants"
+        build.note(place, f'{told}, as in `[{label(at)}]` `kind = "Solid"`.')
+        return None
+    if table and all(isinstance(each, dict) for each in table.values()):
+        made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
+        return made if None not in made.values() else None
+    return build.call(section, table, at)
+
+
+def _assembly(build: Builder) -> Call | None:
+    parts: dict[str, Call | None] = {}
+    for name, data in build.part("parts").items():
+        place: Place = ("parts", name)
+        if not isinstance(data, dict):
+            build.note(place, f"{label(place)} must be a table, [parts.{name}].")
+            continue
+        build.known_sections(data, SECTIONS["parts"].inner, place)
+        if "deck" in data or "geometry" in data:
+            parts[name] = _part(build, data, place)
+        else:
+            build.note(place, f"{label(place)} lacks a geometry or a deck.")
+    points = {}
+    for name, value in build.part("points").items():
+        try:
+            coordinates = Parameter("point", (NUMBERS,), about="coordinates, m")
+            points[name] = build.value(coordinates, value, ("points", name))
+        except Mistake:
+            continue
+    joints, placed = build.listed("joints"), build.named("at")
+    for call in joints:
+        for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
+            end = call.arguments.get(key)
+            end = end[0] if isinstance(end, tuple) and end else end
+            if isinstance(end, str) and parts:
+                known = [*parts, *build.part("points")]
+                build.names("part", end.partition(":")[0], known, (*call.place, key))
+    for name in placed:
+        build.names("part", name, parts, ("at", name))
+    more = {"at": placed, "points": points, **_supported(build, build.data, ())}
+    given: dict[str, Any] = {"parts": parts if None not in parts.values() else None}
+    given |= {"joints": joints} | {name: value for name, value in more.items() if value}
+    return build.table("assembly", always=True, given=given)
+
+
+def model(build: Builder, structure: Call | None) -> Call | None:
+    """The reduced model, where something needs one."""
+    name, sites = source(build), build.named("sites")
+    if name == "model":
+        return build.table("model")
+    if name == "frf":
+        return build.table("from_frf", always=True, given={"frf": build.table("frf")})
+    needed = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
+    if not name or "strike" in build.data or not (needed or sites):
+        return None
+    if not build.data.get("sites"):
+        build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
+    several = len(build.part("sites")) > 1 or "contacts" in build.data
+    if several and "contacts" not in build.data and "simulate" in build.data:
+        told = "[simulate] takes one site, and there are several: give [[contacts]] between"
+        build.note(("sites",), f'{told} "structure:SITE" and [bodies.NAME].')
+    site: Any = sites if several else next(iter(sites.values()), None)
+    return build.table("extract", always=True, given={"structure": structure, "site": site})
+
+
+# -- one impact, a blow that is looked for, or several contacts
+
+
+def pair(build: Builder, found: Objects[Call | None]) -> None:
+    """Impactor and contact, whose law may be one of the impactor's."""
+    found.impactor = build.table("impactor")
+    methods = own_laws("impactor", build.data.get("impactor"), found.impactor)
+    found.contact = build.table("contact", methods=methods)
+
+
+def _single(build: Builder, found: Compiled) -> None:
+    both: dict[str, Any] = {"impactor": found.impactor, "contact": found.contact}
+    for name in both:
+        if name not in build.data:
+            build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
+    if "strike" not in build.data:
+        found.history = build.table("simulate", given={"model": found.model, **both})
+        return
+    sites = list(build.named("sites").values())
+    if len(build.part("sites")) != 1:
+        build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
+        return
+    both["source"] = found.structure
+    if refined(build):  # a file or mesh with material and supports
+        read = build.table("geometry")
+        alone = read is not None and set(read.arguments) == {"source"}
+        both["source"] = read.arguments["source"] if alone and read is not None else read
+        both["material"] = _material(build, build.data, ())
+        both |= _supported(build, build.data, ())
+    found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+
+
+def _find(build: Builder, found: Compiled) -> None:
+    pair(build, found)
+    sensors = list(build.named("sensors").values())
+    given: dict[str, Any] = {"structure": found.structure, "sensors": sensors}
+    both = {"impactor": found.impactor, "contact": found.contact}
+    given |= {name: call for name, call in both.items() if name in build.data}
+    found.found = build.table("find", given=given)
+    found.impactor = found.contact = None  # of the one that is looked for
+
+
+def own_laws(variable: str, table: Any, body: Call | None) -> Methods:
+    """Contact laws that a body makes itself: "impactor.hertz" -> ("Sphere.hertz", the body).
+
+    Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
+    """
+    made = None if body is None else body.made
+    classes: list[type] = [type(made)]
+    if made is None:
+        kind = table.get(KIND) if isinstance(table, dict) else None
+        classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
+        classes = [each for each in classes if each.__name__ == kind] or classes
+    return {
+        f"{variable}.{name}": (f"{each.__name__}.{name}", made)
+        for each in classes
+        for name in _laws_of(each)
+    }
+
+
+@functools.cache
+def _laws_of(body: type) -> list[str]:
+    """The methods of a class that return a contact law."""
+    methods = inspect.getmembers(body, inspect.isfunction)
+    made = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
+    known = (*LAWS.split(), ContactLaw.__name__)
+    return [name for name, law in made.items() if law in known]
+
+
+#: The name of the structure among the bodies of a scene.
+STRUCTURE = "structure"
+
+
+def _several(build: Builder, found: Compiled) -> None:
+    own = {STRUCTURE: found.model} if source(build) else {}
+    named, tables = build.named("bodies"), build.part("bodies")
+    if STRUCTURE in tables and own:
+        build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
+    methods: dict[str, tuple[str, Any]] = {}
+    for name, table in tables.items():
+        methods |= own_laws(name, table, named.get(name))
+    ends = _Ends(build, {**own, **dict.fromkeys(tables), **named, **own})
+    bodies = {**own, **named}
+    given: dict[str, Any] = {"bodies": bodies if None not in bodies.values() else None}
+    given["contacts"] = _contacts(build, methods, ends)
+    for i, table in enumerate(build.part("loads", list)):
+        ends.check(table, "end", ("loads", i))
+    for name in build.part("motion"):
+        build.names("body", name, ends.bodies, ("motion", name))
+    more: dict[str, Any] = {"loads": build.listed("loads"), "base": build.table("base")}
+    more |= {"motion": build.named("motion")}
+    given |= {name: one for name, one in more.items() if one}
+    found.scene = build.table("scene", always=True, given=given)
+    if "run" not in build.data and "map" not in build.data:
+        build.note((), "a scene of several contacts needs [run] with its duration.")
+    found.history = build.table("run", given={"self": found.scene})
+
+
+def _contacts(build: Builder, methods: Methods, ends: _Ends) -> list[Call | None]:
+    """[[contacts]], whose `law` may be one of a body."""
+    if not build.part("contacts", list):
+        build.note((), "a scene of several bodies needs [[contacts]].")
+    found = []
+    for i, table in enumerate(build.part("contacts", list)):
+        place: Place = ("contacts", i)
+        law, at = None, (*place, "law")
+        if not isinstance(table, dict):
+            build.note(place, f"{label(place)} must be a table, [[contacts]].")
+            continue
+        if isinstance(table.get("law"), dict):
+            law = build.call(SECTIONS["contact"], table["law"], at, methods=methods)
+        else:
+            like = 'law = {kind = "Hertz", stiffness = 1e9}'
+            build.note(at, f"{label(at)} must be a table, as {like}.")
+        for key in ("a", "b"):
+            ends.check(table, key, place)
+        rest = {key: value for key, value in table.items() if key != "law"}
+        found.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
+    return found
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Checks that "body:site" exists, among the bodies of a scene; None: a body that is wrong."""
+
+    build: Builder
+    bodies: Mapping[str, Call | None]
+
+    def check(self, table: Any, key: str, place: Place) -> None:
+        """Note an end of a table that names no body, or no site of it."""
+        end = table.get(key) if isinstance(table, dict) else None
+        if not isinstance(end, str):
+            return
+        body, _, site = end.partition(":")
+        if not self.build.names("body", body, self.bodies, (*place, key)):
+            return
+        sites = self._sites(body)
+        if sites is not None and (site or sites):
+            self.build.names(f"site of {body!r}", site, sites, (*place, key))
+
+    def _sites(self, body: str) -> list[str] | None:
+        """Names of the sites of a body; None where the file does not tell them."""
+        if body == STRUCTURE and source(self.build):
+            return None if source(self.build) in MODELS else list(self.build.part("sites"))
+        made = self.bodies[body]
+        if made is None or made.name == "AntiOscillators.load":
+            return None
+        return list(made.arguments.get("sites", ()))
+
+
+# -- what a simulation is asked for
+
+
+def _told(build: Builder, found: Compiled) -> None:
+    """[probes] and [stress]; without it the criteria for which the materials have strengths."""
+    part: Call | None = found.structure
+    if found.striking and part is None:
+        part = Call(lambda history: history.structure, {"history": found.history})
+    given = {"structure": part, "history": found.history}
+    found.probes = build.named("probes", given)
+    meshed = found.history is not None and source(build) in _MESHED.split()
+    if "stress" in build.data:
+        asked = build.table("stress", given=given)
+        if asked is not None:
+            found.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
+    elif meshed:
+        found.stresses = Call(by_strengths, given)
+
+
+def by_strengths(structure: Any, history: Any) -> dict[str, Any]:
+    """The fields of the criteria for which the materials have strengths; {} without any."""
+    with finite_element_packages():
+        from antiosc.results.largest import criteria_of
+    return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}

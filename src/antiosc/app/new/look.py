@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import floor, log10, sqrt
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import antiosc
-from antiosc.app.scene_file.group_names import GEOMETRIES, LARGEST
+from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import in_words
 from antiosc.base.errors import (
@@ -29,6 +29,11 @@ from antiosc.base.errors import (
     without_warnings,
 )
 
+if TYPE_CHECKING:
+    from antiosc.fem.mesh.mesh import Mesh
+
+#: Arguments of `read_mesh` besides the file.
+Read: TypeAlias = dict[str, Any]
 #: A mesh whose longest side is more than this is taken as one in millimetres.
 LONGEST_IN_METRES = 10.0
 #: Elements along the longest side of a geometry that is meshed.
@@ -81,7 +86,7 @@ class Look:
     """
 
     family: str
-    read: Mapping[str, Any]
+    read: Read
     low: Array
     high: Array
     groups: list[str]
@@ -146,7 +151,7 @@ def look(path: Path) -> Look:
         raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
     with finite_element_packages():
         from antiosc.io.reading import outline
-    read: dict[str, Any] = {}
+    read: Read = {}
     with without_warnings():
         if path.suffix.lower() in GEOMETRIES:
             length = float(np.ptp(outline(path).points, axis=0).max())
@@ -190,7 +195,7 @@ def look_at_deck(path: Path) -> Look:
     return replace(found, where=None, plane=None, held=free, of_deck=True)
 
 
-def _seen(mesh: Any, read: Mapping[str, Any]) -> Look:
+def _seen(mesh: Mesh, read: Read) -> Look:
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -219,13 +224,13 @@ def _seen(mesh: Any, read: Mapping[str, Any]) -> Look:
     )  # fmt: skip
 
 
-def _group(mesh: Any, words: Sequence[str]) -> str | None:
+def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
     """The group of facets, edges or nodes that has the first of these words in its name."""
     lower = {n: n.lower() for n, parts in mesh.groups.items() if min(parts) < mesh.tdim}
     return next((n for word in words for n, low in lower.items() if word in low), None)
 
 
-def _nodes_of(mesh: Any, group: str | None) -> IntArray:
+def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
     """Nodes of a group; none without one."""
     from antiosc.fem.platform import compat
 
@@ -246,7 +251,7 @@ def _plane(
     return np.zeros(len(x), dtype=bool), None
 
 
-def _faces(mesh: Any, nodes: IntArray) -> tuple[IntArray, Array]:
+def _faces(mesh: Mesh, nodes: IntArray) -> tuple[IntArray, Array]:
     """Corners (F, k) of outer faces and the middles (F, 3) of their cells; of sheets and lines the
     corners of the cells alone."""
     from antiosc.fem.platform import compat
@@ -351,7 +356,7 @@ def _one_digit(value: float) -> float:
     return float(f"{value:.1g}")
 
 
-def _rounded(values: Any, size: float = 1.0) -> list[float]:
+def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     """Numbers to a hundred-thousandth of a size."""
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 

@@ -8,10 +8,14 @@ import traceback
 from argparse import Namespace
 from pathlib import Path
 
-from antiosc.app.scene_file import group_names, output, report, result_tables, run, template
-from antiosc.app.scene_file.exported import export as exported
-from antiosc.app.scene_file.read import read
+import antiosc
+from antiosc.app.new import template
+from antiosc.app.report import output, report, results
+from antiosc.app.scene_file import outline, run
+from antiosc.app.scene_file.build import Call, Evaluation
+from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
+from antiosc.app.scene_file.schema import schema
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.progress import say
@@ -64,7 +68,7 @@ def _new(options: Namespace) -> int:
 
 def _check(options: Namespace) -> int:
     found = compiled(read(options.file))
-    told = [*(f"warning: {sentence}" for sentence in found.warnings), *group_names.check(found)]
+    told = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
     say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
     for sentence in told:
         say(f"{options.file}: {sentence}")
@@ -72,19 +76,35 @@ def _check(options: Namespace) -> int:
 
 
 def _export(options: Namespace) -> int:
+    """Write the impact or the scene of a file, or its model alone, for another program."""
     from antiosc.app.exports.export import checked
 
-    kind = checked(options.out)
+    alone = checked(options.out) == ".mo"
     scene = compiled(read(options.file))
-    for sentence in exported(scene, options.out, options.fmi, kind == ".mo"):
+    source = scene.scene or scene.model
+    asked = {} if scene.history is None else scene.history.arguments
+    if scene.striking:
+        source = Call(lambda history: history.model, {"history": scene.history})
+    if source is None:
+        raise InputError(
+            f"{options.file} has nothing to export: give a model ([extract] or [model]) or"
+            " a scene of several contacts."
+        )
+    given = {"path": options.out, "source": source, "fmi": options.fmi}
+    if not alone:
+        if scene.impactor is not None:
+            given |= {"impactor": scene.impactor, "contact": scene.contact}
+        shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
+        given |= {name: asked[name] for name in ("duration", *shared) if name in asked}
+    with run.telling(scene.warnings):
+        Evaluation(scene.document)(Call(antiosc.export, given))
+    for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)
     say(f"wrote {options.out}")
     return 0
 
 
 def _schema(_options: Namespace) -> int:
-    from antiosc.app.scene_file.json_schema import schema
-
     say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
     return 0
 
@@ -96,7 +116,7 @@ def _study(options: Namespace) -> int:
     if getattr(scene, wanted) is None:
         raise InputError(f"{options.file} has {lacking}.")
     if options.dry_run:
-        from antiosc.app.scene_file.forecast import text
+        from antiosc.app.report.forecast import text
 
         say(text(scene))
         return 0
@@ -106,7 +126,7 @@ def _study(options: Namespace) -> int:
     target = target if options.out is None else options.out
     folder = None if target is None else output.folder(target)
     found = run.results(scene, run.COMMANDS[options.command])
-    say(result_tables.text(found))
+    say(results.text(found))
     written = [] if folder is None else output.write(found, folder)
     if page is not None:
         written += report.write(found, page)

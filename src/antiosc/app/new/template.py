@@ -7,8 +7,8 @@ import os
 import secrets
 from pathlib import Path
 
-from antiosc.app.scene_file.look import STEEL, Look, draw, look, look_at_deck
-from antiosc.app.scene_file.pages import rendered
+from antiosc.app.new.look import STEEL, Look, draw, look, look_at_deck
+from antiosc.app.report.report import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.impact_band import impact_band
@@ -34,7 +34,7 @@ def text(name: str, source: str, found: Look | None, drop: bool = False) -> str:
     """
     ending = Path(source).suffix.lower()
     return rendered(
-        "scene.toml",
+        Path(__file__).with_name("scene.toml"),
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         deck=ending in DECK_ENDINGS,

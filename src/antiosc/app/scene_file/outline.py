@@ -12,14 +12,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import floor, log10
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import antiosc
-from antiosc.app.scene_file.build import Call, calls_in, in_keys
-from antiosc.app.scene_file.locations import Place
-from antiosc.app.scene_file.problems import label, unknown
+from antiosc.app.scene_file.build import Call, calls_in
+from antiosc.app.scene_file.document import Place, Table, label, unknown
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -31,6 +30,9 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.fem.site.site import SNAP_SHARE
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.placement import Placement
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000
@@ -75,7 +77,7 @@ class Outline:
         size = float(np.linalg.norm(self.high - self.low))
         return off if off > max(SNAP_SHARE * size, self.element) else 0.0
 
-    def placed(self, at: Any) -> Outline:
+    def placed(self, at: Placement) -> Outline:
         """The box around its box after a `Placement`."""
         corners = np.array(list(itertools.product(*zip(self.low, self.high, strict=True))))
         x = at.placed(corners)
@@ -93,14 +95,14 @@ def check(found: Compiled) -> list[str]:
         try:
             known[part] = one = outline(call)
         except InputError as error:
-            problems.add(call.place, f"{_path(call).name} cannot be read: {in_keys(error, call)}")
+            problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
             continue
         except AntioscError as error:
             told.append(f"{_path(call).name} was not looked at: {error}")
             continue
         told.append(f"{one.name} reaches {one.text()}.")
         for place, group in _named(found.document.data, part):
-            if isinstance(group, str) and group not in one.groups:
+            if group not in one.groups:
                 what = f"{label(place)}: in {one.name} the group"
                 problems.add(place, unknown(what, group, one.groups))
     if len(known) == sum(1 for _ in _meshes(found)):
@@ -123,8 +125,11 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
     with finite_element_packages():
         from antiosc.fem.structure.placement import placement
     data = found.document.data
-    places = _at(found)
-    boxes = {part: one.placed(placement(part, places.get(part))) for part, one in known.items()}
+    at = {} if found.structure is None else found.structure.arguments.get("at", {})
+    boxes = {
+        part: one.placed(placement(part, at[part].made if part in at else None))
+        for part, one in known.items()
+    }
     for section, name in POINTS:
         for key, table in data.get(section, {}).items():
             point, snap = table.get(name), table.get("snap")
@@ -133,29 +138,19 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
             x = np.pad(np.array(point, dtype=float), (0, 3 - len(point)))
             own = [boxes[table["part"]]] if table.get("part") in boxes else list(boxes.values())
             nearest = min(own, key=lambda one: one.distance(x))
-            off = nearest.distance(x)
+            off, place = nearest.distance(x), (section, key, name)
             if off and (isinstance(snap, bool) or snap is None or off > snap):
-                place = (section, key, name)
-                found.document.problems.add(
-                    place,
-                    f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside the "
-                    f"box of {nearest.name}, from {checks.in_words(nearest.low)} to "
-                    f"{checks.in_words(nearest.high)}: coordinates are in metres.",
-                )
-
-
-def _at(found: Compiled) -> Mapping[str, Any]:
-    """Part -> where an assembly places it."""
-    places = found.structure.arguments.get("at", {}) if found.structure is not None else {}
-    return {part: call.made for part, call in places.items()}
+                box = f"{checks.in_words(nearest.low)} to {checks.in_words(nearest.high)}"
+                told = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
+                told += f" the box of {nearest.name}, from {box}: coordinates are in metres."
+                found.document.problems.add(place, told)
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
     """("" or name of a part, the call of read_mesh or read_model)."""
-    run = found.history
     source = found.structure
-    if source is None and run is not None and run.name == "strike":
-        source = run.arguments["source"]
+    if source is None and found.history is not None and found.striking:
+        source = found.history.arguments["source"]
         if isinstance(source, str):
             source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
     for call in calls_in(source):
@@ -219,36 +214,35 @@ def _largest(cells: Array) -> float:
     return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
 
 
-def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
-    """Places of a scene that may name a group of a mesh, or of a part, and what stands there."""
-    own: Mapping[str, Any] = data["parts"][part] if part else data
+def _named(data: Table, part: str) -> Iterator[tuple[Place, str]]:
+    """Places of a scene that name a group of a mesh, or of a part, and the group."""
+    own: Table = data["parts"][part] if part else data
     start: Place = ("parts", part) if part else ()
     material = own.get("material", {})
     if material and all(isinstance(each, dict) for each in material.values()):
         yield from (((*start, "material", group), group) for group in material)
-    for name in ("supports", "attached"):
-        for i, table in enumerate(own.get(name, ())):
-            yield (*start, name, i, "where"), table.get("where")
-    ends: list[tuple[Place, Any]] = [
-        ((section, key, name), table.get(name))
+    tables: list[tuple[Place, Table, str]] = [
+        ((section, key), table, name)
         for section, name in POINTS
         for key, table in data.get(section, {}).items()
     ]
-    if not part:
-        face = str(data.get("drop", {}).get("face", ""))
-        ends.append((("drop", "face"), face if face[:1] not in ("", "+", "-") else None))
-        yield from [*ends, *_where(data)]
-        return
-    for i, table in enumerate(data.get("joints", ())):
-        ends += [(("joints", i, key), table.get(key)) for key in ("a", "b", "group")]
-    for place, text in ends:
-        if isinstance(text, str) and text.startswith(f"{part}:"):
-            yield place, text.removeprefix(f"{part}:")
-
-
-def _where(data: Mapping[str, Any]) -> Iterator[tuple[Place, Any]]:
-    """The groups of [map] and [find]."""
-    for section in ("map", "find"):
-        where = data.get(section, {}).get("where")
-        for group in where if isinstance(where, list) else [where]:
-            yield (section, "where"), group
+    if part:
+        joints = enumerate(data.get("joints", ()))
+        tables += [
+            (("joints", i), table, key) for i, table in joints for key in ("a", "b", "group")
+        ]
+    else:
+        tables += [((n,), data.get(n, {}), "where") for n in ("map", "find")]
+        tables += [(("drop",), data.get("drop", {}), "face")]
+    for place, table, key in tables:
+        listed = table.get(key) if isinstance(table.get(key), list) else [table.get(key)]
+        for text in listed or ():
+            at = (*place, key)
+            if part and isinstance(text, str) and text.startswith(f"{part}:"):
+                yield at, text.removeprefix(f"{part}:")
+            elif not part and isinstance(text, str) and (key != "face" or text[:1] not in "+-"):
+                yield at, text
+    for section in ("supports", "attached"):
+        for i, table in enumerate(own.get(section, ())):
+            if isinstance(table.get("where"), str):
+                yield (*start, section, i, "where"), table["where"]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import pi, sqrt
-from typing import Any
+from typing import TYPE_CHECKING
 
-from antiosc.app.scene_file.group_names import outlines
-from antiosc.app.scene_file.result_tables import lines
+from antiosc.app.report.results import lines
+from antiosc.app.scene_file.document import Table
+from antiosc.app.scene_file.outline import outlines
 from antiosc.app.scene_file.run import COMMANDS, Results, results
 from antiosc.app.scene_file.scene import Compiled
+from antiosc.app.scene_file.studies import varied
 from antiosc.base.engineering import engineering
 from antiosc.base.errors import AntioscError
 from antiosc.base.memory import free_memory
@@ -19,6 +20,9 @@ from antiosc.simulation.simulate import DEFAULT_TOL
 from antiosc.studies.advice import advise
 from antiosc.studies.drops.body import MODES
 from antiosc.studies.drops.drop import GRAVITY
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
 
 
 def text(scene: Compiled) -> str:
@@ -42,14 +46,14 @@ def _of_structure(found: Results) -> list[tuple[str, str]]:
     rows = [("structure", structure.describe()), ("dofs", f"{structure.dofs}")]
     if hasattr(found.impactor, "hertz"):
         try:
-            advice: Any = advise(structure, found.impactor)
+            advice: object = advise(structure, found.impactor)
         except AntioscError as error:
             advice = f"no advice: {error}"
         rows.append(("advised family", str(advice)))
     return [*rows, ("factor", _factor(structure))]
 
 
-def _factor(structure: Any) -> str:
+def _factor(structure: Structure) -> str:
     """Entries and memory of the Cholesky factor, by the analysis that makes it."""
     from antiosc.fem import missing
 
@@ -80,7 +84,7 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 
-def _of_fall(asked: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _of_fall(asked: Table) -> list[tuple[str, str]]:
     height, gravity = asked["height"], asked.get("gravity", GRAVITY)
     rows = [
         ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
@@ -111,7 +115,7 @@ def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{engineering(step, 's')}, {how}"))
-    impacts = len(next(iter(scene.varied.values()), [0]))
+    impacts = len(next(iter(varied(scene).values()), [0]))
     if impacts > 1:
         rows.append(("sweep", f"{impacts} impacts"))
     return rows

@@ -1,0 +1,1 @@
+"""`antiosc new`: a scene that runs, from a look at the part."""
