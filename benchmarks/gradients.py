@@ -35,32 +35,13 @@ def main(sizes: tuple[int, ...] = SIZES, repeats: int = REPEATS) -> list[tuple[o
         model, ball, law, duration = impact(n)
         hit = ao.simulate(model, ball, law, duration)
         fine = ao.simulate(model, ball, law, duration, tol=1e-7)
-        found = recorded(hit)
-        options = march.Options(duration, 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
         for goal in GOALS:
             g = ao.gradient(fine, goal)
             off = max(
                 abs(value / difference(model, ball, law, duration, goal, name) - 1)
                 for name, value in (("mass", g.mass), ("velocity", g.velocity))
             )
-            wanted = seeds(found, goal, 0, None)
-            places = wanted.arrays(2 * found.system.omega.size + 1)
-            given = (found.states(), *places, wanted.force, wanted.time)
-            run, back, whole, python = least(
-                [
-                    lambda: in_library("aom_solve", engine.solve, found.system, options),  # noqa: B023
-                    lambda: in_library(  # noqa: B023
-                        "aom_gradient",
-                        engine.gradient,
-                        found.system,
-                        found.run,
-                        *given,  # noqa: B023
-                    ),
-                    lambda: timed(ao.simulate, model, ball, law, duration),  # noqa: B023
-                    lambda: timed(ao.gradient, hit, goal),  # noqa: B023
-                ],
-                repeats,
-            )
+            run, back, whole, python = costs(hit, (model, ball, law, duration), goal, repeats)
             count = 2 * n + 5
             rows.append((n, goal, count, off, back / run, python / whole))
             print(
@@ -95,6 +76,22 @@ def difference(
         other = ao.RigidMass(**values)
         ends.append(getattr(ao.simulate(model, other, law, duration, tol=1e-9), goal))
     return float(ends[1] - ends[0]) / (2 * change * getattr(ball, name))
+
+
+def costs(hit: Any, blow: tuple[Any, ...], goal: str, repeats: int) -> list[float]:
+    """Seconds of `aom_solve`, `aom_gradient`, `simulate` and `gradient`."""
+    found = recorded(hit)
+    options = march.Options(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
+    wanted = seeds(found, goal, 0, None)
+    places = wanted.arrays(2 * found.system.omega.size + 1)
+    given = (found.system, found.run, found.states(), *places, wanted.force, wanted.time)
+    calls: list[Callable[[], float]] = [
+        lambda: in_library("aom_solve", engine.solve, found.system, options),
+        lambda: in_library("aom_gradient", engine.gradient, *given),
+        lambda: timed(ao.simulate, *blow),
+        lambda: timed(ao.gradient, hit, goal),
+    ]
+    return least(calls, repeats)
 
 
 def timed(call: Callable[..., Any], *given: Any) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 from antiosc.app.scene_file import group_names, output, report, result_tables, run, template
 from antiosc.app.scene_file.exported import export as exported
 from antiosc.app.scene_file.read import read
-from antiosc.app.scene_file.scene import compiled
+from antiosc.app.scene_file.scene import Compiled, compiled
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.progress import say
@@ -95,6 +95,8 @@ def _study(options: Namespace) -> int:
     wanted, lacking = STUDIES[options.command]
     if getattr(scene, wanted) is None:
         raise InputError(f"{options.file} has {lacking}.")
+    if getattr(options, "store", None) is not None:
+        _store(scene, options.store)
     if options.dry_run:
         from antiosc.app.scene_file.forecast import text
 
@@ -115,6 +117,18 @@ def _study(options: Namespace) -> int:
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
     return 1 if getattr(found.history, "status", 0) == 2 else 0
+
+
+def _store(scene: Compiled, path: str) -> None:
+    """Have the runs of [monte_carlo] stored; a campaign that broke off goes on."""
+    comm = run.communicator()
+    if comm is not None and comm.size > 1:
+        raise InputError(
+            f"--store is for one process, not {comm.size} ranks: leave it out, or run without MPI."
+        )
+    assert scene.sample is not None
+    store = checks.new_file("--store", path)
+    scene.sample.arguments = {**scene.sample.arguments, "store": store}
 
 
 _OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}
