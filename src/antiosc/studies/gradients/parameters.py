@@ -65,9 +65,9 @@ def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
 class ByMatrices:
     """Derivatives by the model's matrices in its own coordinates, K and M (C, C).
 
-    The sums phi within phi' and -phi (within x + turned) phi' over the modes phi (C, J), x (J,) their
-    omega^2, made symmetric; with a massless site -r phi `first` and r phi x `first` in the row of
-    the site, and `corner` in its place.
+    The sums phi within phi' and -phi (within x + turned) phi' over the modes phi (C, J), x (J,)
+    their omega^2, made symmetric; with a massless site -r phi `first` and r phi x `first` in the
+    row of the site, and `corner` in its place.
     """
 
     phi: Array
