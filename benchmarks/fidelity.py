@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from antiosc.studies.advice import advise
 
 ROOT = Path(__file__).resolve().parent.parent

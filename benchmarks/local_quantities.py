@@ -28,7 +28,7 @@ from scipy.spatial import cKDTree
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.fem import mesh_fields
+from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional

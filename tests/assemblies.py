@@ -11,10 +11,10 @@ import scipy.sparse.linalg
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 
 E, NU, RHO = 70e9, 0.3, 2700.0

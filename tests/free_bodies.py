@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 
 SIZE = np.array([0.12, 0.05, 0.04])
 SECTION = ao.Section.rectangle(width=0.02, height=0.03)

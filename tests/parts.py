@@ -15,9 +15,9 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.fem import compat
-from antiosc.fem.compiled_forms import compiler
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.compiled_forms import compiler
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]

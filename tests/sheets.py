@@ -11,11 +11,11 @@ import scipy.sparse.linalg
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
+from antiosc.fem.platform import compat
 
 E, NU, RHO = 70e9, 0.3, 2700.0
 CELLS = ["triangle", "quadrilateral"]

@@ -165,7 +165,7 @@ def test_the_form_compiler_is_patched_only_while_it_compiles(tmp_path):
         import ffcx.ir.elementtables as tables
         plain = tables.get_ffcx_table_values
         import antiosc.fem
-        from antiosc.fem.compiled_forms import FFCX, compiler
+        from antiosc.fem.platform.compiled_forms import FFCX, compiler
         assert tables.get_ffcx_table_values is plain
         with compiler():
             with compiler():

@@ -38,7 +38,7 @@ def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.charts.figures import new_figure
+    from antiosc.base.charts.figures import new_figure
 
     pyplot.switch_backend("agg")
     monkeypatch.setattr(pyplot, "get_backend", lambda: backend)

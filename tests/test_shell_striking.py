@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.error.bisection import refined
+from antiosc.fem.platform import compat
 from antiosc.simulation.error_bars import QUANTITIES
 from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet, stack
 

@@ -99,7 +99,7 @@ def struck(part: Any, bare: bool) -> dict[str, Any]:
 
 def _site(part: Any) -> tuple[Any, Any]:
     """A vertex that nothing holds, as far from what is held as any, and a skew direction."""
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
 
     if part.matrices.assembled:
         return _free_vertex(part)
@@ -181,7 +181,7 @@ def _by_numpy(part: Any, point: Any, direction: Any) -> float:
     from scipy.sparse.linalg import splu
     from scipy.spatial import cKDTree
 
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
 
     mesh, dim = part.mesh, part.mesh.gdim
     nodes = compat.geometry_nodes(mesh.dolfinx)

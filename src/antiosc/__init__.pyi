@@ -135,19 +135,6 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
-from antiosc.measured.compare import (
-    ForceComparison as ForceComparison,
-    compare as compare,
-)
-from antiosc.measured.frf import (
-    FRF as FRF,
-)
-from antiosc.measured.from_frf import (
-    from_frf as from_frf,
-)
-from antiosc.measured.reading import (
-    read_frf as read_frf,
-)
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
 )
@@ -333,6 +320,19 @@ from antiosc.studies.map_results import (
 )
 from antiosc.studies.maps import (
     impact_map as impact_map,
+)
+from antiosc.studies.measured.compare import (
+    ForceComparison as ForceComparison,
+    compare as compare,
+)
+from antiosc.studies.measured.frf import (
+    FRF as FRF,
+)
+from antiosc.studies.measured.from_frf import (
+    from_frf as from_frf,
+)
+from antiosc.studies.measured.reading import (
+    read_frf as read_frf,
 )
 from antiosc.studies.striking import (
     strike as strike,

@@ -10,8 +10,8 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.charts import figures
-from antiosc.plotting import parts
+from antiosc.base.charts import figures
+from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -43,7 +43,7 @@ def test_the_picture_of_a_body_is_at_its_own_largest_motion():
     largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
     assert np.argmax(largest[0]) != np.argmax(largest[1])
     for body, expected in zip(("structure", "impactor"), largest, strict=True):
-        assert np.array_equal(parts._motion(hit, body), expected)
+        assert np.array_equal(pictures._motion(hit, body), expected)
 
 
 def test_model_charts():

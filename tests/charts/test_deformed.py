@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.charts import deformed
+from antiosc.base.charts import deformed
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from antiosc import plotting
-from antiosc.charts import surfaces
-from antiosc.charts.deformed import Deformed, deformed_figure
+from antiosc.base.charts import surfaces
+from antiosc.base.charts.deformed import Deformed, deformed_figure
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

@@ -15,8 +15,8 @@ import ufl
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem import compat, compiled_forms
-from antiosc.fem.compiled_forms import compiler
+from antiosc.fem.platform import compat, compiled_forms
+from antiosc.fem.platform.compiled_forms import compiler
 
 pytestmark = pytest.mark.fem
 

@@ -31,7 +31,7 @@ except ao.AntioscError as error:
 
 
 def test_a_place_that_cannot_be_written_is_named():
-    compiler = pytest.importorskip("antiosc.fem.compiled_forms").compiler
+    compiler = pytest.importorskip("antiosc.fem.platform.compiled_forms").compiler
     said = r"^compiled finite elements cannot be written to /x \(denied\): set XDG_CACHE_HOME"
     with pytest.raises(ao.InputError, match=said), compiler():
         raise PermissionError(13, "denied", "/x")
@@ -39,7 +39,7 @@ def test_a_place_that_cannot_be_written_is_named():
 
 def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
     """FFCx up to 0.5 would count x, y and z of a shell in space; newer ones stay as they are."""
-    compiler = pytest.importorskip("antiosc.fem.compiled_forms")
+    compiler = pytest.importorskip("antiosc.fem.platform.compiled_forms")
     tables = pytest.importorskip("ffcx.ir.elementtables")
     asked = []
     monkeypatch.setattr(tables, "get_ffcx_table_values", lambda *a: asked.append(a), raising=False)
@@ -56,7 +56,7 @@ def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
 @pytest.mark.slow
 def test_no_file_is_left_open(tmp_path):
     """FFCx 0.5 claims a compilation by a file that it would not close."""
-    compiler = pytest.importorskip("antiosc.fem.compiled_forms").compiler
+    compiler = pytest.importorskip("antiosc.fem.platform.compiled_forms").compiler
     jit = pytest.importorskip("ffcx.codegeneration.jit")
     with warnings.catch_warnings(record=True) as told, compiler():
         warnings.simplefilter("always")

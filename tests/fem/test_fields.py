@@ -14,8 +14,9 @@ import scipy.linalg
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat, series
+from antiosc.fem.fields import series
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from scenes import finely
 

@@ -13,8 +13,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem import mpi
-from antiosc.fem.fingerprint import fingerprint, named, number
+from antiosc.fem.platform import mpi
+from antiosc.fem.platform.fingerprint import fingerprint, named, number
 
 pytestmark = pytest.mark.fem
 

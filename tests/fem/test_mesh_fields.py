@@ -8,8 +8,9 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat, mesh_fields
+from antiosc.fem.fields import mesh_fields
 from antiosc.fem.mesh.conformity import _SIMPLICES
+from antiosc.fem.platform import compat
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.structure import on_mesh

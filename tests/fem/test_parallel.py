@@ -21,7 +21,7 @@ import numpy as np
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 
 warnings.simplefilter("ignore", AntioscWarning)
 solid = ao.Solid(**parts.STEEL)

@@ -90,7 +90,7 @@ import warnings
 import numpy as np
 import antiosc as ao
 import parts
-from antiosc.fem import mpi
+from antiosc.fem.platform import mpi
 from mpi4py import MPI
 
 comm = MPI.COMM_WORLD
@@ -151,7 +151,7 @@ import json, sys, warnings
 import numpy as np
 import antiosc as ao
 import parts
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 
 warnings.simplefilter("ignore")
 beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.03))

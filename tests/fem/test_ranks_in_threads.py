@@ -16,7 +16,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError, OutOfMemoryError
-from antiosc.fem import compat, mpi
+from antiosc.fem.platform import compat, mpi
 from antiosc.fem.recovery import at_nodes
 
 pytestmark = pytest.mark.fem
@@ -176,7 +176,7 @@ def test_what_all_ranks_made_has_one_number(guarded):
         return [Made(1.0), Made(2.0)]
 
     (a, b), (c, d) = on_ranks(lambda comm: make(Thing(comm)))
-    from antiosc.fem.fingerprint import fingerprint, named
+    from antiosc.fem.platform.fingerprint import fingerprint, named
 
     assert fingerprint(a) == fingerprint(c) != fingerprint(b)
     assert fingerprint(b) == fingerprint(d)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from antiosc.base import files
-from antiosc.fem import series
+from antiosc.fem.fields import series
 
 CHANGES = {"open", "os.rename", "os.link", "os.remove", "os.rmdir", "os.mkdir", "os.chmod"}
 POINTS = np.eye(3)

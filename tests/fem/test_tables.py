@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 
+from antiosc.fem.fields.series import TYPES
 from antiosc.fem.mesh import conformity
-from antiosc.fem.series import TYPES
 from antiosc.fem.site import patches
 
 pytestmark = pytest.mark.fem

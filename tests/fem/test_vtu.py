@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 
-from antiosc.fem.series import BYTES_AT_ONCE, Frames
+from antiosc.fem.fields.series import BYTES_AT_ONCE, Frames
 
 #: Points whose coordinates fill less than a block, exactly one, two, and a little more than two.
 COUNTS = [9, BYTES_AT_ONCE // 24 + 1, 2 * BYTES_AT_ONCE // 8, 2 * BYTES_AT_ONCE // 8 + 5]

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from assemblies import box
 from mpi import run_ranks
 

@@ -9,8 +9,8 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.base.charts import figures
 from antiosc.base.errors import InputError
-from antiosc.charts import figures
 from antiosc.models import model_file
 
 OMEGA, B = [0.0, 2e3], [1.0, 0.5]

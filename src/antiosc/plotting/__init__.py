@@ -8,10 +8,10 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
-from antiosc.charts.figures import legend_beside, panels, save_figure
-from antiosc.charts.histories import plot_force, plot_history, plot_motion, running_mean
-from antiosc.charts.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
-from antiosc.plotting.parts import plot_deformed, plot_map
+from antiosc.base.charts.figures import legend_beside, panels, save_figure
+from antiosc.base.charts.histories import plot_force, plot_history, plot_motion, running_mean
+from antiosc.base.charts.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
+from antiosc.results.pictures import plot_deformed, plot_map
 
 __all__ = [
     "legend_beside",

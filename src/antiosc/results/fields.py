@@ -18,8 +18,8 @@ from antiosc.base.checks import array, filled, instance, path as checked_path
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import collective, on_root
-from antiosc.fem.series import Frames, listing, write_frames
+from antiosc.fem.fields.series import Frames, listing, write_frames
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
@@ -132,7 +132,7 @@ def _write_vtx(
     target: Path, structure: Structure, shapes: Array, times: Array, factors: Array
 ) -> None:
     try:
-        from antiosc.fem import vtx
+        from antiosc.fem.fields import vtx
     except ImportError:
         raise MissingDependencyError("a .bp series needs dolfinx: write a .pvd.") from None
     vtx.write(target, structure, shapes, times, factors)

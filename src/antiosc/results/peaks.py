@@ -19,9 +19,9 @@ from antiosc.base.engineering import engineering, place as placed
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import collective, warn
+from antiosc.fem.fields.series import Frames
+from antiosc.fem.platform.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
-from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search, resolution
 from antiosc.results.contact_yield import contact_yield
@@ -36,7 +36,7 @@ from antiosc.simulation.scene_history import BodyHistory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.charts.deformed import Deformed
+    from antiosc.base.charts.deformed import Deformed
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -155,7 +155,7 @@ class PeakField(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.charts.deformed import draw_deformed
+        from antiosc.base.charts.deformed import draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
@@ -170,7 +170,7 @@ class PeakField(Brief):
 
     def surface(self, label: str, moved: Array) -> Deformed:
         """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
-        from antiosc.charts.deformed import Deformed, enlarged
+        from antiosc.base.charts.deformed import Deformed, enlarged
 
         label = checks.instance("label", label, str, "a text")
         moved = checks.array("moved", moved, (len(self.points), 3))

@@ -20,9 +20,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import collective
-from antiosc.fem.named_points import motions_without_mesh, point_of
+from antiosc.fem.platform.mpi import collective
 from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.site.named_points import motions_without_mesh, point_of
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of

@@ -28,7 +28,7 @@ from antiosc.base.threads import one_thread
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.site_shapes import beside_rigid
 from antiosc.fem.linalg.algebra import dot
-from antiosc.fem.mpi import collective
+from antiosc.fem.platform.mpi import collective
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
@@ -110,7 +110,7 @@ def reactions(
     at = times_of(history, times)
     sites = _named(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
-    from antiosc.fem.released import Released  # needs dolfinx
+    from antiosc.fem.site.released import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
     _check(structure, history)

@@ -26,7 +26,7 @@ def mesh_error(
     structure: Structure, shapes: Array, part: str | None, history: Any, times: Array, body: str
 ) -> Array | None:
     """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
-    from antiosc.fem.stress_errors import stress_jumps  # needs dolfinx
+    from antiosc.fem.fields.stress_errors import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
     factors = amplitudes(history, at, body)[number.ravel()]
@@ -35,7 +35,7 @@ def mesh_error(
 
 def doubt(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
     """A sentence on the largest stress at x (3,), whose error is this share of it; "" if none."""
-    from antiosc.fem.stress_errors import corner_at  # needs dolfinx
+    from antiosc.fem.fields.stress_errors import corner_at  # needs dolfinx
 
     angle, held = corner_at(structure, shapes, x, part)
     if angle >= RE_ENTRANT:
@@ -58,7 +58,7 @@ def doubt(structure: Structure, shapes: Array, part: str | None, x: Array, share
 
 def not_known(structure: Structure, shapes: Array, part: str | None) -> str:
     """That the error of the stresses of a part without solids is not known, if it has sheets."""
-    from antiosc.fem.stress_errors import families  # needs dolfinx
+    from antiosc.fem.fields.stress_errors import families  # needs dolfinx
 
     if "sheet" not in families(structure, shapes, part):
         return ""

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
+from antiosc.base.charts.histories import plot_history
 from antiosc.base.errors import InputError
-from antiosc.charts.histories import plot_history
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly, known

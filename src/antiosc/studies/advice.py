@@ -26,8 +26,8 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
-from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.contact.geometry import effective_modulus
+from antiosc.models.family_limits import strip, thickness_shear
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.

@@ -21,7 +21,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.model_info import ModelInfo
-from antiosc.plotting import plot_map
+from antiosc.results.pictures import plot_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,7 +20,7 @@ from antiosc.base.progress import counting
 from antiosc.base.stresses import equivalent
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import on_root
+from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.recovery.place import NodeTensors, Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.deflection import Force, motions

@@ -31,7 +31,7 @@ from antiosc.fem.extraction.oscillators import (
     oscillators,
 )
 from antiosc.fem.extraction.site_shapes import shapes_of_models
-from antiosc.fem.mpi import agree, collective, on_root
+from antiosc.fem.platform.mpi import agree, collective, on_root
 from antiosc.fem.site.sites import Sites, doubtful_patches
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes

@@ -28,14 +28,14 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.memory import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support

@@ -33,7 +33,7 @@ def block(size, n, comm=WORLD):
     return grouped(made, bottom=at(2, 0.0), top=at(2, size[2]), x0=at(0, 0.0), x1=at(0, size[0]))
 
 def bar(comm=WORLD):
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
     x = np.linspace([0, 0, 0], [0.05, 0, 0], 4)
     cells = np.column_stack([np.arange(3), np.arange(1, 4)]).astype(np.int64)
     cells, x = (cells, x) if comm.rank == 0 else (cells[:0], x[:0])

@@ -11,11 +11,11 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.assembly.assemble import joined_at_nodes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
+from antiosc.fem.platform import compat
 from assemblies import eigenfrequencies, static
 
 pytestmark = [

@@ -12,9 +12,9 @@ import scipy.sparse.linalg
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import heights
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 
 pytestmark = pytest.mark.fem
 

@@ -10,8 +10,8 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements import solid
+from antiosc.fem.platform import compat
 from parts import STEEL, box, frame, line, named, plate
 from sheets import PLY
 

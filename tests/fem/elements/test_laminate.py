@@ -16,10 +16,10 @@ import dolfinx
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem import compat
 from antiosc.fem.elements.plate_section import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 from laminates import navier, uniform
 from sheets import (
     CELLS,

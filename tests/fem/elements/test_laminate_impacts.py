@@ -15,11 +15,11 @@ import dolfinx
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem import compat
 from antiosc.fem.elements.plate_section import stacked
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 from mpi import one_and_several
 from paths import demo
 from sheets import (
@@ -167,7 +167,7 @@ model = ao.extract(part, site, n=4)
 numbers = [part.dofs, part.mass, model.k0, model.m_st, *model.omega, *model.m]
 x, cells = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.]]), np.array([[0, 1, 2], [1, 2, 3]])
 from mpi4py import MPI
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 few = slice(0 if MPI.COMM_WORLD.rank else 2)
 bad = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells[few], x if not few.stop == 0 else x[:0],
     "triangle", 1))

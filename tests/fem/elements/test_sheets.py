@@ -11,8 +11,8 @@ from scipy.integrate import dblquad
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import coefficient, measure
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.materials import parts_of
 from paths import MESHES
 

@@ -13,11 +13,11 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from sheets import (
     CELLS,

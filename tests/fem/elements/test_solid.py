@@ -11,9 +11,9 @@ import basix
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
 from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

@@ -14,7 +14,7 @@ import dolfinx
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from marks import FREE_ON_PURPOSE
 from mesh_files import write
 

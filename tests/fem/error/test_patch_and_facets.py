@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.error import gaps
 from antiosc.fem.error.gaps import faceted, mean_gaps
 from antiosc.fem.error.model_errors import estimator, layers
+from antiosc.fem.platform import compat
 from parts import STEEL, box, plate
 from sheets import sheet
 

@@ -13,10 +13,10 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.error.bisection import refined
 from antiosc.fem.error.cell_sizes import COARSEST, FINEST, POWER, edge_lengths, growth, ratios
 from antiosc.fem.error.remeshing import measures, source_of, wished_sizes
+from antiosc.fem.platform import compat
 from mpi import run_ranks
 from parts import STEEL, box, plate
 
@@ -137,7 +137,7 @@ def test_coarse_curved_cells_do_not_cut_cylinders_off():
 
 SCRIPT = """
     import json, numpy as np
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
     from antiosc.fem.error.bisection import refined
     from antiosc.fem.error.remeshing import measures
     from parts import box

@@ -11,12 +11,12 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.error.free_edges import layers_of
 from antiosc.fem.error.sheet_strains import SheetRecovery, StrainsOfSheets, section_forces
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.smooth_pieces import smooth_pieces
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.error_budget import (

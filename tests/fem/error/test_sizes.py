@@ -11,7 +11,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.error.bisection import DIVIDED, gathered, inside, refined
 from antiosc.fem.error.cell_sizes import edge_lengths, growth
 from antiosc.fem.error.remeshing import (
@@ -23,6 +22,7 @@ from antiosc.fem.error.remeshing import (
     thickness_of,
     wished_sizes,
 )
+from antiosc.fem.platform import compat
 from antiosc.io.request import GRADING
 from parts import box, gmsh_cube, plate
 from sheets import rectangle

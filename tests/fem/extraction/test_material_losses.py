@@ -12,9 +12,9 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from assemblies import dense, free_dofs
 

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from antiosc.fem import compat
 from antiosc.fem.mesh import conformity
+from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
 
 pytestmark = pytest.mark.fem

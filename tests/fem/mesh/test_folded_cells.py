@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from antiosc.base.errors import MeshError
-from antiosc.fem import compat
 from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, collapsed, folded, straightened
+from antiosc.fem.platform import compat
 
 pytestmark = pytest.mark.fem
 

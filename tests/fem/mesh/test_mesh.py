@@ -153,7 +153,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
         import sys
         import numpy as np
         import antiosc as ao
-        from antiosc.fem import compat
+        from antiosc.fem.platform import compat
         from parts import moments
         for path in sys.argv[1:]:
             mesh = ao.read_mesh(path)

@@ -14,7 +14,7 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from parts import moments
 
 pytestmark = pytest.mark.fem

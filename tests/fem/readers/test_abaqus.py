@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.platform import compat
 from antiosc.io import conversion
 from antiosc.io.deck import Block
 from antiosc_decks.abaqus import assembly as abaqus_assembly

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.platform import compat
 from antiosc_decks.nastran import mesh as nastran
 from antiosc_decks.nastran.coordinates import System
 from paths import DECKS

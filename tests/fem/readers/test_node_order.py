@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.platform import compat
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 

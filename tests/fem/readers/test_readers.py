@@ -21,7 +21,7 @@ pytest.importorskip("gmsh")
 import gmsh
 
 import antiosc as ao
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from antiosc.io import isolation
 from antiosc.io.reading import read
 from mesh_files import grid, refusal

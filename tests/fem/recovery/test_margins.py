@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 import sheets
-from antiosc.plotting.parts import deformed
+from antiosc.results.pictures import deformed
 from static_loads import held
 
 pytestmark = pytest.mark.fem

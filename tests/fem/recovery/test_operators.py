@@ -11,8 +11,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.recovery import sheet
 from antiosc.fem.recovery.at_nodes import evaluator
 from antiosc.fem.recovery.place import Place

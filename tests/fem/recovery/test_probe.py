@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 import parts
-from antiosc.fem import mesh_fields
+from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 
 pytestmark = pytest.mark.fem

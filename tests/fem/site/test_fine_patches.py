@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from parts import STEEL, box, plate
 

@@ -12,8 +12,8 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem import compat
 from antiosc.fem.mesh import closest_point
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
 

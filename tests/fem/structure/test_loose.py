@@ -14,7 +14,7 @@ pytestmark = pytest.mark.fem
 
 from mpi4py import MPI  # noqa: E402
 
-from antiosc.fem import compat  # noqa: E402
+from antiosc.fem.platform import compat  # noqa: E402
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 SIZE = (0.4, 0.1, 0.2)

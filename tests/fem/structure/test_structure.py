@@ -12,9 +12,9 @@ from petsc4py import PETSc
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.structure import rigid_body_modes
 from marks import FREE_ON_PURPOSE

@@ -191,7 +191,7 @@ def look_at_deck(path: Path) -> Look:
 
 
 def _seen(mesh: Any, read: Mapping[str, Any]) -> Look:
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
     nodes = compat.geometry_nodes(mesh.dolfinx)
@@ -227,7 +227,7 @@ def _group(mesh: Any, words: Sequence[str]) -> str | None:
 
 def _nodes_of(mesh: Any, group: str | None) -> IntArray:
     """Nodes of a group; none without one."""
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
 
     parts = mesh.groups[group].items() if group is not None else ()
     found = [compat.entity_vertices(mesh.dolfinx, dim)[own].ravel() for dim, own in parts]
@@ -249,7 +249,7 @@ def _plane(
 def _faces(mesh: Any, nodes: IntArray) -> tuple[IntArray, Array]:
     """Corners (F, k) of outer faces and the middles (F, 3) of their cells; of sheets and lines the
     corners of the cells alone."""
-    from antiosc.fem import compat
+    from antiosc.fem.platform import compat
     from antiosc.results.saved_fields import FACES
 
     order = np.argsort(compat.node_order(mesh.cell, nodes.shape[1], "vtk"))
@@ -358,8 +358,8 @@ def _rounded(values: Any, size: float = 1.0) -> list[float]:
 
 def draw(found: Look, path: Path) -> None:
     """A picture of the part: its outer faces, the nodes that hold it, and the impact."""
-    from antiosc.charts.deformed import Deformed, deformed_figure
-    from antiosc.charts.figures import save_figure
+    from antiosc.base.charts.deformed import Deformed, deformed_figure
+    from antiosc.base.charts.figures import save_figure
 
     shade = found.held.astype(float)
     label = "1: held"

@@ -15,13 +15,13 @@ import numpy as np
 from antiosc.app.scene_file import result_tables
 from antiosc.app.scene_file.run import Results
 from antiosc.base import progress
+from antiosc.base.charts.figures import legend_beside, new_figure, save_figure
+from antiosc.base.charts.histories import plot_force, plot_motion
+from antiosc.base.charts.models import plot_model
 from antiosc.base.errors import AntioscError
-from antiosc.charts.figures import legend_beside, new_figure, save_figure
-from antiosc.charts.histories import plot_force, plot_motion
-from antiosc.charts.models import plot_model
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
-from antiosc.plotting.parts import plot_deformed, plot_map
+from antiosc.results.pictures import plot_deformed, plot_map
 
 #: Inches of a chart.
 SIZE = (7.0, 3.4)

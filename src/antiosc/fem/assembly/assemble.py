@@ -40,9 +40,9 @@ from antiosc.fem.assembly.superelement import TURN
 from antiosc.fem.assembly.supports import attachment, superelement, support_rows
 from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
-from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.attachments import Damper, PointMass, Spring
-from antiosc.fem.structure.member import ROTATIONS
+from antiosc.fem.structure.meshed import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators

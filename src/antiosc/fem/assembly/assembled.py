@@ -23,10 +23,10 @@ from antiosc.fem.assembly.share import Share
 from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
-from antiosc.fem.mpi import on_root
+from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.fem.structure.member import Member
+from antiosc.fem.structure.meshed import Member
 from antiosc.models.motion import Inertia
 
 Found = TypeVar("Found")

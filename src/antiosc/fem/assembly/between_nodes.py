@@ -18,9 +18,9 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 
 #: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
 Term = tuple[int, int, float]

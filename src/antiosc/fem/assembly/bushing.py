@@ -18,7 +18,7 @@ from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 
 AXES = (*DISPLACEMENTS, *ROTATIONS, "axial")
 

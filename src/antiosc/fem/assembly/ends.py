@@ -23,7 +23,7 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.placement import skew
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
 from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.mesh.entities import Entities, largest
-from antiosc.fem.structure.member import Member
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import Member
 
 
 class Facets(Entities):

@@ -24,7 +24,7 @@ from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mpi import collective, on_root, warn
+from antiosc.fem.platform.mpi import collective, on_root, warn
 from antiosc.fem.structure.attachments import Damper, PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support

@@ -17,10 +17,9 @@ import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.assembly.superelement import MOVE, Condensed, Superelement
-from antiosc.fem.structure.member import DISPLACEMENTS, Member
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
 from antiosc.fem.structure.placement import Placement
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix

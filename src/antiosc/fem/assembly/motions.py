@@ -22,7 +22,7 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import MOVE, TURN
 from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.member import Member
+from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.null_space import SHIFT, orthonormal
 from antiosc.fem.structure.rigid_body_modes import on_dofs, polynomials
 

@@ -13,7 +13,7 @@ from antiosc.base._types import BoolArray, IntArray
 from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
 from antiosc.fem.assembly.joint import Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9

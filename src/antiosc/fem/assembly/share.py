@@ -20,11 +20,11 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.fem import compat
 from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh, local_groups
-from antiosc.fem.mpi import agree, alike
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree, alike
 from antiosc.fem.structure.meshed import MeshedStructure
 
 

@@ -18,11 +18,11 @@ import scipy.sparse
 
 from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.assembly.joint import Joint, Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.mesh.cell_geometry import projected
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 
 #: Nodes with one number lie in one place, up to this share of the size of the assembly.
 SAME_PLACE = 1e-6

@@ -17,7 +17,7 @@ from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import Overlap, closest
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 
 #: Points through the thickness.

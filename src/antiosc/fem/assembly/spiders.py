@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
 from antiosc.fem.assembly.joint import NAME, Joint, Rows
 from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 
 #: Rotations about axes with less than this share of the largest second moment are not told.
 COLLINEAR = 1e-12

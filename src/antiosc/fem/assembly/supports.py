@@ -17,7 +17,7 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed
 from antiosc.fem.mesh.entities import largest
 from antiosc.fem.structure.attachments import Damper, PointMass, Spring
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 
 

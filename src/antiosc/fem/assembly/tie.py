@@ -31,7 +31,7 @@ from antiosc.fem.assembly.joint import NAME, Between, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse, curl
 from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
 from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
-from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.

@@ -14,7 +14,6 @@ from antiosc.base._types import Array, Box
 from antiosc.base.checks import array, flag, instance, number
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
 from antiosc.fem.elements.section import Section
 from antiosc.fem.elements.weak_form import (
@@ -27,7 +26,8 @@ from antiosc.fem.elements.weak_form import (
     tangent,
 )
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

@@ -17,10 +17,10 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import array, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree, on_root
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree, on_root
 
 if TYPE_CHECKING:
     from dolfinx import fem

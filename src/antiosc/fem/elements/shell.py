@@ -17,7 +17,6 @@ from antiosc.base._types import Box
 from antiosc.base.checks import number, positive, store
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
 from antiosc.fem.elements.shell_strains import (
@@ -33,6 +32,7 @@ from antiosc.fem.elements.shell_strains import (
 )
 from antiosc.fem.elements.weak_form import Isotropic, Kind, Parts, WeakForm, measure
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

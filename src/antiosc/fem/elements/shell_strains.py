@@ -23,12 +23,12 @@ import ufl
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import axes_and_sides
 from antiosc.fem.elements.plate_section import PlateSection
 from antiosc.fem.elements.weak_form import Parts, coefficient
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

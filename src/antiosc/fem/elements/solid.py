@@ -13,7 +13,6 @@ from antiosc.base._types import Array, Box
 from antiosc.base.checks import choice, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
     Isotropic,
     Kind,
@@ -23,6 +22,7 @@ from antiosc.fem.elements.weak_form import (
     measure,
 )
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 #: Ratio of the edges of a cell, and of the part to its shortest edge, from which K is taken by its
 #: strains; and the number of cells up to which the memory for these is small.

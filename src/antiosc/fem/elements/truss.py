@@ -13,7 +13,6 @@ from antiosc.base._types import Box
 from antiosc.base.checks import positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
     Isotropic,
     Kind,
@@ -24,6 +23,7 @@ from antiosc.fem.elements.weak_form import (
     tangent,
 )
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 
 @dataclass(frozen=True)

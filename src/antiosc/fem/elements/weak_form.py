@@ -19,8 +19,8 @@ from antiosc.base._types import Array, Box, IntArray
 from antiosc.base.checks import array, nonnegative, poisson, positive, shown
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:
     from dolfinx import fem

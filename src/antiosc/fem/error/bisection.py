@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.selection import keys
 

@@ -18,8 +18,8 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from antiosc.base._types import Array
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 #: Least and largest change of a size at once: what is coarse already does not become much coarser,
 #: for its errors would grow by more than is expected.

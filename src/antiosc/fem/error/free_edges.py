@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.fem import compat
 from antiosc.fem.error.sheet_strains import BENDING, MEMBRANE, SHEAR, SheetRecovery
 from antiosc.fem.error.smooth_pieces import (
     EDGES,
@@ -30,6 +29,7 @@ from antiosc.fem.error.smooth_pieces import (
     edge_normals,
     neighbours,
 )
+from antiosc.fem.platform import compat
 from antiosc.fem.recovery.points import PointsInCells, gauss_points
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.platform import compat
 
 # -- Whether flat faces approximate a curved surface, an error that no recovery of strains detects.
 

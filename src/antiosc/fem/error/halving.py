@@ -17,9 +17,9 @@ import scipy.sparse.linalg
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.error.bisection import halved
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure

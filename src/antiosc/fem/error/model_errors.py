@@ -11,8 +11,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.closed_form.family_limits import strip, thickness_shear
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.error.bisection import inside, polygon
 from antiosc.fem.error.gaps import faceted, mean_gaps
@@ -20,11 +18,13 @@ from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
 from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import compat
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.family_limits import strip, thickness_shear
 from antiosc.models.model_info import BeamSection, FacetGaps, Patch
 
 # -- What the share "model" of an error budget must know of a struck beam.

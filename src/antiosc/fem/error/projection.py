@@ -14,9 +14,9 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of
 #: intervals: their strains hold terms of degree two in one direction, which are errors too and

@@ -16,7 +16,6 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
-from antiosc.fem import compat
 from antiosc.fem.error.bisection import (
     DIVIDED,
     KIND_OF,
@@ -30,7 +29,8 @@ from antiosc.fem.error.cell_sizes import edge_lengths
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mpi import bounds, on_root, warn
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import bounds, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read

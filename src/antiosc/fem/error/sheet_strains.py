@@ -14,8 +14,8 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
 from antiosc.fem.error.smooth_pieces import SmoothPieces
+from antiosc.fem.platform import compat
 from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -23,10 +23,10 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.error.free_edges import layers_of
 from antiosc.fem.error.sheet_strains import SHEAR, SheetRecovery
 from antiosc.fem.error.smooth_pieces import FLAT, smooth_pieces
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
 

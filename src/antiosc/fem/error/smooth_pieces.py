@@ -16,8 +16,8 @@ from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import CORNERS_IN_TURN
+from antiosc.fem.platform import compat
 from antiosc.fem.recovery.sheet import SheetAxes
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
-from antiosc.fem import compat
 from antiosc.fem.error.projection import CellStrains, Projection
-from antiosc.fem.mpi import warn
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Poisson's ratio from which the bars of linear elements are too narrow at times, by up to a half,

@@ -31,7 +31,7 @@ from antiosc.fem.linalg.algebra import (
     norm,
     row_range,
 )
-from antiosc.fem.mpi import on_root
+from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.structure.structure import Structure
 
 #: LAPACK computes all modes of structures with at most this many rows, on one rank for all …

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, overload
 from antiosc.base.checks import flag, within_range
 from antiosc.base.errors import finite_element_packages
 from antiosc.base.threads import one_thread
-from antiosc.fem import mpi
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP
 from antiosc.fem.extraction.site_models import UNNAMED, Columns, models_of
 from antiosc.fem.extraction.wish import (
@@ -21,6 +20,7 @@ from antiosc.fem.extraction.wish import (
     checked_options,
     checked_sites,
 )
+from antiosc.fem.platform import mpi
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure, refuse_dampers

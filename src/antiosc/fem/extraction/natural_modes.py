@@ -17,8 +17,8 @@ from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.superposition import check_modes
 from antiosc.fem.fields import source
-from antiosc.fem.mpi import collective, on_root
-from antiosc.fem.series import Frames
+from antiosc.fem.fields.series import Frames
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
 
 #: Modes that are searched beyond those asked, until the last one is no more repeated.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base.errors import AccuracyError, AccuracyWarning
-from antiosc.fem import mpi
 from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.platform import mpi
 
 if TYPE_CHECKING:
     from mpi4py import MPI

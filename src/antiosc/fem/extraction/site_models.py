@@ -12,7 +12,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
 from antiosc.fem.extraction.dampers import Reached, every_mode, with_damping
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
@@ -39,6 +38,7 @@ from antiosc.fem.extraction.wish import (
     warn_of_shortfall,
 )
 from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import mpi
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators

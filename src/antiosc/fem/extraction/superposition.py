@@ -26,7 +26,7 @@ from antiosc.fem.extraction.self_check import CHECK
 from antiosc.fem.extraction.site_shapes import SiteShapes, beside_rigid, site_shapes
 from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure, refuse_dampers

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from antiosc.base import memory
 from antiosc.base.checks import choice, instance, positive, text, tolerance, whole
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.fem import mpi
+from antiosc.fem.platform import mpi
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray, Matrix
-from antiosc.fem.mpi import SERIAL
+from antiosc.fem.platform.mpi import SERIAL
 
 if TYPE_CHECKING:
     from mpi4py import MPI

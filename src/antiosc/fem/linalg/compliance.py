@@ -30,7 +30,7 @@ from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solvers import OnOneRank
-from antiosc.fem.mpi import agree, on_root, warn
+from antiosc.fem.platform.mpi import agree, on_root, warn
 
 if TYPE_CHECKING:
     from mpi4py import MPI

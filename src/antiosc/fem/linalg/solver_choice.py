@@ -29,7 +29,7 @@ from antiosc.fem.linalg.solvers import (
 )
 from antiosc.fem.linalg.strains import Refined
 from antiosc.fem.linalg.substructures import Substructures, interface
-from antiosc.fem.mpi import on_root, warn
+from antiosc.fem.platform.mpi import on_root, warn
 
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3

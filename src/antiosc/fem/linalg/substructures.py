@@ -28,7 +28,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
-from antiosc.fem.mpi import agree, on_root
+from antiosc.fem.platform.mpi import agree, on_root
 
 
 class Substructures(Factorization):

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
 OUTSIDE_CELL = 1e-9

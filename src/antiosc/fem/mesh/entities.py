@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 #: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
 DEGREE = 6

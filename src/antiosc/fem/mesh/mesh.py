@@ -18,9 +18,9 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError
 from antiosc.base.names import known
-from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import CellGeometry
-from antiosc.fem.mpi import bounds
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import bounds
 from antiosc.io.neutral import RawMesh
 from antiosc.io.selection import keys
 

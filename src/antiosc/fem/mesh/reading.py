@@ -25,10 +25,10 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, MeshError
-from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mpi import agree, collective, on_root, warn
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree, collective, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read

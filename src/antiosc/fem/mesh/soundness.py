@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, warn
-from antiosc.fem import compat
 from antiosc.fem.mesh import conformity
+from antiosc.fem.platform import compat
 from antiosc.io.neutral import IntArray, RawMesh
 
 #: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.

@@ -15,8 +15,8 @@ from scipy.sparse import csr_matrix
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import PAIRS, equivalent
-from antiosc.fem import compat
-from antiosc.fem.mpi import agree
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree
 from antiosc.fem.recovery import beam, sheet, solid, truss
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.points import PointsInCells

@@ -11,8 +11,8 @@ from itertools import chain
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.fem import compat
 from antiosc.fem.elements.solid import SOLID_EDGES
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Corners of the edges of plane cells, dolfinx's numbers.

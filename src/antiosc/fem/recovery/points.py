@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
 

@@ -20,7 +20,7 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.named_points import middle_of, motion_of
+from antiosc.fem.site.named_points import middle_of, motion_of
 from antiosc.fem.site.patches import loads, patches
 from antiosc.fem.site.site import (
     LEAST_FREE_SHARE,
@@ -31,8 +31,7 @@ from antiosc.fem.site.site import (
     tangents,
 )
 from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
-from antiosc.fem.structure.member import Member
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6

@@ -22,8 +22,7 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
 from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
-from antiosc.fem.structure.member import Member
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05

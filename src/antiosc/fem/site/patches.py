@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem import compat
 from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.surface import Contact, Faces
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Rings of a disc's rule beside those that its cells ask for, and the most there may be by the

@@ -12,7 +12,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
 from antiosc.fem.mesh.surface import Contact
-from antiosc.fem.mpi import warn
+from antiosc.fem.platform.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches
 from antiosc.fem.structure.meshed import MeshedStructure
 

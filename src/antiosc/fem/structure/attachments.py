@@ -21,13 +21,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, coordinates, nonnegative, positive, shown
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree
 from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.io.matrices.dof_map import COMPONENTS
 

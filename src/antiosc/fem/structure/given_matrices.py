@@ -20,11 +20,11 @@ from antiosc import fem
 from antiosc.base._types import Array, BoolArray, IntArray, Matrix
 from antiosc.base.checks import LARGEST, SMALLEST, array
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.fem.fingerprint import of_petsc
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.mpi import agree, alike
+from antiosc.fem.platform.fingerprint import of_petsc
+from antiosc.fem.platform.mpi import agree, alike
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
 from antiosc.io.matrices.dof_map import DofMap, rows_of

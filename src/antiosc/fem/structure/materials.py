@@ -9,10 +9,10 @@ import numpy as np
 
 from antiosc.base._types import IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.weak_form import Family, Parts
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.platform import compat
 
 
 def divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntArray]]]:

@@ -1,48 +1,123 @@
-"""`MeshedStructure`: K and M of a structure with the mesh and the weak form that they come from."""
+"""`MeshedStructure`: K, M, mesh and weak form of a part; `Member`: the part in an assembly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc.base import plausible
 from antiosc.base._types import Array, Box, IntArray
-from antiosc.base.checks import array, several, shown, whole
+from antiosc.base.checks import array, shown
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.base.progress import doing
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure, restricted
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.solver import Choice, checked_choice
-from antiosc.fem.linalg.strains import attach
+from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
+from antiosc.fem.mesh.entities import DEGREE, Quadrature, largest, quadrature
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.mpi import bounds, warn
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.attachments import (
-    Damper,
-    Matrices,
-    PointMass,
-    Spring,
-    Stiffener,
-    add_at_points,
-    add_beams,
-)
+from antiosc.fem.structure.attachments import Stiffener
 from antiosc.fem.structure.dissipation import Dissipation
-from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.placement import Placement
-from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
+from antiosc.fem.structure.rigid_body_modes import about
+from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
+
+DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A part of an assembly in its position.
+
+    Attributes
+    ----------
+    name : of the part in the assembly.
+    part : the structure.
+    at : its placement.
+    first : number of its first dof in u.
+    """
+
+    name: str
+    part: MeshedStructure
+    at: Placement
+    first: int
+
+    @property
+    def size(self) -> int:
+        """Number of dofs."""
+        return int(self.part.K.getSize()[0])
+
+    @property
+    def rows(self) -> slice:
+        """Its dofs in u."""
+        return slice(self.first, self.first + self.size)
+
+    @property
+    def block(self) -> int:
+        """Dofs of a node."""
+        return int(self.part.form.space.dofmap.index_map_bs)
+
+    @property
+    def has_rotations(self) -> bool:
+        """Whether nodes have rotations."""
+        return "rz" in self.part.form.components
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Coordinates (nodes, 3) of the nodes of the displacements in the assembly [m]."""
+        return self.at.placed(self.part.form.space.tabulate_dof_coordinates())
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Coordinates (n, 3) of the geometry nodes in the assembly [m]."""
+        return self.at.placed(self.part.mesh.dolfinx.geometry.x)
+
+    @cached_property
+    def pieces(self) -> IntArray:
+        """Number of the connected piece of the mesh to which each node belongs (nodes,)."""
+        space = self.part.form.space
+        own = compat.cell_map(self.part.mesh.dolfinx).size_local
+        (path, *_) = self.part.form.components.values()
+        nodes = compat.cell_dofs(space, path, np.arange(own)) // self.block
+        first = np.repeat(nodes[:, 0], nodes.shape[1] - 1)
+        count = len(self.nodes)
+        graph = scipy.sparse.coo_matrix(
+            (np.ones(len(first)), (first, nodes[:, 1:].ravel())), shape=(count, count)
+        )
+        return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])
+
+    def closest(self, points: Array) -> ClosestPoints:
+        """The closest points of the part to points (n, 3) of the assembly."""
+        return closest_many(self.part.mesh, self.at.own(points))
+
+    def nodes_of(self, group: str) -> IntArray:
+        """The nodes of the displacements in a group of the part."""
+        form = self.part.form
+        dofs = dofs_of_group(self.part.mesh, form, group, form.components["x"])
+        return np.unique(np.asarray(dofs) // self.block)
+
+    def points_of(self, group: str) -> Quadrature:
+        """Points of a rule on the entities of the largest dimension in a group, in the assembly."""
+        mesh = self.part.mesh
+        own = quadrature(mesh, *largest(mesh, group), DEGREE)
+        return replace(own, x=self.at.placed(own.x))
+
+    def rigid(self, point: Array) -> Array:
+        """Six rigid motions about `point` on the dofs of this rank, in the axes of the part."""
+        return about(self.part.form, point, self.at)
 
 
 @dataclass(eq=False)
@@ -252,100 +327,6 @@ class MeshedStructure(StructureMatrices):
         )
 
 
-def assembled(
-    mesh: Mesh,
-    material: Family | Mapping[str, Family],
-    supports: Sequence[Support],
-    *,
-    order: int,
-    attached: Sequence[PointMass | Spring | Damper],
-    solver: Choice,
-) -> MeshedStructure:
-    """The structure of a mesh; parameters and errors are those of `Structure`."""
-    if not isinstance(mesh, Mesh):
-        raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
-    order = whole("order", order)
-    if order not in (1, 2):
-        raise InputError(f"order must be 1 or 2; got {order}.")
-    checked_choice(solver)
-    held = several("supports", supports, Support, "Support(where, fix)")
-    carried: list[PointMass | Spring | Damper] = several(
-        "attached", attached, (PointMass, Spring, Damper), "PointMass, Spring and Damper objects"
-    )
-    cells, beams = divided(mesh, material)
-    parts = parts_of(mesh, cells)
-    stiffeners = [beam for _, beam, _ in beams]
-    materials = [*(one for one, _ in parts), *stiffeners]
-    doubts = plausible.tell(
-        [
-            plausible.of_part(mesh.extent()),
-            *map(plausible.of_material, materials),
-            *(
-                plausible.of_thickness(one.section.thickness, mesh.extent())
-                for one in materials
-                if hasattr(getattr(one, "section", None), "thickness")
-            ),
-        ]
-    )
-    form = parts[0][0].weak_form(mesh, parts, order)
-    conditions = fixed_dofs(mesh, form, held)
-    with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
-        M = compat.assemble(form.mass, form.space, conditions, 0.0)
-    fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
-    free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
-    if mesh.comm.allreduce(free) == 0:
-        raise InputError("the supports fix every dof of the structure: nothing can move.")
-    mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
-    # What is added to K, apart where K is taken by its strains.
-    rest = K if form.strains is None else _zeros_like(K)
-    to = Matrices(mesh, form, rest, M, fixed)
-    on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
-    added = [one for one, _ in on_edges.values()]
-    added += [add_at_points(to, one) for one in carried]
-    if form.strains is not None:
-        strains, degree = form.strains
-        S = compat.strain_matrix(strains, degree, form.space, conditions)
-        _take_by_strains(K, S, rest, fixed)
-    mass += sum(one.mass for one in added)
-    attached_inertia = sum(
-        (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
-    )
-    springs = np.column_stack([attached_inertia[:, :0], *(one.springs for one in added)])
-    modes, shift = rigid_body_modes.of_mesh(form, fixed, K, M, springs)
-    if conditions and modes.shape[1]:
-        motions = rigid_body_modes.described(mesh, form, modes)
-        warn(
-            mesh.comm,
-            f"the supports leave the structure free to move as a rigid body: {motions}; hold "
-            "that too unless it is intended.",
-        )
-    given = dict(material) if isinstance(material, Mapping) else material
-
-    def again(copy: Mesh, supports: Sequence[Support] = held) -> MeshedStructure:
-        return assembled(copy, given, supports, order=order, attached=carried, solver=solver)
-
-    return MeshedStructure(
-        K,
-        M,
-        fixed,
-        modes,
-        shift,
-        solver,
-        mesh=mesh,
-        form=form,
-        parts=parts,
-        total_mass=mass,
-        attached_inertia=attached_inertia,
-        again=again,
-        supports=held,
-        stiffeners={name: lines for name, (_, lines) in on_edges.items()},
-        dampers=[damper for one in added for damper in one.dampers],
-        conditions=conditions,
-        doubts=doubts,
-    )
-
-
 def alone(stiffener: Stiffener) -> MeshedStructure:
     """The beams of a stiffener as a structure, for what is asked of its cells."""
     rows = compat.local_size(stiffener.form.space)
@@ -363,19 +344,3 @@ def alone(stiffener: Stiffener) -> MeshedStructure:
         attached_inertia=np.zeros((rows, 3)),
         again=lambda _: alone(stiffener),
     )
-
-
-def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `rest` to K, and let products with K be taken by S, its strains."""
-    K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    first, last = rest.getOwnershipRange()
-    for dof in fixed[fixed < last - first]:
-        rest.setValue(first + dof, first + dof, 1.0)
-    rest.assemble()
-    attach(K, S, rest)
-
-
-def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
-    result = matrix.duplicate()
-    result.zeroEntries()
-    return result

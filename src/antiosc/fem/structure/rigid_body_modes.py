@@ -16,11 +16,11 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import bounds
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure.null_space import RIGID_FORCE, SHIFT, orthonormal
 from antiosc.fem.structure.placement import Placement
 

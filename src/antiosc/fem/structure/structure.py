@@ -22,7 +22,7 @@ from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.solver import Choice, Solver
-from antiosc.fem.mpi import ALONE, collective
+from antiosc.fem.platform.mpi import ALONE, collective
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.io.matrices.dof_map import DofMap, dof_map
@@ -108,7 +108,7 @@ class Structure(Brief):
         """Assemble the structure of a mesh."""
         started = time.perf_counter()
         with finite_element_packages():
-            from antiosc.fem.structure.meshed import assembled
+            from antiosc.fem.structure.of_mesh import assembled
         options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
         made = assembled(mesh, material, supports, **options)
         self._hold(made, started)

@@ -13,10 +13,10 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.brief import Given
 from antiosc.base.checks import array, coordinates, nonnegative, shown, store
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree, bounds
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree, bounds
 
 Where = str | Callable[[Array], BoolArray]
 

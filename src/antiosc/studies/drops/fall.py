@@ -138,7 +138,7 @@ class Fall(Course, Brief):
             x = checks.array("at", at, (3,))
             return x - body.centre, np.zeros((3, body.omega.size))
         from antiosc.fem.fields import source
-        from antiosc.fem.named_points import point_of
+        from antiosc.fem.site.named_points import point_of
         from antiosc.fem.site.site import Reach
 
         x, part, _ = point_of(body.structure, at, None)

@@ -10,8 +10,8 @@ import numpy as np
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.charts.figures import finished, new_figure
 from antiosc.base.errors import InputError
-from antiosc.charts.figures import finished, new_figure
 from antiosc.studies.drops.course import Course
 from antiosc.studies.drops.flight import Flight, State
 
@@ -95,7 +95,7 @@ def _posed(
     """Draw the part in a state above the floor."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    from antiosc.charts.surfaces import LIGHT
+    from antiosc.base.charts.surfaces import LIGHT
 
     points, triangles = _surface(fall) if surface is None else surface
     x = points @ state.R.T

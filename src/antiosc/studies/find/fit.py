@@ -9,10 +9,10 @@ import numpy as np
 import scipy.linalg
 
 from antiosc.base._types import Array
-from antiosc.measured.gauss_newton import covariance
 from antiosc.simulation.history import History
 from antiosc.studies.find.forward import Blow, Seen, Struck
 from antiosc.studies.find.surface import Chart
+from antiosc.studies.measured.gauss_newton import covariance
 
 #: Changes for differences: of logarithms and of the start over the contact time; of frequencies,
 #: whose phases grow with time; of the place over the spacing of sites.

@@ -12,7 +12,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
-from antiosc.charts.figures import finished, panels
+from antiosc.base.charts.figures import finished, panels
 from antiosc.simulation.history import History
 
 if TYPE_CHECKING:

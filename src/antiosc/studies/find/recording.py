@@ -16,7 +16,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
-from antiosc.measured.reading import rows_of
+from antiosc.studies.measured.reading import rows_of
 
 #: Fewest samples, and most values of all signals.
 FEWEST, MOST = 32, 200_000

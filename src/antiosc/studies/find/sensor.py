@@ -11,8 +11,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.fields import source
-from antiosc.fem.named_points import point_of
 from antiosc.fem.recovery.place import place
+from antiosc.fem.site.named_points import point_of
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
 

@@ -19,8 +19,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm, measure
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.studies.gradients.goals import Sampled
@@ -73,7 +73,7 @@ class DesignMap(Brief):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
         material lowers the goal, red: it raises it.
         """
-        from antiosc.charts.design import draw_design
+        from antiosc.base.charts.design import draw_design
 
         faces, gather = self.meshed.faces, self.meshed.comm.allgather
         corners = np.concatenate(gather(faces.corners))

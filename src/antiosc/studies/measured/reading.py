@@ -14,8 +14,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.files import check_readable
-from antiosc.measured import uff
-from antiosc.measured.frf import AVERAGES, FRF, Quantity
+from antiosc.studies.measured import uff
+from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity
 
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {

@@ -20,7 +20,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import shown
 from antiosc.base.errors import AntioscWarning, InputError
 from antiosc.base.memory import within_memory
-from antiosc.fem.fingerprint import fingerprint, is_void, named, number
+from antiosc.fem.platform.fingerprint import fingerprint, is_void, named, number
 
 
 class Serial:

@@ -16,8 +16,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.at_points import before_joining
 from antiosc.fem.site.functionals import algebraic
 from antiosc.fem.site.site import Functional, Site
-from antiosc.fem.structure.member import Member
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
 
 

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.compiled_forms import compiler
+from antiosc.fem.platform.compiled_forms import compiler
 
 if TYPE_CHECKING:
     import basix

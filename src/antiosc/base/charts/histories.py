@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
-from antiosc.charts.figures import (
+from antiosc.base.charts.figures import (
     axes_or_new,
     by_name,
     finished,
@@ -23,6 +22,7 @@ from antiosc.charts.figures import (
     widths,
     with_room,
 )
+from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

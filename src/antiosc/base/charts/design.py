@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.charts.figures import finished
-from antiosc.charts.surfaces import draw_faces, draw_lines, frame, space
+from antiosc.base.charts.figures import finished
+from antiosc.base.charts.surfaces import draw_faces, draw_lines, frame, space
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

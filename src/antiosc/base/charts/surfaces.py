@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.charts.figures import new_figure
+from antiosc.base.charts.figures import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable

@@ -13,7 +13,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.measured.modes import Pairs
+from antiosc.studies.measured.modes import Pairs
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.charts.figures import finished
-from antiosc.charts.surfaces import colour_scale, draw_faces, draw_lines, frame, space
+from antiosc.base.charts.figures import finished
+from antiosc.base.charts.surfaces import colour_scale, draw_faces, draw_lines, frame, space
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from antiosc.measured.modes import Modes, Tail
+from antiosc.studies.measured.modes import Modes, Tail
 
 #: The lowest mode above the band lies at least this share above its top.
 BEYOND = 0.02

@@ -11,10 +11,10 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.charts.deformed import Deformed, draw_deformed
+from antiosc.base.charts.figures import finished
+from antiosc.base.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.base.errors import InputError
-from antiosc.charts.deformed import Deformed, draw_deformed
-from antiosc.charts.figures import finished
-from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.simulation.history import History, SceneHistory
 
 if TYPE_CHECKING:

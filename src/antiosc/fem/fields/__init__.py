@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from antiosc.fem import node_fields
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.fields import node_fields
 from antiosc.fem.structure.structure import Structure
 
 
@@ -14,6 +14,6 @@ def source(structure: Structure) -> ModuleType:
     if structure.matrices.located:
         return node_fields
     with_parts(structure)
-    from antiosc.fem import mesh_fields  # needs dolfinx
+    from antiosc.fem.fields import mesh_fields  # needs dolfinx
 
     return mesh_fields

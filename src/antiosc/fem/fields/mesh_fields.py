@@ -13,19 +13,18 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError
 from antiosc.base.names import known
-from antiosc.fem import compat
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import agree
 from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.at_nodes import evaluator
 from antiosc.fem.recovery.place import NodeTensors, Origin, Place, layers_of, strength_of
 from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.site.site import Reach
-from antiosc.fem.structure.member import Member
-from antiosc.fem.structure.meshed import MeshedStructure, alone
+from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import FACETS, KINDS
 

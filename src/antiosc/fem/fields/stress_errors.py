@@ -6,7 +6,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.mesh_fields import displacements_of_rank
+from antiosc.fem.fields.mesh_fields import displacements_of_rank
 from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.corners import interior_angle
 from antiosc.fem.structure.structure import Structure

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
-from antiosc.base.errors import InputError
-from antiosc.charts.figures import (
+from antiosc.base.charts.figures import (
     axes_or_new,
     by_name,
     check_drawn,
@@ -23,6 +22,7 @@ from antiosc.charts.figures import (
     panels,
     widths,
 )
+from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,7 +19,7 @@ from antiosc.fem.structure.structure import Structure
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.assembly.ends import Motion
-    from antiosc.fem.structure.member import Member
+    from antiosc.fem.structure.meshed import Member
 
 #: What a point without a mesh has.
 MOTIONS = ("displacement", "velocity", "acceleration", "rotation")

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, ComplexArray
-from antiosc.measured.gauss_newton import (
+from antiosc.studies.measured.gauss_newton import (
     FEW_STEPS,
     LAST_STEPS,
     MOST_DAMPED,
@@ -29,9 +29,9 @@ from antiosc.measured.gauss_newton import (
     residuals,
     whitened,
 )
-from antiosc.measured.modes import Modes, Pairs, Tail, factors
-from antiosc.measured.poles import poles
-from antiosc.measured.tail import BEYOND, TYPICAL, drawn, expected_tail, with_tail
+from antiosc.studies.measured.modes import Modes, Pairs, Tail, factors
+from antiosc.studies.measured.poles import poles
+from antiosc.studies.measured.tail import BEYOND, TYPICAL, drawn, expected_tail, with_tail
 
 #: A mode stands above the noise if its displacement is this many standard deviations from 0, and
 #: is added if its part in the residual is.

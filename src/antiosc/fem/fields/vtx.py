@@ -10,9 +10,9 @@ from pathlib import Path
 from antiosc.base import files
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.fem import compat
-from antiosc.fem.mesh_fields import displacements_of_rank
-from antiosc.fem.mpi import on_root
+from antiosc.fem.fields.mesh_fields import displacements_of_rank
+from antiosc.fem.platform import compat
+from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.structure.structure import Structure, on_mesh
 
 #: What a folder of ADIOS2 holds.

@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.measured.frf import FRF, Quantity
+from antiosc.studies.measured.frf import FRF, Quantity
 
 #: Function types of data set 58.
 RESPONSE, COHERENCE = 4, 6

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
-from antiosc.measured.fit import Fit, fitted, unclear, with_other_noise
-from antiosc.measured.frf import FRF, POWER
-from antiosc.measured.gauss_newton import Measured
-from antiosc.measured.modes import Modes, Pairs, Tail
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import MeasuredBand, ModelInfo
+from antiosc.studies.measured.fit import Fit, fitted, unclear, with_other_noise
+from antiosc.studies.measured.frf import FRF, POWER
+from antiosc.studies.measured.gauss_newton import Measured
+from antiosc.studies.measured.modes import Modes, Pairs, Tail
 
 DampingForm = Literal["viscous", "hysteretic"]
 #: Most values that are fitted.

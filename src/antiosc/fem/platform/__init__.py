@@ -1,0 +1,1 @@
+"""The ground under the finite elements: versions of dolfinx, its compiled forms, and MPI ranks."""
