@@ -6,6 +6,7 @@ import json
 import sys
 import traceback
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 from antiosc.app.scene_file import group_names, output, report, result_tables, run, template
@@ -96,7 +97,7 @@ def _study(options: Namespace) -> int:
     if getattr(scene, wanted) is None:
         raise InputError(f"{options.file} has {lacking}.")
     if getattr(options, "store", None) is not None:
-        _store(scene, options.store)
+        scene = _stored(scene, options.store)
     if options.dry_run:
         from antiosc.app.scene_file.forecast import text
 
@@ -119,16 +120,16 @@ def _study(options: Namespace) -> int:
     return 1 if getattr(found.history, "status", 0) == 2 else 0
 
 
-def _store(scene: Compiled, path: str) -> None:
-    """Have the runs of [monte_carlo] stored; a campaign that broke off goes on."""
+def _stored(scene: Compiled, path: str) -> Compiled:
+    """The scene with the runs of [monte_carlo] stored; a campaign that broke off goes on."""
     comm = run.communicator()
     if comm is not None and comm.size > 1:
         raise InputError(
             f"--store is for one process, not {comm.size} ranks: leave it out, or run without MPI."
         )
     assert scene.sample is not None
-    store = checks.new_file("--store", path)
-    scene.sample.arguments = {**scene.sample.arguments, "store": store}
+    arguments = {**scene.sample.arguments, "store": checks.new_file("--store", path)}
+    return replace(scene, sample=replace(scene.sample, arguments=arguments))
 
 
 _OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}
