@@ -331,8 +331,8 @@ def gradient(
     )  # fmt: skip
     goal = march.Goal(len(readings), *at[5:])
     s, laws = system, (len(system.laws), march.LAW_SLOPES)
-    arrays = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v]
-    shapes = [each.shape for each in arrays]
+    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v]
+    shapes: list[tuple[int, ...]] = [each.shape for each in like]
     shapes.insert(6, laws)
     ends = [0, *accumulate([prod(shape) for shape in shapes])]
     block = np.zeros(ends[-1])
