@@ -17,9 +17,9 @@ static void rest_of(const zero *z, double k0, double m0, int n, const double *m,
     for (int i = 0; i < n; i++) {
         if (i == z->origin)
             continue;
-        double distance = (p[i] - z->base) - z->shift, ratio = m[i] * p[i] / distance;
-        sum += ratio;
-        rise += ratio / distance * p[i];
+        double ratio = p[i] / ((p[i] - z->base) - z->shift); /* the only division */
+        sum += m[i] * ratio;
+        rise += m[i] * ratio * ratio;
     }
     *rest = k0 - x * m0 - x * sum;
     *slope = -m0 - rise;

@@ -24,7 +24,7 @@ int64_t aom_touches(const aom_record *run, int contact, int closed, aom_touch *o
         const aom_event *event = run->events + k;
         if ((int)event->contact != contact)
             continue;
-        if (event->branch != AOM_APART) {
+        if ((int)event->branch != AOM_APART) {
             if (!touches)
                 now = (aom_touch){.start = event->time, .speed = event->speed};
             touches = true;

@@ -18,17 +18,16 @@ static void phi(double z, double out[3]) {
         }
 }
 
-/* The responses [6][n] of modes without damping after times t, from the sines of omega t/2 in their
- * first row and the cosines in the second. All branches are computed and one is taken, so that the
- * compiler finds several modes at once. */
-static inline void undamped(ptrdiff_t n, const double *restrict omega, const double *restrict t,
-                            int t_stride, double *out) {
+/* The responses after t of `count` modes without damping, in rows that lie n apart, from the sines
+ * of omega t/2 in the first row and the cosines in the second. All branches are computed and one is
+ * taken, so that the compiler finds several modes at once. */
+static void undamped(ptrdiff_t count, ptrdiff_t n, const double *restrict omega, double t,
+                     double *restrict out) {
     double *restrict to_P = out, *restrict to_W = out + n, *restrict to_S = out + 2 * n;
     double *restrict to_J0 = out + 3 * n, *restrict to_J1 = out + 4 * n;
-    double *restrict to_J2 = out + 5 * n;
-    for (ptrdiff_t j = 0; j < n; j++) {
-        double after = t[j * t_stride], square = after * after, z = omega[j] * after;
-        double sine = to_P[j], cosine = to_W[j];
+    double *restrict to_J2 = out + 5 * n, square = t * t;
+    for (ptrdiff_t j = 0; j < count; j++) {
+        double z = omega[j] * t, sine = to_P[j], cosine = to_W[j];
         double share = sine / (z > 0.0 ? z : 1.0), ratio = z > 0.0 ? share : 0.5;
         double large = z > 1.0 ? z : 1.0, over = 1.0 / (large * large), x = z < 1.0 ? z * z : 1.0;
         double S = 2.0 * ratio * cosine, J0 = 2.0 * ratio * ratio, P = 1.0 - 2.0 * sine * sine;
@@ -38,9 +37,9 @@ static inline void undamped(ptrdiff_t n, const double *restrict omega, const dou
         J2 = (1 - x * (1 / 30.) * (1 - x * (1 / 56.) * (1 - x * (1 / 90.) * J2))) * (1 / 24.);
         double far1 = (1.0 - S) * over, far2 = (0.5 - J0) * over;
         to_P[j] = to_W[j] = P;
-        to_S[j] = S * after;
+        to_S[j] = S * t;
         to_J0[j] = J0 * square;
-        to_J1[j] = (z < 1.0 ? J1 : far1) * square * after;
+        to_J1[j] = (z < 1.0 ? J1 : far1) * square * t;
         to_J2[j] = (z < 1.0 ? J2 : far2) * square * square;
     }
 }
@@ -114,18 +113,19 @@ static void damped_ones(ptrdiff_t n, const double *omega, const double *decay, c
     }
 }
 
-void aom_responses(int64_t n, const double *omega, const double *decay, const double *t,
+void aom_responses(int64_t modes, const double *omega, const double *decay, const double *t,
                    int t_stride, double *out) {
-    for (int64_t j = 0; j < n; j++) {
+    ptrdiff_t n = (ptrdiff_t)modes;
+    for (ptrdiff_t j = 0; j < n; j++) {
         double half = 0.5 * omega[j] * t[j * t_stride];
         out[j] = sin(half);
         out[n + j] = cos(half);
     }
-    if (t_stride == 0) /* constants for the compiler */
-        undamped((ptrdiff_t)n, omega, t, 0, out);
-    else
-        undamped((ptrdiff_t)n, omega, t, 1, out);
-    damped_ones((ptrdiff_t)n, omega, decay, t, t_stride, out);
+    if (t_stride == 0)
+        undamped(n, n, omega, *t, out);
+    for (ptrdiff_t j = 0; j < n && t_stride != 0; j++)
+        undamped(1, n, omega + j, t[j * t_stride], out + j);
+    damped_ones(n, omega, decay, t, t_stride, out);
 }
 
 /* The responses after t and after t/2, which share their sines. */
@@ -139,8 +139,8 @@ static void responses_twice(int n, const double *omega, const double *decay, dou
         whole[j] = 2.0 * sine * cosine;
         whole[n + j] = 1.0 - 2.0 * sine * sine;
     }
-    undamped(n, omega, &before, 0, half);
-    undamped(n, omega, &t, 0, whole);
+    undamped(n, n, omega, before, half);
+    undamped(n, n, omega, t, whole);
     damped_ones(n, omega, decay, &before, 0, half);
     damped_ones(n, omega, decay, &t, 0, whole);
 }

@@ -524,6 +524,7 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.at": {"times": [0.0, 1e-5]},
     "Damper": {"damping": {"z": 10.0}}, "SoilCone": {"stiffness": 1e8, "damping": 1e5, "mass": 1.0},
     "soil_cone": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
+    "Footing": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
     "DampingMatrix": {"matrix": np.eye(2), "branches": [(np.eye(2), 1e-3)]},
     "DampingMatrix.stiffness": {"omega": 1e3},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},

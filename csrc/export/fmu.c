@@ -101,7 +101,7 @@ static size_t doubles_of(const int32_t *counts) {
         if (counts[k] < 0 || counts[k] > 10000000)
             return 0;
     double J = counts[0], m = counts[1], p = counts[2], K = counts[3], S = counts[4], N = counts[5];
-    double total = N_OPTIONS + J * (4 + m + K + S + N) + m * (m + K + S) + K * (1 + S) + N +
+    double total = (double)N_OPTIONS + J * (4 + m + K + S + N) + m * (m + K + S) + K * (1 + S) + N +
                    p * (double)CONTACT_DOUBLES + counts[7];
     return total < 1e9 ? (size_t)total : 0;
 }

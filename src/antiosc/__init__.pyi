@@ -123,6 +123,7 @@ from antiosc.fem.site.site import (
 )
 from antiosc.fem.structure.attachments import (
     Damper as Damper,
+    Footing as Footing,
     PointMass as PointMass,
     Spring as Spring,
 )

@@ -180,7 +180,8 @@ def test_signs_and_places_that_are_no_driving_point_are_said():
     with pytest.warns(ao.AntioscWarning, match="sign"):
         turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
     assert turned.k0 > 0
-    with pytest.warns(ao.AntioscWarning, match="beside"), suppress(ao.AccuracyError):
+    told = r"modes at (896|904), 3(096|104) Hz: the sensor lies beside"  # B has two signs there
+    with pytest.warns(ao.AntioscWarning, match=told), suppress(ao.AccuracyError):
         ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 

@@ -83,6 +83,12 @@ def test_repeated_frequencies_stay_apart():
     np.testing.assert_allclose(model.modal().receptance(OMEGA), direct(model, OMEGA), rtol=1e-8)
 
 
+def test_equal_poles_are_two_modes():
+    found = first_order(np.array([2.0, 2.0]), ao.DampingMatrix(0.1 * np.eye(2)))
+    np.testing.assert_allclose(found.omega, [2.0, 2.0])
+    np.testing.assert_allclose(found.decay, [0.05, 0.05])
+
+
 def test_a_massless_site_with_a_damper_gets_a_little_mass():
     model = ao.AntiOscillators(
         m0=0.0, k0=2.0, m=[1.0], omega=[2.0], damping=ao.DampingMatrix(np.diag([3.0, 0.1]))

@@ -13,6 +13,7 @@ from antiosc.app import cli
 from antiosc.app.scene_file.problems import SceneFileError
 from antiosc.app.scene_file.read import read
 from antiosc.app.scene_file.scene import compiled
+from scene_files import BODIES, MATRICES
 
 pytestmark = pytest.mark.fem
 
@@ -84,6 +85,27 @@ def test_an_ensemble_has_quantiles(folder: Path, capsys: pytest.CaptureFixture[s
     k = table["quantile"].index(0.5)
     assert 0 < table["low"][k] < table["value"][k] < table["high"][k]
     assert "peak force (N)" in capsys.readouterr().out
+
+
+def test_soil_as_a_floor_under_a_part_and_as_a_body(folder: Path) -> None:
+    soil = "radius = 0.4, G = 60e6, nu = 0.3, rho = 1800"
+    floor = f'floor = {{model = {{kind = "soil_cone", {soil}}}}}'
+    footing = '[[attached]]\nkind = "Footing"\nwhere = [0.06, 0.03, 0.0]\n'
+    footing += soil.replace(", ", "\n") + "\n"
+    (folder / "drop.toml").write_text(SCENE[: SCENE.index("floor")] + floor + "\n" + footing)
+    found = compiled(read("drop.toml"))
+    cone = ao.soil_cone(0.4, 60e6, 0.3, 1800.0)
+    assert found.fall is not None
+    assert found.structure is not None
+    assert found.fall.arguments["floor"].made.model == cone
+    (carried,) = found.structure.arguments["attached"]
+    assert carried.made == ao.Footing((0.06, 0.03, 0.0), 0.4, 60e6, 0.3, 1800.0)
+    body = '[bodies.b]\nkind = "soil_cone"\n' + soil.replace(", ", "\n") + "\n"
+    ground = BODIES.replace('[bodies.b]\nkind = "Obstacle"\n', body)
+    (folder / "ground.toml").write_text(f'{MATRICES}dof = "z"\n{ground}')
+    scene = compiled(read("ground.toml")).scene
+    assert scene is not None
+    assert scene.arguments["bodies"]["b"].made == cone
 
 
 def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

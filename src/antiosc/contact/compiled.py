@@ -35,9 +35,8 @@ class Compiled(Checked, ContactLaw):
     @cached_property
     def kernel(self) -> tuple[march.Law, Any]:
         """The law as the library takes it, and the numbers that it points to."""
-        values = self.parameters()
-        numbers = (c_double * len(values))(*values)
-        return march.Law(self.kind, len(values), addressof(numbers), None), numbers
+        numbers = np.array(self.parameters(), dtype=float)
+        return march.Law(self.kind, numbers.size, march.address(numbers), None), numbers
 
     @cached_property
     def _at(self) -> int:

@@ -7,6 +7,7 @@ nothing (`checked_body`).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from antiosc.base import checks
@@ -49,6 +50,22 @@ class Body:
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class InModes(Body):
+    """A body that is given by its free modes."""
+
+    modes: ModalBody
+    local_compliance: float = 0.0
+    radius: float | None = None
+
+    @property
+    def patch_radius(self) -> float | None:
+        return self.radius
+
+    def modal(self) -> ModalBody:
+        return self.modes
 
 
 class _Foreign(Body):

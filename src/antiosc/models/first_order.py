@@ -234,7 +234,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         pole = poles[group].mean()
         gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
         if pole.imag > 0:
-            root = scipy.linalg.sqrtm(gram) if len(group) > 1 else np.sqrt(gram)
+            # sqrtm of SciPy before 1.11 may return long doubles, which inv refuses
+            root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
             for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
                 turned = column * np.sqrt(2j * z.imag)
                 rate, real = turned.imag / z.imag, min(float(z.real), 0.0)

@@ -264,6 +264,12 @@ class ModalBody(FreeModes):
         return (float(np.sum(b**2 / x)) + self.r) ** 2 / inertia if inertia > 0 else 0.0
 
     @cached_property
+    def closing(self) -> Array:
+        """Frequencies, decays, and displacements that close a contact, of the modes (3, J)."""
+        decay = np.zeros(self.omega.size) if self.decay is None else self.decay
+        return np.array([self.omega, decay, -self.b])
+
+    @cached_property
     def _rigid_along(self) -> tuple[Array, float]:
         """Displacements (J,) of the contact point in the rigid-body modes, and their mobility."""
         along = np.where(self.omega == 0, self.b, 0.0)

@@ -92,14 +92,16 @@ def modal(model: Parameters) -> ModalBody:
     if model.n:
         top = float(model.omega[-1]) ** 2
         massless = model.m0 * top <= MASSLESS_SITE * (model.k0 + float(model.k.sum()))
-    # equal frequencies act at the site as one mode
     squares = model.omega**2
     first = np.ones(model.n, dtype=bool)
     first[1:] = squares[1:] > squares[:-1]
-    group = np.cumsum(first)
-    mass = np.asarray(np.bincount(group, weights=model.m)[1:], dtype=float)
+    mass = model.m
+    if not first.all():  # equal frequencies act at the site as one mode
+        group = np.cumsum(first)
+        mass = np.asarray(np.bincount(group, weights=mass)[1:], dtype=float)
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, squares[first])
-    shape = shape[np.append(0, group)]
+    if mass.size < model.n:
+        shape = shape[np.append(0, group)]
     residual = np.zeros(model.n + 1)
     if massless:
         residual[0] = 1.0 / (model.k0 + float(model.k.sum()))

@@ -17,6 +17,7 @@ from antiosc.simulation.system import Given, System
 
 Array = NDArray[np.float64]
 
+_RECORDS = march.Record * 3
 _FIRST = 2048  # nodes of the first buffer; a full one becomes four times as large
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _AT_ONCE = 100_000_000
@@ -157,7 +158,7 @@ class Space:
         memory.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.stepper = c_void_p()
-        self.records = (march.Record * 3)()
+        self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.work: Array | None = None  # of gradients
         self.renew(given)

@@ -16,13 +16,15 @@ less than 8 % below.
 
 from __future__ import annotations
 
+from typing import Any
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
-from antiosc.base._types import ComplexArray
+from antiosc.base._types import Array, ComplexArray
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.expected import stiffness_at
-from antiosc.simulation.history import History
 
 #: Points s of the ray over π/T, T the expected contact time.
 RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
@@ -41,15 +43,14 @@ def left_out(model: AntiOscillators, assembly: Assembly) -> float:
         return 0.0
     if model.m0 == 0:
         return 0.0
-    system, (law,) = assembly.system, assembly.laws
+    system, (law,), modes = assembly.system, assembly.laws, model.modal()
     s = np.pi / assembly.lasting * RAY
     depth, speed = float(system.depth[0]), float(system.speed[0])
     stiffness = stiffness_at(law, depth, law.touch(speed))
     if not stiffness > 0:
         return 0.0
     squares = system.beta[0] ** 2 / (s[:, None] ** 2 + system.omega**2)
-    own = assembly.spans["structure"]
-    site = squares[:, own].sum(axis=1) + assembly.r[0, 0]
+    site = squares[:, : modes.omega.size].sum(axis=1) + modes.r
     C = squares.sum(axis=1) + system.R[0, 0] + 1 / stiffness
     D = _lacking(model, s)
     more = D * site**2 / (1 - D * site)
@@ -60,25 +61,35 @@ def left_out(model: AntiOscillators, assembly: Assembly) -> float:
 
 def _lacking(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
     """What Z of the softer extreme has less, at complex s."""
-    lam, masses = np.append(0.0, model.omega**-2.0), np.append(model.m0, model.m)
-    apart = abs(lam[:, None] - lam)
-    apart.flat[:: lam.size + 1] = 1.0
-    own = 2 * np.log(np.maximum(apart, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
+    known = _rules.get(model)
+    if known is None:
+        known = _rules[model] = _rule(model)
+    lam, own = known
     logs = np.log(lam + s[:, None] ** -2.0)
     terms = 2 * logs.sum(axis=1, keepdims=True) - logs - own
     largest = terms.real.max(axis=1, keepdims=True)
     return np.asarray(np.exp(-largest[:, 0]) / np.exp(terms - largest).sum(axis=1))
 
 
-def too_few(hit: History) -> str:
-    """That the anti-oscillators are too few for the contact; "" where they suffice.
+def _rule(model: AntiOscillators) -> tuple[Array, Array]:
+    """The nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
+    lam, masses = np.append(0.0, model.omega**-2.0), np.append(model.m0, model.m)
+    apart = abs(lam[:, None] - lam)
+    apart.flat[:: lam.size + 1] = 1.0
+    return lam, 2 * np.log(np.maximum(apart, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
+
+
+_rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
+
+
+def too_few(model: Any, assembly: Assembly) -> str:
+    """That the anti-oscillators are too few for a contact that touched; "" where they suffice.
 
     Of models that `extract` made by the Krylov method; other truncations are their maker's choice.
     """
-    model = hit.model
-    if not isinstance(model, AntiOscillators) or model.sites or not hit.run.touches:
+    if not isinstance(model, AntiOscillators) or model.sites:
         return ""
-    share = left_out(model, hit.assembly)
+    share = left_out(model, assembly)
     if share <= ENOUGH:
         return ""
     return (

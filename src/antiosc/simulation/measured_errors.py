@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.base.errors import AccuracyWarning, warn
-from antiosc.models.body import Body
+from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import info_of
 from antiosc.simulation.history import History
@@ -41,7 +41,7 @@ def measured_errors(
         return none, none
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
-        differences(raw, again(_InModes(ModalBody(omega, b, float(r), decay)), tol))
+        differences(raw, again(InModes(ModalBody(omega, b, float(r), decay)), tol))
         for omega, b, r, decay in bodies
     ]
     drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
@@ -50,16 +50,6 @@ def measured_errors(
         for part in (drawn, others)
     )
     return floored(noise), floored(band)
-
-
-class _InModes(Body):
-    """A body that is given in its free modes."""
-
-    def __init__(self, modes: ModalBody) -> None:
-        self._modes = modes
-
-    def modal(self) -> ModalBody:
-        return self._modes
 
 
 def low_band(hit: History) -> str:

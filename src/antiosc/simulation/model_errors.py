@@ -19,13 +19,13 @@ for other bars.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body
+from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import BeamSection
 from antiosc.simulation.error_bars import QUANTITIES
@@ -34,17 +34,6 @@ from antiosc.simulation.quantities import differences, floored
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
 SAFETY = 1.25
-
-
-@dataclass(frozen=True)
-class _Changed(Body):
-    """A model with changed modes; contact laws with a half-space lose `local_compliance`."""
-
-    modes: ModalBody
-    local_compliance: float = 0.0
-
-    def modal(self) -> ModalBody:
-        return self.modes
 
 
 def model_errors(
@@ -64,8 +53,11 @@ def model_errors(
     return floored({name: SAFETY * max(softer[name], stiffer[name]) for name in softer}), []
 
 
-def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[Body, Body]:
-    """The model with all changes that make it softer, and with all that make it stiffer."""
+def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[InModes, InModes]:
+    """The model with all changes that make it softer, and with all that make it stiffer.
+
+    Contact laws with a half-space lose the local compliance of the second.
+    """
     modes = model.modal()
     x = np.minimum(modes.omega / facts["omega"], 1.0)
     slower, local = FREQUENCIES * x + CLAMP * facts["clamps"], LOCAL * facts["compliance"]
@@ -74,4 +66,4 @@ def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[Body, Body]:
         omega, b = modes.omega * (1 - sign * slower), modes.b * (1 + sign * VALUES * x)
         return replace(modes, omega=omega, b=b, r=r)
 
-    return _Changed(moved(1.0, modes.r + local)), _Changed(moved(-1.0, modes.r), local)
+    return InModes(moved(1.0, modes.r + local)), InModes(moved(-1.0, modes.r), local)

@@ -139,10 +139,12 @@ def simulate(
         model, tol=accuracy, method=method, step=step, n=n, budget=budget, **options
     )
     verdict.tell()
-    if n != "auto" and (sentence := too_few(history)):
-        if getattr(model, "strain_error", None) is None:  # with one, the error budget tells it
-            warn(sentence, AccuracyWarning)
-        history = replace(history, message=f"{history.message} {sentence}")
+    if n != "auto" and history.run.touches:
+        sentence = too_few(model if n is None else history.model, history.assembly)
+        if sentence and getattr(model, "strain_error", None) is None:
+            warn(sentence, AccuracyWarning)  # with one, the error budget tells it
+        if sentence:
+            history = replace(history, message=f"{history.message} {sentence}")
     tell_rotation(*history.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:

@@ -19,6 +19,7 @@ from antiosc.simulation.laws import packed, raise_error
 
 Array = NDArray[np.float64]
 
+_ONE = march.Contact * 1  # ctypes keeps this type as long as it is held, and takes 50 µs to make it
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
 

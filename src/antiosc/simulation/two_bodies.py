@@ -95,20 +95,17 @@ def pair(
     structure, striker = one.modal(), other.modal()
     starts = _starts(structure, striker, initial_velocity, other.velocity)
     loads = _loads(structure, striker, gravity)
-    count, both = structure.omega.size, (structure, striker)
+    count = structure.omega.size
     size, r = count + striker.omega.size, structure.r + striker.r
     block = np.zeros(6 * size + 3)
-    omega, decay, beta = block[:size], block[size : 2 * size], block[2 * size : 3 * size]
+    rows = block[: 3 * size].reshape(3, size)
+    rows[:, :count], rows[:, count:] = structure.closing, striker.closing
+    omega, decay, beta = rows
     load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
-    for own, modes, pull, start in zip(
-        (slice(count), slice(count, size)), both, loads, starts, strict=True
-    ):
-        omega[own], v[own] = modes.omega, start
-        np.negative(modes.b, out=beta[own])
-        if modes.decay is not None:
-            decay[own] = modes.decay
+    v[:count], v[count:] = starts
+    for own, pull in zip((load[:count], load[count:]), loads, strict=True):
         if pull is not None:
-            load[own] = pull
+            own[...] = pull
     block[3 * size] = r
     return Pair(
         bodies=((one, structure, starts[0]), (other, striker, starts[1])),

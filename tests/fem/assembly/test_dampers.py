@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -169,6 +171,33 @@ def test_an_impact_on_a_cantilever_with_a_tip_damper(c):
     hit = ao.simulate(ao.extract(part, TIP, n=12), ao.RigidMass(mass, 1.0), law, duration)
     true = impulse(K, M, c * np.outer(b, b), b, mass, law.stiffness, duration, 8000)
     assert hit.impulse == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore:the supports leave the structure free")
+def test_a_column_on_soil_is_the_rod_of_closed_form():
+    """A rod of impedance S = k + iwc - w^2 m at its foot; EA q s = S.
+
+    k and c are those of a disk on the half-space and of its waves, upright and sideways.
+    """
+    r, G, nu, rho, L = 0.4, 60e6, 0.4, 1800.0, 2.0
+    foot = ao.Footing("start", r, G, nu, rho, mass=100.0)
+    beam = ao.Beam(30e9, 0.2, 2400.0, ao.Section.circle(0.25), orientation=(1, 0, 0))
+    mesh, held = line((0, 0, 0), (0, 0, L), 16), [ao.Support("start", ["rx", "ry", "rz"])]
+    part = ao.Structure(mesh, beam, held, attached=[foot])
+    alone = ao.assemble({"a": ao.Structure(mesh, beam, held)},
+                        attached=[replace(foot, where="a:start")])  # fmt: skip
+    w, EA = np.geomspace(20, 5000, 7), 30e9 * beam.section.A
+    q = w / np.sqrt(30e9 / 2400)
+    S = 4 * G * r / (1 - nu) + 1j * w * rho * 2 * np.sqrt(G / rho) * np.pi * r**2
+    s = (S - w**2 * (100 + 2.4 * (nu - 1 / 3) * rho * np.pi * r**3)) / (EA * q)
+    H = (np.cos(q * L) + s * np.sin(q * L)) / (EA * q * (s * np.cos(q * L) - np.sin(q * L)))
+    for one, name in ((part, None), (alone, "a")):
+        top = ao.extract(one, ao.Site((0, 0, L), (0, 0, -1), part=name), n=20)
+        np.testing.assert_allclose(top.modal().receptance(w), H, rtol=1e-4)
+        side = ao.extract(one, ao.Site((0, 0, 0), (1, 0, 0), part=name), n=2)
+        assert side.k0 == pytest.approx(8 * G * r / (2 - nu), rel=1e-9)
+    with pytest.raises(InputError, match="up"):
+        replace(foot, up="w")
 
 
 def test_what_takes_no_dampers_says_so():

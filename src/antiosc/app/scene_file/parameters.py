@@ -29,7 +29,7 @@ FILES = {("Structure.from_files", "map"), ("find_impact", "signals")}
 OBJECTS = {("Floor", "material"): "Solid"}
 
 #: Functions that only check and store values.
-LIGHT = ("named_impactor", "normal", "lognormal", "uniform")
+LIGHT = ("named_impactor", "normal", "lognormal", "uniform", "soil_cone")
 
 #: (name, value) -> the value, or InputError
 Check = Callable[[str, Any], Any]

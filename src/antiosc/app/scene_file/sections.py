@@ -59,7 +59,7 @@ def constructors_of(kind: type) -> tuple[str, ...]:
     if issubclass(kind, ContactLaw):
         return tuple(LAWS.split())
     if kind is LinearBody:
-        return ("AntiOscillators.load",)
+        return ("AntiOscillators.load", "soil_cone")
     name = kind.__name__
     try:
         methods = inspect.getmembers(resolved(name), inspect.ismethod)
@@ -81,7 +81,11 @@ _STRUCTURE: dict[str, Section] = {
         "named", FAMILIES, "the material, of all cells or of named groups of them", alone=True
     ),
     "supports": Section("list", "Support", "displacements that are fixed"),
-    "attached": Section("list", "PointMass Spring Damper", "point masses, springs and dampers"),
+    "attached": Section(
+        "list",
+        "PointMass Spring Damper Footing",
+        "point masses, springs, dampers, footings on soil",
+    ),
     "structure": Section(
         "table",
         "Structure",
@@ -125,7 +129,7 @@ SECTIONS: dict[str, Section] = {
     ),
     "bodies": Section(
         "named",
-        f"{IMPACTORS} RigidBody AntiOscillators.load",
+        f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
         "bodies of a scene of several contacts",
     ),
     "contacts": Section("list", "Contact", "contacts between the sites of bodies"),

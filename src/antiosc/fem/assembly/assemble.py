@@ -41,7 +41,7 @@ from antiosc.fem.assembly.supports import attachment, superelement, support_rows
 from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.structure.attachments import Damper, PointMass, Spring
+from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.meshed import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
@@ -56,7 +56,7 @@ def assemble(
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
-    attached: Sequence[PointMass | Spring | Damper] = (),
+    attached: Sequence[Attachment] = (),
     solver: Choice = "auto",
 ) -> Structure:
     """One structure of several parts, joined by linear constraints u = T q.
@@ -79,7 +79,7 @@ def assemble(
     supports : sequence of Support
         `where` is "part:group", the name of a reference point, or a function of coordinates of all
         parts; `fix` names components in the axes of the assembly.
-    attached : sequence of PointMass, Spring and Damper
+    attached : sequence of PointMass, Spring, Damper and Footing
         At "part:group", a reference point, or coordinates (on the nearest part). On a group of
         more than points they act on its mean motion.
     solver : "auto", "direct" or "iterative"
@@ -136,7 +136,7 @@ def put_together(
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
-    attached: Sequence[PointMass | Spring | Damper] = (),
+    attached: Sequence[Attachment] = (),
     solver: Choice = "auto",
     apart: bool = False,
 ) -> Structure:
@@ -155,12 +155,7 @@ def put_together(
             layout,
             joints,
             supports,
-            several(
-                "attached",
-                attached,
-                (PointMass, Spring, Damper),
-                "PointMass, Spring and Damper objects",
-            ),
+            attachments_of(attached),
             apart,
         )
         whole.extend((K, M))

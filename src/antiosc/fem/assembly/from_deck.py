@@ -25,7 +25,7 @@ from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform.mpi import collective, on_root, warn
-from antiosc.fem.structure.attachments import Damper, PointMass, Spring
+from antiosc.fem.structure.attachments import Attachment, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import RawMesh
@@ -51,7 +51,7 @@ def read_model(
     unit: str | float = "m",
     *,
     supports: Sequence[Support] = (),
-    attached: Sequence[PointMass | Spring | Damper] = (),
+    attached: Sequence[Attachment] = (),
     density: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
@@ -120,9 +120,7 @@ def read_model(
     file = checked_path("path", path)
     read = _reader(file, unit, density, merge, parts, piece, root, timeout)
     more = several("supports", supports, Support, "Support objects")
-    added: list[PointMass | Spring | Damper] = several(
-        "attached", attached, (PointMass, Spring, Damper), "PointMass, Spring and Damper objects"
-    )
+    added = attachments_of(attached)
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
     model = _model(first)
@@ -228,7 +226,7 @@ def _part(
     comm: MPI.Comm,
     solver: Choice,
     more: Sequence[Support],
-    added: Sequence[PointMass | Spring | Damper],
+    added: Sequence[Attachment],
 ) -> Structure:
     """The structure of the cells of one dimension; joined parts are supported together later."""
     model = _model(raw)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import dolfinx
 import numpy as np
@@ -18,9 +18,18 @@ import scipy.spatial
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, coordinates, nonnegative, positive, shown
+from antiosc.base.checks import (
+    array,
+    choice,
+    coordinates,
+    nonnegative,
+    positive,
+    several,
+    shown,
+)
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
+from antiosc.closed_form.soil import soil_cone
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
@@ -156,6 +165,69 @@ class Damper(Checked):
     def values(self) -> dict[str, float]:
         """Component -> damping, or stiffness of what relaxes."""
         return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
+
+
+@dataclass(frozen=True)
+class Footing:
+    """A rigid round footing on soil under a point: springs, dashpots and mass of `soil_cone`.
+
+    Soil does not pull: the support is right where the weight keeps the footing on the ground.
+
+    Parameters
+    ----------
+    where : str or sequence of floats
+        As for `PointMass`.
+    radius, G, nu, rho : float
+        As for `soil_cone`.
+    mass : float
+        Of the footing, kg; of soil that moves with it (nu > 1/3) there is more.
+    up : "x", "y" or "z"
+        Normal of the ground. Along it the soil has its vertical stiffness.
+    along : sequence of "x", "y" and "z"
+        Directions in which the soil holds the footing.
+    """
+
+    where: str | Sequence[float]
+    radius: float
+    G: float
+    nu: float
+    rho: float
+    mass: float = 0.0
+    up: Literal["x", "y", "z"] = "z"
+    along: Sequence[str] = ("x", "y", "z")
+
+    def __post_init__(self) -> None:
+        self._parts()
+
+    def _parts(self) -> list[PointMass | Spring | Damper]:
+        """What it adds to a structure."""
+        choice("up", self.up, ("x", "y", "z"))
+        soil = {
+            choice("along", axis, ("x", "y", "z")): soil_cone(
+                self.radius, self.G, self.nu, self.rho,
+                "vertical" if axis == self.up else "horizontal",
+            )
+            for axis in several("along", self.along, str, "directions as \"x\"")
+        }  # fmt: skip
+        mass = nonnegative("mass", self.mass, "kg") + sum(cone.mass for cone in soil.values())
+        return [
+            Spring(self.where, {axis: cone.stiffness for axis, cone in soil.items()}),
+            Damper(self.where, {axis: cone.damping for axis, cone in soil.items()}),
+            *([PointMass(self.where, mass)] if mass else []),
+        ]
+
+
+#: What a structure carries at points.
+Attachment = PointMass | Spring | Damper | Footing
+
+
+def attachments_of(given: Any) -> list[PointMass | Spring | Damper]:
+    """Checked attachments, a footing by its parts."""
+    known = (PointMass, Spring, Damper, Footing)
+    found: list[Attachment] = several(
+        "attached", given, known, "PointMass, Spring, Damper and Footing objects"
+    )
+    return [part for one in found for part in (one._parts() if isinstance(one, Footing) else [one])]
 
 
 @dataclass(frozen=True)

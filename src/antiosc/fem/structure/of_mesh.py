@@ -20,12 +20,11 @@ from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import warn
 from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.attachments import (
-    Damper,
+    Attachment,
     Matrices,
-    PointMass,
-    Spring,
     add_at_points,
     add_beams,
+    attachments_of,
 )
 from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -38,7 +37,7 @@ def assembled(
     supports: Sequence[Support],
     *,
     order: int,
-    attached: Sequence[PointMass | Spring | Damper],
+    attached: Sequence[Attachment],
     solver: Choice,
 ) -> MeshedStructure:
     """The structure of a mesh; parameters and errors are those of `Structure`."""
@@ -49,9 +48,7 @@ def assembled(
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
     held = several("supports", supports, Support, "Support(where, fix)")
-    carried: list[PointMass | Spring | Damper] = several(
-        "attached", attached, (PointMass, Spring, Damper), "PointMass, Spring and Damper objects"
-    )
+    carried = attachments_of(attached)
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from antiosc.fem.elements.weak_form import Family
     from antiosc.fem.mesh.mesh import Mesh
-    from antiosc.fem.structure.attachments import Damper, PointMass, Spring
+    from antiosc.fem.structure.attachments import Attachment
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
 
@@ -53,8 +53,8 @@ class Structure(Brief):
         None: a free body.
     order : 1 or 2
         Degree of the displacements.
-    attached : sequence of PointMass, Spring and Damper
-        Masses and grounded springs at points of the structure.
+    attached : sequence of PointMass, Spring, Damper and Footing
+        Masses, springs, dampers and footings on soil at points of the structure.
     solver : "auto", "direct" or "iterative"
         Solver for K: a Cholesky factor, or, if the memory is not sufficient, conjugate gradients
         with multigrid (`antiosc.fem.linalg.solver_choice`).
@@ -102,7 +102,7 @@ class Structure(Brief):
         supports: Sequence[Support] = (),
         *,
         order: int = 2,
-        attached: Sequence[PointMass | Spring | Damper] = (),
+        attached: Sequence[Attachment] = (),
         solver: Choice = "auto",
     ) -> None:
         """Assemble the structure of a mesh."""

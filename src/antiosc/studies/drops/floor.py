@@ -15,7 +15,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
-from antiosc.models.body import checked_body
+from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.first_order import SideBySide
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import ModalState
@@ -92,7 +92,7 @@ class Floor:
     restitution: float | None = None
     layer: SoftLayer | None = None
     law: ContactLaw | None = None
-    model: Any = None
+    model: LinearBody | None = None
 
     def __post_init__(self) -> None:
         if self.material is not None:

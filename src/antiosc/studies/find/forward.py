@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, Linear
-from antiosc.models.body import Body
+from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.history import History
 from antiosc.simulation.impactors import RigidMass
@@ -21,20 +21,6 @@ from antiosc.studies.find.surface import Chart, Surface
 STEPS = 150
 #: Most contacts of a blow.
 CONTACTS = 1000
-
-
-class StruckPlace(Body):
-    """The structure seen from a place, in its free modes."""
-
-    def __init__(self, modes: ModalBody, local: float, radius: float | None) -> None:
-        self._modes, self.local_compliance, self._radius = modes, local, radius
-
-    @property
-    def patch_radius(self) -> float | None:
-        return self._radius
-
-    def modal(self) -> ModalBody:
-        return self._modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +103,7 @@ class Struck:
         b, (r, local) = seen[:-2], np.maximum(seen[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
         radius = float(self.radius[blow.site])
-        body = StruckPlace(modes, float(local), None if np.isnan(radius) else radius)
+        body = InModes(modes, float(local), None if np.isnan(radius) else radius)
         law: Any = self.law
         if hasattr(law, "stiffness"):
             law = replace(law, stiffness=blow.stiffness)

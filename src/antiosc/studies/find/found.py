@@ -114,13 +114,8 @@ class FoundImpact(Brief):
         return {name: getattr(self, name) for name in (*names, *more)}
 
     def _facts(self) -> list[tuple[str, str]]:
-        place = ", ".join(f"{c:.4g}" for c in self.place)
-        return [
-            ("place", f"({place}) m ± {self.bars['place']:.2g} m"),
-            ("peak force", f"{self.peak_force:.4g} N ± {self.bars['peak_force']:.1%}"),
-            ("impulse", f"{self.impulse:.4g} N s ± {self.bars['impulse']:.1%}"),
-            ("status", f"{self.status}: {self.message}"),
-        ]
+        place, _, *rows = self.rows()
+        return [place, *rows[:2], ("status", f"{self.status}: {self.message}")]
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The measured and the computed signals, the force, and the scan of the places.

@@ -29,9 +29,18 @@ from antiosc.studies.measured.gauss_newton import (
     residuals,
     whitened,
 )
-from antiosc.studies.measured.modes import Modes, Pairs, Tail, factors
+from antiosc.studies.measured.modes import (
+    BEYOND,
+    TYPICAL,
+    Modes,
+    Pairs,
+    Tail,
+    drawn,
+    expected_tail,
+    factors,
+    with_tail,
+)
 from antiosc.studies.measured.poles import poles
-from antiosc.studies.measured.tail import BEYOND, TYPICAL, drawn, expected_tail, with_tail
 
 #: A mode stands above the noise if its displacement is this many standard deviations from 0, and
 #: is added if its part in the residual is.

@@ -230,6 +230,16 @@ class FRF(Brief):
         return replace(self, values=values, sigma=sigma, coherence=None)
 
 
+def stated(quantity: Quantity | None) -> Quantity:
+    """The quantity; InputError where neither the file nor the caller states it."""
+    if quantity is None:
+        raise InputError(
+            'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
+            ' "receptance".'
+        )
+    return quantity
+
+
 def _names(name: str, given: Sequence[str] | Any) -> tuple[str, ...]:
     """Different names."""
     checks.instance(name, given, (list, tuple), "a list of names")

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import find_peaks
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -37,6 +38,9 @@ MOST_GIVEN, GIVEN_SPREAD, GIVEN_DOUBT = 30, 0.03, 0.3
 #: Share of the power at the driving points that flows out of the part: where the sign is turned,
 #: and above which the sensor lies beside the point.
 TURNED, BESIDE = 0.8, 0.2
+#: Modes in which that is so: height of their peaks over the largest, lines to both sides of which
+#: the power is summed, and how many are told.
+SHOWN, BESIDE_PEAK, MOST_SHOWN = 0.03, 5, 6
 
 
 @checks.within_range
@@ -140,9 +144,14 @@ def _turned(data: Measured) -> Measured:
 
 def _outflow(data: Measured) -> float:
     """Share of the power at the driving points that flows out of the part, of equal forces."""
-    driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
-    power = -data.w[:, None] * data.H[:, driving].imag
+    power = _power(data)
     return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
+
+
+def _power(data: Measured) -> Array:
+    """Power (W, p) into the part at the driving points, over half the squared force."""
+    driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
+    return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 
 
 def _check(data: Measured, fit: Fit) -> None:
@@ -150,10 +159,15 @@ def _check(data: Measured, fit: Fit) -> None:
     H = fit.modes.receptance(data.w, data.pairs)
     off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
     if (out := _outflow(data)) > BESIDE:
+        power, mobility = _power(data).sum(axis=1), data.w * np.abs(data.H).sum(axis=1)
+        peaks, _ = find_peaks(mobility, prominence=SHOWN * mobility.max())
+        turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
+        where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
         warn(
-            f"at the driving point {out:.0%} of the power flows out of the part, which has none:"
-            " the sensor lies beside the struck point, or its phase is wrong; measure both at one"
-            " place."
+            f"at the driving point {out:.0%} of the power flows out of the part, which has none"
+            + f", as in the modes at {where} Hz" * bool(where)
+            + ": the sensor lies beside the struck point, where modes may have another sign, or its"
+            " phase is wrong; measure both at one place."
         )
     if off > UNFITTED:
         raise AccuracyError(

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray
-from antiosc.studies.measured.modes import Modes, Pairs
-from antiosc.studies.measured.tail import BEYOND
+from antiosc.studies.measured.modes import BEYOND, Modes, Pairs
 
 #: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
 #: chi^2 that ends them.

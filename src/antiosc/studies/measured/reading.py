@@ -15,7 +15,7 @@ from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.files import check_readable
 from antiosc.studies.measured import uff
-from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity
+from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity, stated
 
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
@@ -93,12 +93,7 @@ def _of_columns(
     columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int
 ) -> FRF:
     """An FRF of named arrays."""
-    quantity = quantity or columns.get("quantity")
-    if quantity is None:
-        raise InputError(
-            'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
-            ' "receptance".'
-        )
+    quantity = stated(quantity or columns.get("quantity"))
     known = set(columns)
     values: ComplexArray
     if "values" in known:

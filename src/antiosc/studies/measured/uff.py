@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.studies.measured.frf import FRF, Quantity
+from antiosc.studies.measured.frf import FRF, Quantity, stated
 
 #: Function types of data set 58.
 RESPONSE, COHERENCE = 4, 6
@@ -241,12 +241,7 @@ def _joined(
     parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
     every = [one for row in parts for one in row]
     kinds = {quantity or one.quantity for one in every}
-    given = kinds.pop()
-    if kinds or given is None:
-        raise InputError(
-            'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
-            ' "receptance".'
-        )
+    given = stated(kinds.pop() if len(kinds) == 1 else None)
     f = every[0].frequency
     if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in every):
         raise InputError("the responses have different frequencies: measure all with one set.")
