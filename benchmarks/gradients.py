@@ -1,7 +1,8 @@
 """Gradients: how close to complex steps and differences, and what they cost.
 
 The cost is that of `aom_gradient`, all derivatives at once, over that of `aom_solve` of the same
-impact with its error control at tol = 1e-3, and of `gradient` over `simulate`; least of repeats.
+impact with its error control at tol = 1e-3, both alone in the library, and of `gradient` over
+`simulate`, all in Python; least of repeats, taken in turns.
 
     OMP_NUM_THREADS=1 .venv/bin/python benchmarks/gradients.py
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,7 @@ from antiosc.studies.gradients.recorded import recorded
 
 SIZES = (5, 20, 60)
 GOALS = ("peak_force", "impulse", "contact_time")
-REPEATS = 30
+REPEATS = 300
 
 
 def main(sizes: tuple[int, ...] = SIZES, repeats: int = REPEATS) -> list[tuple[object, ...]]:
@@ -33,21 +35,13 @@ def main(sizes: tuple[int, ...] = SIZES, repeats: int = REPEATS) -> list[tuple[o
         model, ball, law, duration = impact(n)
         hit = ao.simulate(model, ball, law, duration)
         fine = ao.simulate(model, ball, law, duration, tol=1e-7)
-        found = recorded(hit)
-        options = march.Options(duration, 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
-        run = least(lambda: engine.solve(found.system, options), repeats)  # noqa: B023
-        whole = least(lambda: ao.simulate(model, ball, law, duration), repeats)  # noqa: B023
         for goal in GOALS:
             g = ao.gradient(fine, goal)
             off = max(
                 abs(value / difference(model, ball, law, duration, goal, name) - 1)
                 for name, value in (("mass", g.mass), ("velocity", g.velocity))
             )
-            wanted = seeds(found, goal, 0, None)
-            places = wanted.arrays(2 * found.system.omega.size + 1)
-            given = (found.states(), *places, wanted.force, wanted.time)
-            back = least(lambda: engine.gradient(found.system, found.run, *given), repeats)  # noqa: B023
-            python = least(lambda: ao.gradient(hit, goal), repeats)  # noqa: B023
+            run, back, whole, python = costs(hit, (model, ball, law, duration), goal, repeats)
             count = 2 * n + 5
             rows.append((n, goal, count, off, back / run, python / whole))
             print(
@@ -84,14 +78,57 @@ def difference(
     return float(ends[1] - ends[0]) / (2 * change * getattr(ball, name))
 
 
-def least(call: Callable[[], object], repeats: int) -> float:
-    """Least seconds of a call."""
-    spent = []
-    for _ in range(repeats):
-        began = time.process_time()
-        call()
-        spent.append(time.process_time() - began)
-    return float(np.min(spent))
+def costs(hit: Any, blow: tuple[Any, ...], goal: str, repeats: int) -> list[float]:
+    """Seconds of `aom_solve`, `aom_gradient`, `simulate` and `gradient`."""
+    found = recorded(hit)
+    options = march.Options(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
+    wanted = seeds(found, goal, 0, None)
+    places = wanted.arrays(2 * found.system.omega.size + 1)
+    given = (found.system, found.run, found.states(), *places, wanted.force, wanted.time)
+    calls: list[Callable[[], float]] = [
+        lambda: in_library("aom_solve", engine.solve, found.system, options),
+        lambda: in_library("aom_gradient", engine.gradient, *given),
+        lambda: timed(ao.simulate, *blow),
+        lambda: timed(ao.gradient, hit, goal),
+    ]
+    return least(calls, repeats)
+
+
+def timed(call: Callable[..., Any], *given: Any) -> float:
+    """Seconds of a call."""
+    began = time.perf_counter()
+    call(*given)
+    return time.perf_counter() - began
+
+
+def in_library(name: str, call: Callable[..., Any], *given: Any) -> float:
+    """Seconds of a call within one function of the library."""
+    spent = 0.0
+
+    class Library:
+        def __getattr__(self, asked: str) -> Any:
+            function = getattr(library, asked)
+            return counted if asked == name else function
+
+    def counted(*arguments: Any) -> Any:
+        nonlocal spent
+        began = time.perf_counter()
+        answer = getattr(library, name)(*arguments)
+        spent += time.perf_counter() - began
+        return answer
+
+    library = march.library
+    march.library = Library()  # type: ignore[assignment]
+    try:
+        call(*given)
+    finally:
+        march.library = library
+    return spent
+
+
+def least(calls: list[Callable[[], float]], repeats: int) -> list[float]:
+    """Least seconds of each call, made in turns."""
+    return np.min([[call() for call in calls] for _ in range(repeats)], axis=0).tolist()
 
 
 if __name__ == "__main__":

@@ -69,9 +69,7 @@ static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
     a->slides = take(m, 2 * rows, sizeof(slide));
     a->explicit_force = take(m, 2 * rows, sizeof(double));
     a->laws = take(m, rows, sizeof(law_slopes));
-    a->slopes = take(m, 8 * SLOTS * J, sizeof(double));
     a->span = take(m, SLOTS, sizeof(double));
-    a->work = take(m, 16 * J, sizeof(double));
     a->f = take(m, 3 * rows, sizeof(double));
     a->c = take(m, 3 * rows, sizeof(double));
     a->by_force = take(m, 3 * rows, sizeof(double));
@@ -89,6 +87,8 @@ static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
     a->tangents = take(m, 2 * rows, sizeof(tangent));
     a->matrix = take(m, 4 * rows * rows, sizeof(double));
     a->rest = take(m, 2 * rows, sizeof(double));
+    a->work = take(m, 16 * J, sizeof(double)); /* these two are found before they are read */
+    a->slopes = take(m, 8 * SLOTS * J, sizeof(double));
 }
 
 size_t aom_gradient_size(const aom_stepper *st) {
@@ -198,7 +198,8 @@ static const double *slopes_of(adjoint *a, int index) {
     const slot *s = a->st->slots + index;
     double *out = a->slopes + 8 * J * index;
     if (a->span[index] != s->span)
-        response_slopes((int)J, a->st->system.omega, a->st->system.decay, s->span, s->response, out);
+        response_slopes((int)J, a->st->system.omega, a->st->system.decay, s->span, s->response,
+                        a->out->decay != NULL, out);
     a->span[index] = s->span;
     return out;
 }
@@ -347,7 +348,7 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
             continue;
         if (!reading->stays)
             a->earlier -= later;
-        response_slopes(J, st->system.omega, st->system.decay, t, R, D);
+        response_slopes(J, st->system.omega, st->system.decay, t, R, a->out->decay != NULL, D);
         to_start(a, R, D, state, state + J, by_q, by_v);
     }
     return longer;
@@ -754,8 +755,8 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     arena taken = {memory, 0};
     adjoint a = {.st = st, .run = run, .goal = goal, .out = out, .exits = run->n_exits,
                  .readings = goal->n_readings};
-    memset(memory, 0, bytes);
     lay_out_adjoint(&a, &taken, (size_t)system->n_modes, (size_t)m);
+    memset(memory, 0, (size_t)((char *)a.work - (char *)memory));
     for (int k = 0; k < SLOTS; k++)
         a.span[k] = NAN;
     for (int c = 0; c < system->n_contacts; c++) {

@@ -160,7 +160,7 @@ void give(aom_stepper *st, double h);
 
 /* ---- response_slopes.c */
 void response_slopes(int n, const double *omega, const double *decay, double t,
-                     const double *response, double *out);
+                     const double *response, bool by_decay, double *out);
 
 /* ---- laws.c */
 #define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */

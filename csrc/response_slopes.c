@@ -1,27 +1,69 @@
 /* How the responses change with the square x of a mode's frequency and with its decay d. */
 #include "internal.h"
 
-enum { SERIES = 11, POINTS = 8 };
+enum { SERIES = 11, POINTS = 8, DAMPED_SERIES = 26 };
 
-/* S' and (J0, J1, J2)' by x and by d, without damping and for small phases: power series. */
-static void by_series(double x, double t, double out[8]) {
-    double X = x * t * t, term = t; /* (-1)^n x^n t^(2n + 1)/(2n + 1)! */
-    for (int k = 0; k < 8; k++)
-        out[k] = 0.0;
-    double slope = 0.0; /* of the term by x */
-    for (int n = 0; n < SERIES; n++) {
-        double parts[2] = {slope, -term * t};
-        for (int k = 0; k < 2; k++) { /* by x as t^(2n + 1), by d as t^(2n + 2) */
-            double value = parts[k];
-            out[4 * k] += value;
-            for (int i = 1; i < 4; i++) {
-                value *= t / (2 * n + 1 + k + i);
-                out[4 * k + i] += value;
-            }
+/* Of the series of S', J0', J1', J2' by x: the terms n + 1 over n of that of index i, without X. */
+#define RATIO(n, i) ((n + 1.0) / (n * (2.0 * n + 2.0 + i) * (2.0 * n + 3.0 + i)))
+#define RATIOS(i)                                                                             \
+    {RATIO(1, i), RATIO(2, i), RATIO(3, i), RATIO(4, i),                                      \
+     RATIO(5, i), RATIO(6, i), RATIO(7, i), RATIO(8, i)}
+
+/* By x, without damping: rows [4][n] of S', J0', J1', J2', by power series where x t^2 < 1 and from
+ * P = 1 - x J0, ... elsewhere; both are found and one is taken, so that the compiler finds several
+ * modes at once. */
+static void undamped_slopes(ptrdiff_t n, const double *restrict omega, double t,
+                            const double *restrict response, double *restrict out) {
+    static const double ratio[4][8] = {RATIOS(0), RATIOS(1), RATIOS(2), RATIOS(3)};
+    static const double first[4] = {-1 / 6., -1 / 24., -1 / 120., -1 / 720.};
+    const double *restrict P = response, *restrict S = P + 2 * n, *restrict J0 = S + n;
+    const double *restrict J1 = J0 + n, *restrict J2 = J1 + n;
+    double power = t * t * t;
+    for (int i = 0; i < 4; i++, power *= t)
+        for (ptrdiff_t j = 0; j < n; j++) {
+            double x = omega[j] * omega[j] * t * t, X = x < 1.0 ? x : 1.0, sum = 1.0;
+            for (int k = 7; k >= 0; k--)
+                sum = 1.0 - X * ratio[i][k] * sum;
+            out[i * n + j] = first[i] * power * sum;
         }
-        double over = 1.0 / ((2.0 * n + 2.0) * (2.0 * n + 3.0));
-        slope = -(slope * X + term * t * t) * over;
-        term *= -X * over;
+    for (ptrdiff_t j = 0; j < n; j++) {
+        double x = omega[j] * omega[j];
+        bool far = x * t * t >= 1.0;
+        double over = far ? 1.0 / x : 0.0, s = 0.5 * (t * P[j] - S[j]) * over;
+        double j0 = (0.5 * t * S[j] - J0[j]) * over, j1 = (-s - J1[j]) * over;
+        double j2 = (-j0 - J2[j]) * over;
+        out[j] = far ? s : out[j];
+        out[n + j] = far ? j0 : out[n + j];
+        out[2 * n + j] = far ? j1 : out[2 * n + j];
+        out[3 * n + j] = far ? j2 : out[3 * n + j];
+    }
+}
+
+/* S' and (J0, J1, J2)' by x and by d for small phases and decays: the power series of S/t in time
+ * over t, from its differential equation, and its derivatives by X = x t^2 and by e = d t. */
+static void by_series(double x, double d, double t, double out[8]) {
+    double X = x * t * t, e = d * t, a[3] = {0.0, 0.0, 0.0}, b[3] = {1.0, 0.0, 0.0};
+    for (int i = 0; i < 8; i++)
+        out[i] = 0.0;
+    for (int k = 0; k < DAMPED_SERIES; k++) { /* a, b: terms k and k + 1 */
+        double over = 1.0 / ((k + 1.0) * (k + 2.0)), pull = 2.0 * (k + 1.0);
+        double next[3] = {-(pull * e * b[0] + X * a[0]) * over,
+                          -(pull * e * b[1] + X * a[1] + a[0]) * over,
+                          -(pull * (e * b[2] + b[0]) + X * a[2]) * over};
+        double share[4] = {1.0, 1.0 / (k + 3.0), 0.0, 0.0};
+        share[2] = share[1] / (k + 4.0);
+        share[3] = share[2] / (k + 5.0);
+        for (int i = 0; i < 4; i++) {
+            out[i] += share[i] * next[1];
+            out[4 + i] += share[i] * next[2];
+        }
+        memcpy(a, b, sizeof a);
+        memcpy(b, next, sizeof b);
+    }
+    double power = t * t;
+    for (int i = 0; i < 4; i++, power *= t) {
+        out[i] *= power * t;
+        out[4 + i] *= power;
     }
 }
 
@@ -52,7 +94,7 @@ static void kernel(double x, double d, double t, double *S, double *C, double *b
     *by_x = total;
 }
 
-/* The same with damping, for small phases: S' integrated by Gauss's rule. */
+/* The same for small phases of strong damping: S' integrated by Gauss's rule. */
 static void by_quadrature(double x, double d, double t, double out[8]) {
     static const double place[POINTS / 2] = {0.1834346424956498, 0.5255324099163290,
                                              0.7966664774136267, 0.9602898564975363};
@@ -98,18 +140,20 @@ static void by_division(double x, double d, double t, double P, double S, const 
     out[7] = (-out[5] - 2.0 * J[1] - 2.0 * d * out[6]) / x;
 }
 
-/* Derivatives [8][n] of S, J0, J1, J2 of n modes after a time by omega^2, then by the decay. */
+/* Derivatives [8][n] of S, J0, J1, J2 of n modes after a time by omega^2, then, where they are asked
+ * for, by the decay. */
 void response_slopes(int n, const double *omega, const double *decay, double t,
-                     const double *response, double *out) {
-    for (int j = 0; j < n; j++) {
+                     const double *response, bool by_decay, double *out) {
+    undamped_slopes(n, omega, t, response, out);
+    for (int j = 0; j < n && by_decay; j++) {
         double x = omega[j] * omega[j], d = decay[j], each[8];
         const double *S = response + 2 * (ptrdiff_t)n + j, *J0 = S + n;
         if (x * t * t >= 1.0)
             by_division(x, d, t, response[j], *S, (double[]){J0[0], J0[n], J0[2 * (ptrdiff_t)n]}, each);
-        else if (d > 0.0)
-            by_quadrature(x, d, t, each);
+        else if (d * t < 1.0)
+            by_series(x, d, t, each);
         else
-            by_series(x, t, each);
+            by_quadrature(x, d, t, each);
         for (int k = 0; k < 8; k++)
             out[(ptrdiff_t)k * n + j] = each[k];
     }

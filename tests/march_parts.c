@@ -51,7 +51,7 @@ AOM_API int part_next_branch(const aom_law *law, int branch, int exit, double de
 
 AOM_API void part_response_slopes(int n, const double *omega, const double *decay, double t,
                                   const double *response, double *out) {
-    response_slopes(n, omega, decay, t, response, out);
+    response_slopes(n, omega, decay, t, response, true, out);
 }
 
 /* Bytes of the structures that Python mirrors. */

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc import closed_form
+from antiosc.closed_form import zener
 
 MODEL: dict[str, Any] = {"m0": 0.05, "k0": 2e5, "m": [0.3, 0.1, 0.05], "omega": [2e3, 6e3, 1.4e4]}
 
@@ -41,6 +43,36 @@ def test_a_mass_on_a_rigid_wall(
     g = ao.gradient(hit, goal)
     found = np.array([g.mass * 0.2, g.velocity * 1.5, g.stiffness * law.stiffness]) / g.value
     assert found == pytest.approx(powers, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("goal", "off"), [("restitution", 1e-3), ("contact_time", 1e-2)])
+def test_a_sphere_on_zeners_plate(goal: str, off: float) -> None:
+    """d ln goal/d ln (m, v, k) on a plate so large that no wave returns in time."""
+    given, aluminium = np.array([5e-3, 1.0, 1e8]), (70e9, 0.33, 2700.0, 2e-3)
+
+    def zeners(x: np.ndarray) -> float:
+        lam = zener.inelasticity(*x, thin.D, thin.surface_density)
+        return float(
+            zener.restitution(lam)
+            if goal == "restitution"
+            else zener.contact_time(lam) * zener.time_unit(*x)
+        )
+
+    thin = closed_form.SupportedPlate(*aluminium, a=1.0, b=1.0)
+    time = zener.contact_time(0.49) * zener.time_unit(*given)
+    side = float(16 * (thin.D / thin.surface_density) ** 0.25 * np.sqrt(time))
+    plate, odd = closed_form.SupportedPlate(*aluminium, a=side, b=side), np.arange(1, 80, 2)
+    omega = np.sort(plate.kirchhoff(odd[:, None], odd).ravel())
+    b = np.full(omega.size, 2 / np.sqrt(plate.surface_density * side**2))
+    compliance = plate.compliance(side / 2, side / 2)
+    model = ao.from_free_modes(omega, b, compliance, n=60, method="krylov")
+    hit = ao.simulate(model, ao.RigidMass(*given[:2]), ao.Hertz(given[2]), 1.3 * time, tol=1e-6)
+    g = ao.gradient(hit, goal)
+    assert g.value == pytest.approx(zeners(given), rel=1e-4)
+    found = np.array([g.mass, g.velocity, g.stiffness]) * given / g.value
+    ends = [[zeners(given * (1 + s * 1e-4 * one)) for s in (-1, 1)] for one in np.eye(3)]
+    assert found == pytest.approx(np.log(ends) @ (-1, 1) / 2e-4, abs=off)
 
 
 #: Powers of mass, length and time in the units of goals and parameters.

@@ -115,6 +115,9 @@ def _parser() -> argparse.ArgumentParser:
             )
         if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
+        if name == "monte-carlo":
+            kept = "a CSV file of the finished runs; if it exists, only the others are made"
+            command.add_argument("--store", metavar="FILE", help=kept)
     found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
     commands.add_parser("info", help=found).set_defaults(run=_info)
     return parser

@@ -6,6 +6,7 @@ import json
 import sys
 import traceback
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import antiosc
@@ -14,7 +15,7 @@ from antiosc.app.report import output, report, results
 from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.scene import compiled
+from antiosc.app.scene_file.scene import Compiled, compiled
 from antiosc.app.scene_file.schema import schema
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
@@ -115,6 +116,8 @@ def _study(options: Namespace) -> int:
     wanted, lacking = STUDIES[options.command]
     if getattr(scene, wanted) is None:
         raise InputError(f"{options.file} has {lacking}.")
+    if getattr(options, "store", None) is not None:
+        scene = _stored(scene, options.store)
     if options.dry_run:
         from antiosc.app.report.forecast import text
 
@@ -135,6 +138,18 @@ def _study(options: Namespace) -> int:
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
     return 1 if getattr(found.history, "status", 0) == 2 else 0
+
+
+def _stored(scene: Compiled, path: str) -> Compiled:
+    """The scene with the runs of [monte_carlo] stored; a campaign that broke off goes on."""
+    comm = run.communicator()
+    if comm is not None and comm.size > 1:
+        raise InputError(
+            f"--store is for one process, not {comm.size} ranks: leave it out, or run without MPI."
+        )
+    assert scene.sample is not None
+    arguments = {**scene.sample.arguments, "store": checks.new_file("--store", path)}
+    return replace(scene, sample=replace(scene.sample, arguments=arguments))
 
 
 _OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
+from itertools import accumulate
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,12 +160,14 @@ class Space:
         self.stepper = c_void_p()
         self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
+        self.work: Array | None = None  # of gradients
         self.renew(given)
 
     @property
     def nbytes(self) -> int:
         """Bytes of all its memory."""
-        return self.memory.nbytes + sum([each.nbytes for each in self.buffers])
+        own = self.memory.nbytes + (0 if self.work is None else self.work.nbytes)
+        return own + sum([each.nbytes for each in self.buffers])
 
     def fits(self, given: Given) -> bool:
         """Whether other bodies have as many modes and rows, and need no more memory."""
@@ -327,16 +331,22 @@ def gradient(
         time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
     )  # fmt: skip
     goal = march.Goal(len(readings), *at[5:])
-    s, p = system, len(system.laws)
-    laws = np.empty((p, march.LAW_SLOPES))
-    like = (s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, laws, s.slip, s.q, s.v)
-    out = [np.zeros(np.shape(each)) for each in like]
-    slopes = march.Slopes(*map(march.address, out))
+    s, laws = system, (len(system.laws), march.LAW_SLOPES)
+    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v]
+    shapes: list[tuple[int, ...]] = [each.shape for each in like]
+    shapes.insert(6, laws)
+    ends = [0, *accumulate([prod(shape) for shape in shapes])]
+    block = np.zeros(ends[-1])
+    out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
+    begin = march.address(block)
+    slopes = march.Slopes(*[begin + 8 * end for end in ends[:-1]])
     if not s.decay.any():
         slopes.decay = None
-    work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
+    if space.work is None:
+        space.work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
+    work = march.address(space.work), space.work.nbytes
     answer = march.library.aom_gradient(
-        space.stepper, byref(run), byref(goal), byref(slopes), march.address(work), work.nbytes
+        space.stepper, byref(run), byref(goal), byref(slopes), *work
     )
     _keep(key, space)
     return Slopes(*out), slopes.grazing, answer

@@ -62,10 +62,10 @@ def seeds(
         )
     empty = Seeds(
         value=0.0,
-        force=np.zeros_like(found.run.force),
+        force=np.zeros(found.run.force.shape),
         time=np.zeros(found.edges.size),
-        B=np.zeros_like(found.B),
-        r=np.zeros_like(found.r),
+        B=np.zeros(found.B.shape),
+        r=np.zeros(found.r.shape),
     )
     if time is None:
         if callable(goal):
@@ -82,11 +82,14 @@ def seeds(
     return empty
 
 
-def _read_force(
-    found: Recorded, c: int, to: Seeds, step: int, since: float, stays: bool = False
-) -> None:
+def _read_force(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
     to.value = float(forces(found.run, np.array([step]), np.array([since]))[0, c])
     u = since / float(found.edges[step + 1] - found.edges[step])
+    _of_force(found, c, to, step, u, stays=False)
+
+
+def _of_force(found: Recorded, c: int, to: Seeds, step: int, u: float, stays: bool) -> None:
+    """Read the force of a contact at the place u in a step."""
     weight = np.zeros(2 * found.system.omega.size + len(found.system.beta))
     weight[2 * found.system.omega.size + c] = 1.0
     to.readings.append(((step, u, int(stays)), weight))
@@ -99,8 +102,8 @@ def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
     if not tops.max(initial=0.0) > 0:
         raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
     k = int(np.argmax(tops))
-    near = np.abs(steps - k) > 1
-    if np.any(near & (tops >= (1 - EQUAL) * tops[k]) & _rises(tops)):
+    equal = np.flatnonzero(tops >= (1 - EQUAL) * tops[k])
+    if np.any((np.abs(equal - k) > 1) & _rises(tops, equal)):
         raise NotDifferentiableError(
             f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
             f" alone; change an input slightly."
@@ -108,14 +111,14 @@ def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
     f0, f1, f2 = run.force[2 * k : 2 * k + 3, c].tolist()
     a, b = f1 - f0, f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
-    h = float(found.edges[k + 1] - found.edges[k])
-    _read_force(found, c, to, k, u * h, stays=True)
+    to.value = float(tops[k])
+    _of_force(found, c, to, k, u, stays=True)
 
 
-def _rises(tops: Array) -> NDArray[np.bool_]:
-    """Which of the largest values of steps are no smaller than those beside them."""
-    beside = np.concatenate(([-np.inf], tops, [-np.inf]))
-    return np.asarray((tops >= beside[:-2]) & (tops >= beside[2:]))
+def _rises(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which of the largest values of these steps are no smaller than those beside them."""
+    before, after = tops[np.maximum(steps - 1, 0)], tops[np.minimum(steps + 1, tops.size - 1)]
+    return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 
 
 def _impulse(found: Recorded, c: int, to: Seeds) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,12 +65,43 @@ def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
 class ByMatrices:
     """Derivatives by the model's matrices in its own coordinates, K and M (C, C).
 
-    phi (C, J): the modes.
+    The sums phi within phi' and -phi (within x + turned) phi' over the modes phi (C, J), x (J,)
+    their omega^2, made symmetric; with a massless site -r phi `first` and r phi x `first` in the
+    row of the site, and `corner` in its place.
     """
 
-    K: Array
-    M: Array
     phi: Array
+    within: Array
+    x: Array
+    turned: Array
+    first: Array
+    r: float
+    corner: float
+
+    @cached_property
+    def K(self) -> Array:
+        found = self.phi @ self.within @ self.phi.T
+        found[0] -= self.r * (self.phi @ self.first)
+        found[0, 0] += self.corner
+        return np.asarray((found + found.T) / 2)
+
+    @cached_property
+    def M(self) -> Array:
+        found = -self.phi @ (self.within * self.x + np.diag(self.turned)) @ self.phi.T
+        found[0] += self.r * (self.phi @ (self.x * self.first))
+        return np.asarray((found + found.T) / 2)
+
+    def lines(self) -> tuple[Array, Array, Array]:
+        """The first row of K, and the diagonals of K and M (C,) each, without the matrices."""
+        phi, both = self.phi, self.phi @ self.within
+        at_site = self.r * (phi @ self.first)
+        row = (phi @ (self.within.T @ phi[0] + self.within @ phi[0]) - at_site) / 2
+        diagonal = np.einsum("ij,ij->i", both, phi)
+        mass = -np.einsum("ij,ij->i", both * self.x + phi * self.turned, phi)
+        corner = self.corner - at_site[0]
+        row[0], diagonal[0] = diagonal[0] + corner, diagonal[0] + corner
+        mass[0] += self.r * float(phi[0] @ (self.x * self.first))
+        return row, diagonal, mass
 
 
 def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatrices:
@@ -82,35 +114,30 @@ def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatr
     assert modes.shape is not None
     phi = modes.shape[: model.n + 1, hidden:]
     x = modes.omega[hidden:] ** 2
-    inertia = np.diag(np.concatenate(([model.m0], model.m)))
     square, site, load, start, v, g, decay = (
         each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
     )
     if isinstance(model.damping, Damping):
         square = square + decay * _decay_slopes(model, modes.omega)[hidden:]
-    by_phi = np.zeros_like(phi)
-    by_phi[0] = site
-    # loads and starts are phi' p with a given p: what the participations say
-    by_phi += np.outer(inertia @ phi @ g, load)
     rigid = (x == 0) & (phi[0] != 0)
-    if modes.inertia is not None:
-        by_phi += np.outer(inertia @ phi @ v, start)
-    elif rigid.any() and v.any():  # V b/(b b) of the one rigid mode that moves the site
-        by_phi[0, rigid] -= start[rigid] * v[rigid] / phi[0, rigid]
-    coupling = phi.T @ by_phi  # of mode k into mode j
+    moving = modes.inertia is not None
+    if (
+        not moving and rigid.any() and v.any()
+    ):  # V b/(b b) of the one rigid mode that moves the site
+        site = site.copy()
+        site[rigid] -= start[rigid] * v[rigid] / phi[0, rigid]
+    # loads and starts are phi' p with a given p: what the participations say; phi' M phi = 1
+    first, coupling = site.copy(), np.outer(phi[0], site)  # coupling of mode k into mode j
+    for slope, value in ((load, g), (start, v))[: 1 + moving]:
+        if value.any():
+            coupling += np.outer(value, slope)
+            first += model.m0 * float(phi[0] @ value) * slope
     apart = x - x[:, None]
-    np.fill_diagonal(apart, 1.0)
-    mixed = coupling / apart
-    np.fill_diagonal(mixed, 0.0)
-    within = np.diag(square) + mixed
-    by_K = phi @ within @ phi.T
-    by_M = -phi @ (within * x + 0.5 * np.diag(np.diag(coupling))) @ phi.T
-    if modes.r > 0:
-        at_site = modes.r * (phi @ by_phi[0])
-        by_K[0] -= at_site
-        by_M[0] += modes.r * (phi @ (x * by_phi[0]))
-        by_K[0, 0] -= modes.r**2 * by.r
-    return ByMatrices((by_K + by_K.T) / 2, (by_M + by_M.T) / 2, phi)
+    apart.flat[:: x.size + 1] = 1.0
+    turned = coupling.diagonal() / 2
+    within = coupling / apart
+    within.flat[:: x.size + 1] = square
+    return ByMatrices(phi, within, x, turned, first, modes.r, -(modes.r**2) * by.r)
 
 
 def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values:
@@ -118,11 +145,12 @@ def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values
 
     With a massless site there is no derivative by m0: None.
     """
-    springs = by.K[0, 0] + np.diag(by.K)[1:] - 2 * by.K[0, 1:]
+    row, diagonal, mass = by.lines()
+    springs = row[0] + diagonal[1:] - 2 * row[1:]
     return {
-        "m0": None if modes.r > 0 else float(by.M[0, 0]),
-        "k0": float(by.K[0, 0]),
-        "m": np.diag(by.M)[1:] + model.omega**2 * springs,
+        "m0": None if modes.r > 0 else float(mass[0]),
+        "k0": float(row[0]),
+        "m": mass[1:] + model.omega**2 * springs,
         "omega": 2 * model.omega * model.m * springs,
     }
 
