@@ -24,7 +24,8 @@ import options
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation import engine, impacts
+from antiosc.simulation.march import engine
+from antiosc.simulation.problem import impacts
 
 CLOSE = 1e-9  # of the largest time, force, indentation
 

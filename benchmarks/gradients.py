@@ -18,7 +18,7 @@ import numpy as np
 import antiosc as ao
 from antiosc import closed_form
 from antiosc.base import march
-from antiosc.simulation import engine
+from antiosc.simulation.march import engine
 from antiosc.studies.gradients.goals import seeds
 from antiosc.studies.gradients.recorded import recorded
 

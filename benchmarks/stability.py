@@ -7,7 +7,7 @@ mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light
 impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
 the error of the force over the step, finely, for a heavy mass on a soft structure whose light
 residual mass has its mode far above the others: the exact method has windows of steps in which
-the contact drives that mode, shaded where `antiosc.simulation.stability` predicts them.
+the contact drives that mode, shaded where `antiosc.simulation.march.stability` predicts them.
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
 than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
@@ -35,10 +35,10 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files, march
 from antiosc.closed_form import pinned_pinned
-from antiosc.simulation.convergence import difference
-from antiosc.simulation.expected import stiffness_at
-from antiosc.simulation.stability import margin
-from antiosc.simulation.two_bodies import pose
+from antiosc.simulation.march.convergence import difference
+from antiosc.simulation.march.stability import margin
+from antiosc.simulation.problem.expected import stiffness_at
+from antiosc.simulation.problem.two_bodies import pose
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.

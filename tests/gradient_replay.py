@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from antiosc.base import march
-from antiosc.simulation.engine import Run
+from antiosc.simulation.march.engine import Run
 
 LOW, HIGH, SLOW, FAST = range(4)
 FULLY = 84.0

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.engine import Run, run
+from antiosc.simulation.march.engine import Run, run
+from antiosc.simulation.march.system import System
+from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.refinement import start
-from antiosc.simulation.system import System
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.base import march
-from antiosc.simulation.system import System
+from antiosc.simulation.march.system import System
 from paths import ROOT
 
 _PARTS: dict[str, tuple[Any, ...]] = {

@@ -199,60 +199,60 @@ from antiosc.simulation.batch import (
     simulate_many as simulate_many,
     sweep as sweep,
 )
-from antiosc.simulation.bodies import (
+from antiosc.simulation.bodies.bodies import (
     RigidBody as RigidBody,
 )
-from antiosc.simulation.body_energy import (
-    BodyEnergy as BodyEnergy,
-    body_energy as body_energy,
-    vibration_share as vibration_share,
-)
-from antiosc.simulation.contact_stress import (
-    ContactStress as ContactStress,
-    contact_stress as contact_stress,
-)
-from antiosc.simulation.energy import (
-    Energy as Energy,
-)
-from antiosc.simulation.history import (
-    History as History,
-    SceneHistory as SceneHistory,
-)
-from antiosc.simulation.impact_band import (
-    impact_band as impact_band,
-)
-from antiosc.simulation.impactors import (
+from antiosc.simulation.bodies.impactors import (
     Impactor as Impactor,
     Obstacle as Obstacle,
     RigidMass as RigidMass,
     Sphere as Sphere,
 )
-from antiosc.simulation.named_impactors import (
+from antiosc.simulation.bodies.named_impactors import (
     IMPACTORS as IMPACTORS,
     NamedImpactor as NamedImpactor,
     named_impactor as named_impactor,
 )
-from antiosc.simulation.results import (
+from antiosc.simulation.errors.truncation import (
+    choose_n as choose_n,
+    truncation_error as truncation_error,
+)
+from antiosc.simulation.histories.body_energy import (
+    BodyEnergy as BodyEnergy,
+    body_energy as body_energy,
+    vibration_share as vibration_share,
+)
+from antiosc.simulation.histories.contact_stress import (
+    ContactStress as ContactStress,
+    contact_stress as contact_stress,
+)
+from antiosc.simulation.histories.energy import (
+    Energy as Energy,
+)
+from antiosc.simulation.histories.history import (
+    History as History,
+    SceneHistory as SceneHistory,
+)
+from antiosc.simulation.histories.results import (
     SavedHistory as SavedHistory,
 )
-from antiosc.simulation.scene import (
-    Scene as Scene,
-)
-from antiosc.simulation.scene_history import (
+from antiosc.simulation.histories.scene_history import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
 )
-from antiosc.simulation.scene_parts import (
+from antiosc.simulation.impact_band import (
+    impact_band as impact_band,
+)
+from antiosc.simulation.problem.scene_parts import (
     Base as Base,
     Contact as Contact,
     Load as Load,
 )
+from antiosc.simulation.scene import (
+    Scene as Scene,
+)
 from antiosc.simulation.simulate import (
     simulate as simulate,
-)
-from antiosc.simulation.truncation import (
-    choose_n as choose_n,
-    truncation_error as truncation_error,
 )
 from antiosc.studies.advice import (
     Advice as Advice,

@@ -8,8 +8,8 @@ import pytest
 import antiosc as ao
 import laws
 from antiosc.base import march
-from antiosc.simulation import engine
-from antiosc.simulation.system import System
+from antiosc.simulation.march import engine
+from antiosc.simulation.march.system import System
 from gradient_replay import Inputs, Steps, derivative
 
 END = 0.03

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.step_control import Refinement
+from antiosc.simulation.march.step_control import Refinement
 from scenes import HERTZ, case_two, random_model
 
 LAWS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import antiosc as ao
-from antiosc.simulation.body_motion import amplitudes, forces_of
+from antiosc.simulation.histories.body_motion import amplitudes, forces_of
 
 MODEL = ao.AntiOscillators(
     m0=1e-3, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3], shapes=np.eye(3), damping=ao.Damping(0.01)

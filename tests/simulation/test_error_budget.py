@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.error_bars import CAUSES, QUANTITIES
-from antiosc.simulation.error_budget import (
+from antiosc.simulation.errors.error_budget import (
     COARSE_SHELL,
     RESOLVED,
     SAFETY,
@@ -16,7 +15,8 @@ from antiosc.simulation.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.simulation.quantities import FLOOR, differences
+from antiosc.simulation.errors.quantities import FLOOR, differences
+from antiosc.simulation.histories.error_bars import CAUSES, QUANTITIES
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import scene_states
+from antiosc.simulation.problem import scene_states
 from scenes import HERTZ, case_two, random_model, rigid
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.convergence import difference
+from antiosc.simulation.march.convergence import difference
 from scenes import HERTZ, case_two, hertz_impact, random_model, rigid
 
 

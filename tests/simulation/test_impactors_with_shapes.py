@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.closed_form import free_free
-from antiosc.simulation.body_motion import amplitudes, forces_of
+from antiosc.simulation.histories.body_motion import amplitudes, forces_of
 from marks import TURNS_FAR
 from struck_beams import THICK
 

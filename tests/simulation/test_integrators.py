@@ -9,10 +9,10 @@ import pytest
 from scipy.linalg import expm
 
 import antiosc as ao
-from antiosc.simulation.convergence import difference
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
-from antiosc.simulation.modal_response import responses
-from antiosc.simulation.scene_scales import mass_behind
+from antiosc.simulation.march.convergence import difference
+from antiosc.simulation.march.modal_response import responses
+from antiosc.simulation.problem.scene_scales import mass_behind
 from rates import observed_order
 
 methods = pytest.mark.parametrize("method", ["exact", *SCENE_STEPS])

@@ -13,11 +13,11 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation import engine
-from antiosc.simulation.assembly import assemble
-from antiosc.simulation.convergence import converge, difference
+from antiosc.simulation.march import engine
+from antiosc.simulation.march.convergence import converge, difference
+from antiosc.simulation.march.system import System
+from antiosc.simulation.problem.assembly import assemble
 from antiosc.simulation.refinement import start
-from antiosc.simulation.system import System
 from march_audit import motion
 from march_builds import Stepper, built, doubles, law_at
 from scenes import HERTZ, case_two

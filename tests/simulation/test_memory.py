@@ -9,7 +9,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import memory
-from antiosc.simulation import engine, impacts, scene_states
+from antiosc.simulation.march import engine
+from antiosc.simulation.problem import impacts, scene_states
 from scenes import case_two
 
 TIMES = np.linspace(0.0, 2e-3, 57)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.simulation.assembly import assemble
-from antiosc.simulation.engine import run
-from antiosc.simulation.scene_states import forces, located
+from antiosc.simulation.march.engine import run
+from antiosc.simulation.problem.assembly import assemble
+from antiosc.simulation.problem.scene_states import forces, located
 from direct import force_error, physical
 from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
 from scenes import HERTZ, case_two, hertz_impact

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 import antiosc as ao
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS, Acting, Step
-from antiosc.simulation.stability import clear_step, growth_rate, margin
-from antiosc.simulation.system import System
+from antiosc.simulation.march.stability import clear_step, growth_rate, margin
+from antiosc.simulation.march.system import System
 from scenes import HERTZ, case_two
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others

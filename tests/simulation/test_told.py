@@ -11,9 +11,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation import comparison, truncation
-from antiosc.simulation.engine import Run
-from antiosc.simulation.model_errors import SAFETY, _changed, model_errors
+from antiosc.simulation.errors import truncation
+from antiosc.simulation.errors.model_errors import SAFETY, _changed, model_errors
+from antiosc.simulation.integrators import comparison
+from antiosc.simulation.march.engine import Run
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
 

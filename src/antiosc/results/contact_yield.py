@@ -10,7 +10,7 @@ from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.contact_stress import hertz_pressure
+from antiosc.simulation.histories.contact_stress import hertz_pressure
 
 #: Largest pressure over the yield strength at which yield begins below a Hertzian contact
 #: (K. L. Johnson, *Contact Mechanics* (1985), (6.9)).

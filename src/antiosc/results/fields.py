@@ -22,9 +22,9 @@ from antiosc.fem.fields.series import Frames, listing, write_frames
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.saved_fields import SavedFields
-from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
-from antiosc.simulation.history import History, SceneHistory
-from antiosc.simulation.scene_history import BodyHistory
+from antiosc.simulation.histories.body_motion import Motions, amplitudes, modes_of
+from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories.scene_history import BodyHistory
 
 
 def counted(history: Motions) -> tuple[Any, ...]:

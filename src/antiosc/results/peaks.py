@@ -29,9 +29,9 @@ from antiosc.results.fields import counted, shapes_of
 from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
 from antiosc.results.margin import CRITERIA, Margin
 from antiosc.results.saved_fields import outer_faces
-from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory
+from antiosc.simulation.histories.body_motion import amplitudes, modal_sizes, times_of
+from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories.scene_history import BodyHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

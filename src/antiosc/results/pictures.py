@@ -15,7 +15,7 @@ from antiosc.base.charts.deformed import Deformed, draw_deformed
 from antiosc.base.charts.figures import finished
 from antiosc.base.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.base.errors import InputError
-from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.histories.history import History, SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

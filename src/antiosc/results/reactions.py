@@ -32,8 +32,8 @@ from antiosc.fem.platform.mpi import collective
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
-from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
-from antiosc.simulation.history import History
+from antiosc.simulation.histories.body_motion import amplitudes, forces_of, times_of
+from antiosc.simulation.histories.history import History
 
 
 @dataclass(frozen=True, eq=False, repr=False)

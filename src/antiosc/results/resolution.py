@@ -14,7 +14,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.body_motion import amplitudes
+from antiosc.simulation.histories.body_motion import amplitudes
 
 #: Jumps over the largest stress from which the mesh does not resolve it.
 UNRESOLVED_JUMP = 0.2

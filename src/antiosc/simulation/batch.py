@@ -19,13 +19,19 @@ from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.simulation.executors import check_executor, returned
-from antiosc.simulation.history import History
-from antiosc.simulation.impacts import Impact, Rows
+from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories.scene_energy import GAIN
+from antiosc.simulation.histories.verdict import (
+    COMPLETED,
+    STOPPED,
+    Verdict,
+    tell_all,
+    tell_rotation,
+)
+from antiosc.simulation.problem.impacts import Impact, Rows
+from antiosc.simulation.problem.two_bodies import Pair, pose
 from antiosc.simulation.refinement import METHODS, Ended, beyond_law, check_range, verdict_of
-from antiosc.simulation.scene_energy import GAIN
 from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
-from antiosc.simulation.two_bodies import Pair, pose
-from antiosc.simulation.verdict import COMPLETED, STOPPED, Verdict, tell_all, tell_rotation
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 4096  # scenes that are solved at once without one

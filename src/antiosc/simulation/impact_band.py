@@ -9,7 +9,7 @@ from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.two_bodies import pose
+from antiosc.simulation.problem.two_bodies import pose
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
 #: T has its first zero there

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from antiosc.base.memory import within_memory
-from antiosc.simulation.history import SceneHistory
+from antiosc.simulation.histories.history import SceneHistory
+from antiosc.simulation.problem.scene_parts import SceneParts
 from antiosc.simulation.refinement import integrate
-from antiosc.simulation.scene_parts import SceneParts
 
 
 @dataclass(frozen=True, eq=False)

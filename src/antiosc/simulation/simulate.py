@@ -27,16 +27,16 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
-from antiosc.simulation.comparison import METHODS
-from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import error_budget
-from antiosc.simulation.history import History
-from antiosc.simulation.left_out import too_few
-from antiosc.simulation.measured_errors import warn_low_band
+from antiosc.simulation.errors.error_budget import error_budget
+from antiosc.simulation.errors.left_out import too_few
+from antiosc.simulation.errors.measured_errors import warn_low_band
+from antiosc.simulation.errors.truncation import Run, choose_n
+from antiosc.simulation.histories.error_bars import ErrorBudget
+from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories.verdict import Verdict, tell_rotation
+from antiosc.simulation.integrators.comparison import METHODS
+from antiosc.simulation.problem.two_bodies import LAW, pose
 from antiosc.simulation.refinement import check_range, solved
-from antiosc.simulation.truncation import Run, choose_n
-from antiosc.simulation.two_bodies import LAW, pose
-from antiosc.simulation.verdict import Verdict, tell_rotation
 
 Budget = Callable[[History], ErrorBudget]
 
@@ -81,7 +81,7 @@ def simulate(
     n : int or "auto", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
-        `tol` (see `antiosc.simulation.truncation`).
+        `tol` (see `antiosc.simulation.errors.truncation`).
     step : float, optional
         Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
         the force history has converged.
@@ -121,7 +121,7 @@ def simulate(
     -----
     AccuracyWarning
         If the run did not end as requested, or the anti-oscillators that a model was extracted with
-        are too few for the contact (`antiosc.simulation.left_out`).
+        are too few for the contact (`antiosc.simulation.errors.left_out`).
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)

@@ -15,11 +15,11 @@ from antiosc.fem.extraction.extract import extract
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import SAFETY
-from antiosc.simulation.history import History
-from antiosc.simulation.quantities import differences, floored
-from antiosc.simulation.truncation import truncation_error
+from antiosc.simulation.errors.error_budget import SAFETY
+from antiosc.simulation.errors.quantities import differences, floored
+from antiosc.simulation.errors.truncation import truncation_error
+from antiosc.simulation.histories.error_bars import ErrorBudget
+from antiosc.simulation.histories.history import History
 
 #: Shares of the tolerance for the truncation and for the time steps.
 TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05

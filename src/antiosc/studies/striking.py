@@ -42,9 +42,9 @@ from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
-from antiosc.simulation.history import History, with_model
+from antiosc.simulation.errors.error_budget import SAFETY, SHELL, amplitudes
+from antiosc.simulation.histories.error_bars import ErrorBudget
+from antiosc.simulation.histories.history import History, with_model
 from antiosc.simulation.simulate import simulate
 from antiosc.studies.advice import advise
 from antiosc.studies.strike_answers import (

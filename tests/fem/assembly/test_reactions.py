@@ -14,7 +14,7 @@ import every_joint
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.results.fields import shapes_of
-from antiosc.simulation.body_motion import amplitudes
+from antiosc.simulation.histories.body_motion import amplitudes
 from assemblies import BEAM, SOLID, box, line
 
 pytestmark = [

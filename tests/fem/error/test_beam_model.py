@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.simulation import model_errors
-from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.simulation.errors import model_errors
+from antiosc.simulation.histories.error_bars import QUANTITIES
 from parts import frame, line, named
 
 pytestmark = pytest.mark.fem

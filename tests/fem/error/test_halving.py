@@ -12,7 +12,7 @@ from antiosc.fem.error.bisection import halved, with_node
 from antiosc.fem.error.halving import excess, interpolation
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.simulation.histories.error_bars import QUANTITIES
 from parts import frame, line, named
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

@@ -18,14 +18,14 @@ from antiosc.fem.error.smooth_pieces import smooth_pieces
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.simulation.error_budget import (
+from antiosc.simulation.errors.error_budget import (
     COARSE_SHELL,
     SAFETY,
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.quantities import differences
+from antiosc.simulation.errors.quantities import differences
+from antiosc.simulation.histories.error_bars import QUANTITIES
 from sheets import (
     NU,
     RHO,

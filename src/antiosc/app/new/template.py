@@ -11,8 +11,8 @@ from antiosc.app.new.look import STEEL, Look, draw, look, look_at_deck
 from antiosc.app.report.report import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
+from antiosc.simulation.bodies.impactors import Sphere
 from antiosc.simulation.impact_band import impact_band
-from antiosc.simulation.impactors import Sphere
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}

@@ -20,7 +20,7 @@ from antiosc.fem.fields import source
 from antiosc.fem.recovery.place import place
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import shapes_of
-from antiosc.simulation.history import History
+from antiosc.simulation.histories.history import History
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.
 FIELDS, MISSED = (12, 8), 0.01

@@ -10,7 +10,7 @@ from antiosc.app.page import assets, blow
 from antiosc.app.page.assets import Data
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
-from antiosc.simulation.history import History
+from antiosc.simulation.histories.history import History
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:

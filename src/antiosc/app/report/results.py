@@ -25,10 +25,10 @@ from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
 from antiosc.results.pictures import plot_deformed, plot_map
-from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.simulation.history import History, SceneHistory
-from antiosc.simulation.named_impactors import GRAVITY
-from antiosc.simulation.results import covers
+from antiosc.simulation.bodies.named_impactors import GRAVITY
+from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories.results import covers
 from antiosc.studies.advice import advise
 from antiosc.studies.map_results import hardest
 

@@ -30,7 +30,7 @@ from antiosc.models.model_info import BeamSection, FacetGaps, Patch
 # -- What the share "model" of an error budget must know of a struck beam.
 #
 # It is known for straight bars of full rectangular section with a site away from their ends
-# (`antiosc.simulation.model_errors`), since only these were measured against solids.
+# (`antiosc.simulation.errors.model_errors`), since only these were measured against solids.
 
 
 #: A section is a full rectangle if 144 I_y I_z is A⁴ within this.

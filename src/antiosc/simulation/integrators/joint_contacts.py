@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.system import System
+from antiosc.simulation.march.system import System
 
 MOST_SWEEPS = 500
 SETTLED = 1e-13  # change of a force in a sweep, relative to the largest

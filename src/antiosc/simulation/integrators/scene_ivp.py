@@ -17,7 +17,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod, joined
-from antiosc.simulation.system import System
+from antiosc.simulation.march.system import System
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed

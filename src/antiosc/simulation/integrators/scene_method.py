@@ -17,10 +17,10 @@ import numpy as np
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, Linear
-from antiosc.simulation.engine import Run, run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
-from antiosc.simulation.scene_states import between, starts
-from antiosc.simulation.system import System
+from antiosc.simulation.march.engine import Run, run
+from antiosc.simulation.march.system import System
+from antiosc.simulation.problem.scene_states import between, starts
 
 #: A time this short, relative to the run, is rounding; so is such a share of a distance.
 ROUNDING = 1e-13

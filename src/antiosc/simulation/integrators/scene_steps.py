@@ -19,7 +19,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod
-from antiosc.simulation.system import System
+from antiosc.simulation.march.system import System
 
 #: times the energy that was there or given, beyond which a run counts as unstable; less may be the
 #: error of a coarse step

@@ -23,8 +23,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.bodies import RigidBody
-from antiosc.simulation.impactors import Sphere
+from antiosc.simulation.bodies.bodies import RigidBody
+from antiosc.simulation.bodies.impactors import Sphere
 from antiosc.studies.drops.skin import CORNER, Skin, hull, skin_of
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import without_warnings
 from antiosc.models.motion import Inertia, ModalState
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.history import SceneHistory
-from antiosc.simulation.impactors import Obstacle
+from antiosc.simulation.bodies.impactors import Obstacle
+from antiosc.simulation.histories.history import SceneHistory
+from antiosc.simulation.histories.verdict import COMPLETED, STOPPED
+from antiosc.simulation.problem.assembly import Assembly, assemble
+from antiosc.simulation.problem.scene_parts import Contact
 from antiosc.simulation.refinement import check_range, exactly, start as begin
 from antiosc.simulation.scene import Scene
-from antiosc.simulation.scene_parts import Contact
-from antiosc.simulation.verdict import COMPLETED, STOPPED
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of

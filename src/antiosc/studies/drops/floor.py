@@ -21,7 +21,7 @@ from antiosc.models.first_order import SideBySide
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import ModalState
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.impactors import Sphere
+from antiosc.simulation.bodies.impactors import Sphere
 
 #: A loss factor is at most this.
 LARGEST_LOSS = 1.0

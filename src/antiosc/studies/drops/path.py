@@ -12,9 +12,9 @@ from itertools import accumulate
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.history import SceneHistory
-from antiosc.simulation.scene_states import between, forces, located, marched_states
+from antiosc.simulation.histories.history import SceneHistory
+from antiosc.simulation.problem.assembly import Assembly
+from antiosc.simulation.problem.scene_states import between, forces, located, marched_states
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import AXES, BODY, Held
 from antiosc.studies.drops.flight import State

@@ -11,7 +11,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.results.peaks import PeakField, peak_field
-from antiosc.simulation.scene_history import BodyHistory
+from antiosc.simulation.histories.scene_history import BodyHistory
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Course
 

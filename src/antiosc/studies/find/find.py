@@ -27,7 +27,7 @@ from antiosc.fem.platform.mpi import collective, warn
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.impactors import RigidMass
+from antiosc.simulation.bodies.impactors import RigidMass
 from antiosc.studies.find.fit import Fit
 from antiosc.studies.find.forward import Struck
 from antiosc.studies.find.found import FOUND, UNDETERMINED, UNEXPLAINED, FoundImpact

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from antiosc.base._types import Array
-from antiosc.simulation.history import History
+from antiosc.simulation.histories.history import History
 from antiosc.studies.find.forward import Blow, Seen, Struck
 from antiosc.studies.find.surface import Chart
 from antiosc.studies.measured.gauss_newton import covariance

@@ -11,8 +11,8 @@ from antiosc.base._types import Array
 from antiosc.contact import ContactLaw, Linear
 from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.history import History
-from antiosc.simulation.impactors import RigidMass
+from antiosc.simulation.bodies.impactors import RigidMass
+from antiosc.simulation.histories.history import History
 from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.find.recording import Recording
 from antiosc.studies.find.surface import Chart, Surface

@@ -13,7 +13,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.charts.figures import finished, panels
-from antiosc.simulation.history import History
+from antiosc.simulation.histories.history import History
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

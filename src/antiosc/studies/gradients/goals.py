@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.simulation.main_impact import contact_time
-from antiosc.simulation.scene_states import forces, located, states
+from antiosc.simulation.histories.main_impact import contact_time
+from antiosc.simulation.problem.scene_states import forces, located, states
 from antiosc.studies.gradients.recorded import Recorded
 
 #: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.

@@ -18,7 +18,7 @@ from antiosc.contact import ContactLaw
 from antiosc.contact.compiled import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
-from antiosc.simulation import engine
+from antiosc.simulation.march import engine
 from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices

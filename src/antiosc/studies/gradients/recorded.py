@@ -12,10 +12,10 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.simulation.engine import Run
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_states import starts
-from antiosc.simulation.system import System
+from antiosc.simulation.histories.history import History
+from antiosc.simulation.march.engine import Run
+from antiosc.simulation.march.system import System
+from antiosc.simulation.problem.scene_states import starts
 
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
 

@@ -1,0 +1,1 @@
+"""What an impact may be wrong by, cause by cause."""

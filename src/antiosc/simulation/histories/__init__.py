@@ -1,0 +1,1 @@
+"""What a simulation returns: forces, motions, energies, and how it ended."""

@@ -1,0 +1,98 @@
+"""Peak displacements of many sites in their impacts, from the force histories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.models.body import LinearBody
+from antiosc.simulation.march.modal_response import responses
+
+#: Bodies processed together, and times at which u is evaluated in addition to those of the force.
+BODIES_AT_ONCE, SAMPLES = 200, 200
+#: Times [s] and the force [N] at them, linear between them and zero outside.
+Force = tuple[Array, Array]
+
+
+def peak_deflections(
+    bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float
+) -> Array:
+    """Largest displacement u [m] of each body's site along the impact, up to `duration` [s].
+
+    Parameters
+    ----------
+    bodies : sequence of LinearBody
+        At rest at the start.
+    forces : sequence of (time, force)
+        The force [N] on each, linear between its times [s] and zero outside them.
+    duration : float
+        [s].
+
+    Returns
+    -------
+    ndarray, shape (S,)
+        Exact at the times of the force and at 200 times over the duration.
+    """
+    duration = checks.positive("duration", duration, "s")
+    peaks = [
+        _peaks(bodies[i : i + BODIES_AT_ONCE], forces[i : i + BODIES_AT_ONCE], duration)
+        for i in range(0, len(bodies), BODIES_AT_ONCE)
+    ]
+    return np.concatenate([np.zeros(0), *peaks])
+
+
+def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
+    modal = [body.modal() for body in bodies]
+    omega, b, decay = (
+        _padded([m.omega for m in modal], 0.0),
+        _padded([m.b for m in modal], 0.0),
+        _padded([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
+    )
+    r = np.array([m.r for m in modal])
+    peak = np.zeros(len(modal))
+    for _, q, F in motions(omega, b, decay, forces, duration, SAMPLES):
+        peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F)
+    return peak
+
+
+def motions(
+    omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Of bodies at rest: (time (S,), modal displacements (S, J), force (S,)), for time after time.
+
+    At the times of each force [s] and at `samples` over the duration; the last one is repeated
+    where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.
+    """
+    even = np.linspace(0, duration, samples)
+    times = [np.union1d(even, time) for time, _ in forces]
+    steps = zip(times, forces, strict=True)
+    force = [
+        np.interp(at, t, F, left=0.0, right=0.0) if t.size else np.zeros_like(at)
+        for at, (t, F) in steps
+    ]
+    time, F = _padded(times, None), _padded(force, 0.0)
+    q, v = np.zeros_like(b), np.zeros_like(b)
+    for k in range(time.shape[1] - 1):
+        h = time[:, k + 1] - time[:, k]
+        P, W, S, J0, J1, _ = responses(omega, decay, h)
+        rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
+        push = b * F[:, k, None]
+        q, v = (
+            P * q + S * v + push * J0 + rise * J1,
+            W * v - omega**2 * S * q + push * S + rise * J0,
+        )
+        yield time[:, k + 1], q, F[:, k + 1]
+
+
+def _padded(rows: Sequence[Array], filler: float | None) -> Array:
+    """Rows of different length as one array; None repeats the last value."""
+    size = max(row.size for row in rows)
+    return np.array(
+        [
+            np.pad(row, (0, size - row.size), constant_values=row[-1] if filler is None else filler)
+            for row in rows
+        ]
+    )

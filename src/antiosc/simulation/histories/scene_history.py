@@ -1,0 +1,223 @@
+"""One contact and one body of a history."""
+
+from __future__ import annotations
+
+from ctypes import byref
+from dataclasses import dataclass
+from functools import cached_property
+from math import isnan
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc.base import checks, march
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
+from antiosc.simulation.bodies.bodies import Placed
+from antiosc.simulation.histories.contact_energy import impulses
+from antiosc.simulation.march.engine import Run
+from antiosc.simulation.problem.assembly import Assembly
+from antiosc.simulation.problem.contact_rows import along, find
+from antiosc.simulation.problem.scene_states import record_of, starts, touches, with_flights
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run of a scene, of which a history and its contacts are read.
+
+    `flights`: its nodes lie close in flights too.
+    """
+
+    assembly: Assembly
+    run: Run
+    flights: bool
+
+    @cached_property
+    def nodes(self) -> Run:
+        """The run at the nodes of the history."""
+        if not self.flights:
+            return self.run
+        return with_flights(self.run, self.assembly.system, self.assembly.load)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactHistory(Brief):
+    """One contact of a history: its force at the nodes, and the numbers of its impacts.
+
+    Attributes
+    ----------
+    ends : the names of its ends.
+    """
+
+    ends: tuple[str, str]
+    _record: Record
+    _row: int
+
+    @property
+    def time(self) -> Array:
+        """Nodes [s] of the history, (n,)."""
+        return self._record.nodes.time
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
+        # a release is located to a small share of the depth: a spring may pull by as little
+        return np.maximum(self._record.nodes.force[:, self._row], 0.0)
+
+    @property
+    def indentation(self) -> Array:
+        """Indentation [m], (n,); negative: distance."""
+        return self._record.nodes.depth[:, self._row]
+
+    @property
+    def friction(self) -> Array:
+        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
+        first, count = self._record.assembly.system.tangents[self._row]
+        return self._record.nodes.force[:, first : first + count]
+
+    @property
+    def contacts(self) -> list[tuple[float, float]]:
+        """(start, end) [s] of every contact, in order."""
+        touches = self._touches[0]
+        return list(zip(touches["start"].tolist(), touches["end"].tolist(), strict=True))
+
+    @property
+    def peak_force(self) -> float:
+        """Largest force [N], of the parabolas between the nodes."""
+        return float(self._numbers.peak)
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the force [N s]: what a rigid mode has taken up that it alone moves."""
+        return float(self._numbers.impulse)
+
+    @property
+    def contact_time(self) -> float:
+        """Time [s] from the first touch to the last release of the main impact; see `History`."""
+        return float(self._numbers.contact_time)
+
+    @property
+    def restitution(self) -> float | None:
+        """Newton's coefficient of the rigid-body motions; see `History`."""
+        found = float(self._numbers.restitution)
+        return None if isnan(found) else found
+
+    @cached_property
+    def cumulative_impulse(self) -> Array:
+        """Time integral of the force from the start up to each node [N s], (n,)."""
+        areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
+        return np.append(0.0, np.cumsum(areas))
+
+    def pulses(self) -> tuple[Array, Array]:
+        """Nodes [s] and forces [N] of the contacts, one after the other."""
+        run = self._record.run
+        nodes = [np.zeros(0, dtype=int)]
+        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
+        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
+        at = np.concatenate(nodes)
+        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
+
+    # -- inside
+
+    @cached_property
+    def _touches(self) -> tuple[NDArray[np.void], bool]:
+        return touches(self._record.run, self._record.assembly.system, self._row)
+
+    @cached_property
+    def _numbers(self) -> march.Numbers:
+        """The numbers of the contact, and those of each touch."""
+        run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
+        record, held = record_of(run)
+        system, (m, size) = a.system, a.system.beta.shape
+        lost = (~system.undamped).astype(float)  # of a mode it counts alone whether it is damped
+        arrays = [
+            np.ascontiguousarray(each) for each in (system.omega, lost, system.beta, system.loads)
+        ]
+        *modes, loads = map(march.address, arrays)
+        bodies = march.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)
+        if run.states is not None and run.every == 1 and system.first is None:
+            held.append(np.ascontiguousarray(run.states))
+            velocities, stride = march.address(held[-1]) + 8 * size, 2 * size
+        else:
+            steps = np.column_stack([found["first"], found["last"]]).ravel()
+            held.append(starts(run, system, a.load, steps)[1])
+            velocities, stride = march.address(held[-1]), 0
+        given = self._row, goes_on, found.size, march.address(found), velocities, stride
+        return march.library.aom_read_contact(byref(bodies), byref(record), *given)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            ("ends", " - ".join(self.ends)),
+            ("peak force", f"{self.peak_force:.6g} N, impulse {self.impulse:.6g} N s"),
+            ("contact", f"{self.contact_time:.4g} s in {len(self.contacts)} contact(s)"),
+        ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyHistory(Brief):
+    """One body of a scene, at the times of the history.
+
+    Attributes
+    ----------
+    time : (n,) [s].
+    q, v, a : (n, J) modal displacements, velocities and accelerations.
+    forces : (n, P) on the columns of its sites, along their directions [N].
+    kinetic, strain : (n,) energies [J].
+    """
+
+    placed: Placed
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    forces: Array
+    kinetic: Array
+    strain: Array
+    _columns: Array
+
+    def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in."""
+        return np.asarray(self._columns @ self._row(site, direction))
+
+    def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Velocity (n,) [m/s] of a site, of the part that has inertia."""
+        return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
+
+    def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Acceleration (n,) [m/s^2] of a site relative to the ground, of the part with inertia.
+
+        It may jump where a contact touches or parts.
+        """
+        return np.asarray(self.a @ (self.placed.B @ self._row(site, direction)))
+
+    @property
+    def momentum(self) -> Array:
+        """Momentum [kg m/s]: (n, 3) of a body that moves in space, else (n,) along its axis."""
+        if self.placed.inertia is not None:
+            return np.asarray(self.v @ self.placed.inertia.momentum[:, :3])
+        if self.placed.weight is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know what it carries.")
+        return np.asarray(self.v @ self.placed.weight)
+
+    def angular_momentum(self, about: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+        """Angular momentum (n, 3) [kg m^2/s] about a point of the undeformed scene."""
+        if self.placed.inertia is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know how it turns.")
+        inertia = self.placed.inertia
+        point = checks.array("about", about, (3,))
+        return inertia.moved(self.v @ inertia.momentum, point)[..., 3:]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation vector (n, 3) [rad] of the rigid motion, taken as small."""
+        return self.placed.rotation(self.q)
+
+    def _row(self, site: str, direction: ArrayLike | None) -> Array:
+        checks.instance("site", site, str, "the name of a site")
+        name = self.placed.name
+        _, found = find(f"{name}:{site}" if site else name, {name: self.placed})
+        line = None if direction is None else checks.array("direction", direction, (3,))
+        if line is None:
+            line = self.placed.pushes.get(found)
+        return along(self.placed, found, line, f"{name}:{found}")

@@ -1,0 +1,352 @@
+"""The march from Python: the memory that it works in, and what it returns."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from ctypes import addressof, byref, c_void_p
+from dataclasses import dataclass
+from itertools import accumulate
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import march, memory
+from antiosc.base.errors import InputError
+from antiosc.simulation.march.system import Given, System
+
+Array = NDArray[np.float64]
+
+_RECORDS = march.Record * 3
+_FIRST = 2048  # nodes of the first buffer; a full one becomes four times as large
+# numbers that the march may read and write between two looks for an interrupt: some 0.1 s
+_AT_ONCE = 100_000_000
+#: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
+STATES = 1 << 27
+SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
+
+
+@dataclass(eq=False)
+class Run:
+    """One run: values at 0, h/2, h of every step, and the events.
+
+    Attributes
+    ----------
+    time : (2 n + 1,); force, depth : (2 n + 1, m).
+    states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
+        kept. `antiosc.simulation.problem.scene_states` finds those in between.
+    events : (., 4) time, contact, branch that begins, closing speed.
+    exits : (., 13) `aom_exit`: where a contact goes over to another branch, as gradients need it;
+        kept with the states.
+    answer : why the march stopped.
+    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
+        `refused` because of their error.
+    gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
+    """
+
+    time: Array
+    force: Array
+    depth: Array
+    states: Array | None
+    events: Array
+    answer: int
+    steps: int
+    attempts: int
+    touches: int
+    highest: float
+    refused: int = 0
+    gained: float = 0.0
+    work: float = 0.0
+    every: int = 1
+    exits: Array | None = None
+
+
+class Buffers:
+    """What the march writes of a run into: times, forces, depths, states, events."""
+
+    def __init__(self, record: march.Record, p: int, m: int, size: int) -> None:
+        self.record, self.shape = record, (p, m, size)
+        self.arrays: tuple[Array, ...] = ()
+        self.nbytes = 0
+
+    def keep(self, states: bool) -> None:
+        """Write states and exits, or not; without room for them all is to be made anew."""
+        r = self.record
+        if states == (r.states is not None):
+            return
+        held = states and self.arrays and len(self.arrays[3])
+        r.states, r.exits = map(march.address, self.arrays[3::2]) if held else (None, None)
+        if states and not held:
+            r.max_nodes = 0
+
+    def enlarge(self, keep: bool) -> None:
+        """Room for more nodes; `keep`: for their states too, of every 2nd where they are many."""
+        r, (p, m, size) = self.record, self.shape
+        nodes = r.max_nodes
+        full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
+        if r.n_nodes + 2 > nodes or full:
+            nodes = max(4 * nodes, _FIRST)
+        most = max(STATES // (16 * max(size, 1)), 4)
+        if keep and self.arrays and r.n_states >= most - 2:
+            self.thin()
+        need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, most)
+        memory.require(need, f"a run of {p} contacts", SHORTER)
+        arrays = (
+            np.empty(nodes),
+            np.empty((nodes, m)),
+            np.empty((nodes, m)),
+            np.empty((min(nodes // 2 + 2, most) if keep else 0, 2, size)),
+            np.empty((nodes + p + 1, 4)),
+            np.empty((nodes // 2 + p + 1 if keep else 0, march.EXIT)),
+        )
+        for new, old in zip(arrays, self._written(), strict=False):
+            new[: len(old)] = old
+        self.arrays, self.nbytes = arrays, sum(each.nbytes for each in arrays)
+        r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
+        r.max_states = len(arrays[3]) - 1  # and the state of the end
+        r.time, r.force, r.depth, r.states, r.events, r.exits = map(march.address, arrays)
+        if not keep:
+            r.states = r.exits = None
+
+    def thin(self) -> None:
+        """Keep every other state of those that are kept."""
+        r, states = self.record, self.arrays[3]
+        half = states[: r.n_states : 2].copy()
+        states[: len(half)] = half
+        r.n_states, r.every = len(half), 2 * r.every
+
+    def _written(self) -> list[Array]:
+        r = self.record
+        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
+        return [each[:count] for each, count in zip(self.arrays, counts, strict=False)]
+
+    def run(self, answer: int, told: march.Summary, keep: bool) -> Run:
+        """What was written, as copies."""
+        while keep and 16 * self.record.n_states * self.shape[2] > STATES:
+            self.thin()
+        time, force, depth, states, events, exits = (each.copy() for each in self._written())
+        return Run(
+            time=time,
+            force=force,
+            depth=depth,
+            states=states if keep else None,
+            events=events,
+            answer=answer,
+            steps=told.steps,
+            attempts=told.attempts,
+            touches=told.touches,
+            highest=told.highest,
+            refused=told.refused,
+            gained=told.gained,
+            work=told.work,
+            every=self.record.every,
+            exits=exits if keep else None,
+        )
+
+
+class Space:
+    """A stepper in its memory, and the buffers of its runs.
+
+    It holds the responses of the steps that earlier runs of the same bodies and rows used.
+    """
+
+    def __init__(self, given: Given) -> None:
+        system = given.system
+        self.shape = system.n_contacts, system.n_rows, system.n_modes
+        p, _, modes = self.shape
+        size = march.library.aom_memory_size(byref(system))
+        memory.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
+        self.memory = np.empty(-(-size // 16), dtype=np.complex128)
+        self.stepper = c_void_p()
+        self.records = _RECORDS()
+        self.buffers = [Buffers(record, *self.shape) for record in self.records]
+        self.work: Array | None = None  # of gradients
+        self.renew(given)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all its memory."""
+        own = self.memory.nbytes + (0 if self.work is None else self.work.nbytes)
+        return own + sum([each.nbytes for each in self.buffers])
+
+    def fits(self, given: Given) -> bool:
+        """Whether other bodies have as many modes and rows, and need no more memory."""
+        system = given.system
+        same = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
+        need = march.library.aom_memory_size(byref(system)) if same else 0
+        return same and int(need) <= self.memory.nbytes
+
+    def renew(self, given: Given) -> None:
+        """Be for other bodies of as many modes and rows: new memory costs more than a run."""
+        answer = march.library.aom_create(
+            byref(given.system), march.address(self.memory), self.memory.nbytes, byref(self.stepper)
+        )
+        _check(answer)
+
+
+_kept: OrderedDict[tuple[object, ...], Space] = OrderedDict()
+_MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
+
+
+def _space(key: tuple[object, ...], given: Given) -> Space:
+    """Space for a system, with the responses of its bodies if they are kept.
+
+    It is taken out of the store, so that no other thread fills it meanwhile.
+    """
+    found = _kept.pop(key, None)
+    if found is not None:
+        return found
+    oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
+    if oldest is None or not oldest.fits(given):
+        return Space(given)
+    oldest.renew(given)
+    return oldest
+
+
+def _oldest() -> Space | None:
+    """The space that has been kept longest, taken out; other threads may have taken them all."""
+    try:
+        return _kept.popitem(last=False)[1]
+    except KeyError:
+        return None
+
+
+def _keep(key: tuple[object, ...], space: Space) -> None:
+    """Leave the space to later runs."""
+    if space.nbytes > _LARGEST_KEPT:
+        return
+    _kept[key] = space
+    while len(_kept) > _MOST_KEPT:
+        _oldest()
+
+
+def _check(answer: int) -> None:
+    """InputError where the march refuses what it is given."""
+    if answer > march.LAW_FAILED:
+        name = march.library.aom_status_name(answer).decode()
+        raise InputError(
+            f"the march refuses the system ({name}): its numbers must be finite, its laws and"
+            f" scales in their range (csrc/antiosc_march.h)."
+        )
+
+
+def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Run, march.Solution]:
+    """The run of the options, or the finest of several, and what is known of its errors."""
+    system = system.marched
+    given = system.packed
+    p, (m, size) = len(system.laws), system.beta.shape
+    key = (p, m, size, given.bodies)
+    space = _space(key, given)
+    solution, buffers = march.Solution(), space.buffers
+    for each in buffers:
+        each.keep(keep)
+    arguments = (
+        space.stepper, byref(given.system), byref(options), byref(solution),
+        addressof(space.records), max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
+    )  # fmt: skip
+    answer = march.PAUSED
+    while answer in (march.PAUSED, march.FULL):
+        answer = march.library.aom_solve(*arguments)
+        if answer == march.FULL:
+            buffers[solution.present].enlarge(keep)
+    _check(answer)
+    if answer == march.LAW_FAILED:
+        _keep(key, space)
+        given.failed()
+    found = buffers[solution.best].run(solution.answer, solution.summary, keep)
+    _keep(key, space)
+    return found, solution
+
+
+def run(
+    system: System,
+    duration: float,
+    share: float,
+    *,
+    scale: float = 0.0,
+    fine: float,
+    step: float | None = None,
+    keep: bool = True,
+    max_contacts: int = 10_000,
+    max_steps: int = 1_000_000,
+) -> Run:
+    """March over [0, duration] with forces to `share` of their scale (0: found as it goes).
+
+    The steps under contact are halvings of the longest; with `step` [s] given they are that step,
+    or halvings of it where the forces need them.
+    """
+    options = march.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1)
+    return solve(system, options, keep)[0]
+
+
+@dataclass(eq=False)
+class Slopes:
+    """Derivatives of a goal by the numbers of a `System`, of the same shapes.
+
+    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
+    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness.
+    """
+
+    square: Array
+    decay: Array
+    beta: Array
+    residual: Array
+    loads: Array
+    offsets: Array
+    laws: Array
+    friction: Array
+    q: Array
+    v: Array
+
+
+def gradient(
+    system: System,
+    found: Run,
+    states: Array,
+    readings: NDArray[np.void],
+    weights: Array,
+    force: Array,
+    time: Array,
+) -> tuple[Slopes, float, int]:
+    """Derivatives of a goal by all numbers of a system, the grazing, and the status of the march.
+
+    The grazing is the least speed at which a contact touches or parts, over the largest.
+
+    Parameters
+    ----------
+    states : (n + 1, 2, J) at the edges of all steps of the run.
+    readings, weights : of `march.READING`, and (., 2 J + m): `aom_goal`.
+    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at nodes and the times of edges.
+    """
+    given, (m, size) = system.packed, system.beta.shape
+    key = (len(system.laws), m, size, given.bodies)
+    space = _space(key, given)
+    options = march.Options(float(found.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
+    _check(march.library.aom_start(space.stepper, byref(given.system), byref(options)))
+    arrays = [found.time, found.force, found.depth, states, found.exits, readings, weights, force]
+    given_arrays = [np.ascontiguousarray(each) for each in (*arrays, time)]
+    at = [march.address(each) for each in given_arrays]
+    run = march.Record(
+        n_nodes=found.time.size, n_states=len(states), n_exits=len(given_arrays[4]), every=1,
+        time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
+    )  # fmt: skip
+    goal = march.Goal(len(readings), *at[5:])
+    s, laws = system, (len(system.laws), march.LAW_SLOPES)
+    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v]
+    shapes: list[tuple[int, ...]] = [each.shape for each in like]
+    shapes.insert(6, laws)
+    ends = [0, *accumulate([prod(shape) for shape in shapes])]
+    block = np.zeros(ends[-1])
+    out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
+    begin = march.address(block)
+    slopes = march.Slopes(*[begin + 8 * end for end in ends[:-1]])
+    if not s.decay.any():
+        slopes.decay = None
+    if space.work is None:
+        space.work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
+    work = march.address(space.work), space.work.nbytes
+    answer = march.library.aom_gradient(
+        space.stepper, byref(run), byref(goal), byref(slopes), *work
+    )
+    _keep(key, space)
+    return Slopes(*out), slopes.grazing, answer

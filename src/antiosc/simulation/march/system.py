@@ -1,0 +1,167 @@
+"""What the march integrates: modes, rows and contacts, and their state at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import addressof
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import march
+from antiosc.contact import ContactLaw
+from antiosc.models.first_order import SideBySide
+from antiosc.simulation.march.laws import packed, raise_error
+
+Array = NDArray[np.float64]
+
+_ONE = march.Contact * 1  # ctypes keeps this type as long as it is held, and takes 50 µs to make it
+SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+
+
+@dataclass(eq=False)
+class System:
+    """Modes, rows and contacts as the march takes them (`csrc/antiosc_march.h`).
+
+    It is not to be changed once it has run.
+
+    Attributes
+    ----------
+    omega, decay : (J,) of all bodies side by side.
+    beta : (m, J), the p contacts first, then the tangential rows of their friction.
+    R : (m, m) residual compliance.
+    breaks, loads, offsets : (K,), (K, J), (K, m).
+    laws : p contact laws.
+    slip : (p, 2) coefficient of friction, tangential stiffness [N/m].
+    tangents : (p, 2) first tangential row and their number.
+    q, v : (J,) initial state.
+    mass : (p,) inertia behind each contact [kg], roughly.
+    depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
+    pressed : (p,) forces [N] at the start: a contact with one is closed.
+    first : first-order modes of all bodies, where damping couples modes of one.
+    gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
+    block : omega to v in one array, where they already stand so.
+    """
+
+    omega: Array
+    decay: Array
+    beta: Array
+    R: Array
+    breaks: Array
+    loads: Array
+    offsets: Array
+    laws: Sequence[ContactLaw]
+    slip: Array
+    tangents: NDArray[np.int64]
+    q: Array
+    v: Array
+    mass: Array
+    depth: Array
+    speed: Array
+    pressed: Array
+    given: float = 0.0
+    first: SideBySide | None = None
+    gamma: Array | None = None
+    block: Array | None = field(default=None, init=False)
+
+    @property
+    def damped(self) -> bool:
+        """Whether a mode has damping."""
+        return self.first is not None or bool(self.decay.any())
+
+    @property
+    def undamped(self) -> NDArray[np.bool_]:
+        """Which modes (J,) have no damping."""
+        return self.decay == 0 if self.first is None else self.first.undamped
+
+    @cached_property
+    def marched(self) -> System:
+        """The system in the modes that the march integrates: first-order ones where damping
+        couples the modes. Its loads are those on both, (K, 2 I)."""
+        first = self.first
+        if first is None:
+            return self
+        size = first.omega.size
+        rows = first.rows(self.beta)
+        q, v = first.state(self.q, self.v)
+        return replace(
+            self,
+            omega=first.omega,
+            decay=first.decay,
+            beta=np.ascontiguousarray(rows[:, :size]),
+            gamma=np.ascontiguousarray(rows[:, size:]),
+            loads=first.rows(self.loads),
+            q=q,
+            v=v,
+            first=None,
+        )
+
+    @property
+    def slowest(self) -> Array:
+        """Closing speeds (p,) [m/s] below which a contact counts as begun at that speed.
+
+        The damping of a law that takes it from the closing speed has no limit for a start from
+        rest: this is the speed that it then has, the same for all integrators.
+        """
+        return SLOWEST * self.speed
+
+    def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
+        free, rate = self.beta @ q, self.beta @ v
+        if self.gamma is None:
+            return free, rate
+        return free + self.gamma @ v, rate - self.gamma @ (self.omega**2 * q + 2 * self.decay * v)
+
+    @cached_property
+    def packed(self) -> Given:
+        """The system as the march takes it."""
+        return Given(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        left = ("packed", "marched", "block")
+        return {name: value for name, value in self.__dict__.items() if name not in left}
+
+
+class Given:
+    """A system as the march takes it: all its arrays in one block of memory.
+
+    `bodies` are those that the responses of the modes depend on.
+    """
+
+    def __init__(self, system: System) -> None:
+        s = system
+        p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
+        parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
+        self.block: Array = np.zeros(0) if s.block is None else s.block
+        if not (s.q.base is s.v.base is self.block):  # no block, or another start
+            self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
+        gamma = None if s.gamma is None else march.address(s.gamma)
+        if s.gamma is not None:
+            self.bodies += s.gamma.tobytes()
+            self.gamma = s.gamma  # it lasts as long as the block
+        at = march.address(self.block)
+        *arrays, q, v = accumulate([at, *[8 * each.size for each in parts[:-1]]])
+        self.laws = [packed(law) for law in s.laws]
+        each_contact = zip(
+            self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
+            s.speed.tolist(), s.pressed.tolist(), strict=True,
+        )  # fmt: skip
+        self.contacts = (march.Contact * p)(
+            *[
+                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, pressed)
+                for (law, _), slip, tangents, mass, depth, speed, pressed in each_contact
+            ]
+        )
+        self.system = march.System(
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
+        )
+
+    def failed(self) -> None:
+        """Raise the error of a law of the user's own."""
+        for _, own in self.laws:
+            raise_error(own)

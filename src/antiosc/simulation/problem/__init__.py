@@ -1,0 +1,1 @@
+"""From scenes to what the march integrates: contacts, loads, modes, states."""
