@@ -45,6 +45,13 @@ def model() -> ao.AntiOscillators:
     return ao.from_frf(frf, damping="viscous")
 
 
+def test_a_band_without_a_mode_is_told():
+    low = F < 150.0
+    frf = ao.FRF(F[low], noisy(part()[low, 0, 0]), "receptance")
+    with pytest.warns(ao.AccuracyWarning, match="no mode lies in the band"):
+        ao.from_frf(frf, free=False)
+
+
 def test_derivatives_are_those_of_differences():
     tail = Tail(np.array([3e4]), np.array([0.1]), np.array([[1.0, 0.5]]), np.array([0.7]))
     root = np.array([[1e-4, 0.0], [2e-5, 5e-5]])

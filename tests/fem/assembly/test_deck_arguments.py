@@ -19,7 +19,10 @@ WRONG = {
     "timeout": (0.0, "timeout must be > 0 (in s)"),
     "comm": (3, "comm must be an MPI communicator (mpi4py)"),
     "supports": (["clamp"], "supports must be a list of Support objects; got str 'clamp'"),
-    "attached": (3, "attached must be a list of PointMass, Spring, Damper and Footing objects; got int 3"),
+    "attached": (
+        3,
+        "attached must be a list of PointMass, Spring, Damper and Footing objects; got int 3",
+    ),
     "parts": ([], "parts must be a list of names; got []."),
 }
 

@@ -159,7 +159,8 @@ def test_attachments_that_find_no_place():
     with pytest.raises(InputError, match="no group 'motor'"):
         built(PointMass("motor", 1.0))
     with pytest.raises(
-        InputError, match="must be a list of PointMass, Spring, Damper and Footing objects; got float"
+        InputError,
+        match="must be a list of PointMass, Spring, Damper and Footing objects; got float",
     ):
         built(1.0)
     with pytest.raises(InputError, match="group 'sheet' holds no edges"):

@@ -93,7 +93,7 @@ def from_frf(
     data = _turned(_data(frf.within(band).without_sensor(sensor_mass)))
     given = None if above is None else _modes_above(above, frf, float(data.w[-1]))
     best = fitted(data, free, None if damping is None else damping == "hysteretic", given)
-    _check(data, best)
+    _check(data, best, above is not None)
     if free is None and unclear(data, best.modes):
         _warn_unclear(data, best.modes)
     info = ModelInfo(
@@ -154,7 +154,7 @@ def _power(data: Measured) -> Array:
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 
 
-def _check(data: Measured, fit: Fit) -> None:
+def _check(data: Measured, fit: Fit, known_above: bool) -> None:
     """Refuse a measurement that the body does not explain; say what is doubtful of it."""
     H = fit.modes.receptance(data.w, data.pairs)
     off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
@@ -178,6 +178,13 @@ def _check(data: Measured, fit: Fit) -> None:
         warn(
             f"the model differs from the measurement by {off:.1%} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
+            AccuracyWarning,
+        )
+    if not fit.modes.seen and not known_above:
+        warn(
+            f"no mode lies in the band up to {data.w[-1] / (2 * np.pi):.4g} Hz: what the model does"
+            " above it is a guess, and its bars are too small; measure to a higher frequency, or"
+            " give above=, a model from a mesh.",
             AccuracyWarning,
         )
 
