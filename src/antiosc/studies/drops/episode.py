@@ -40,8 +40,8 @@ REACH = 1.5
 APART = 0.04
 #: At most so many points touch in one episode: the lowest.
 MOST = 12
-#: Looks at the rotation in an episode.
-LOOKS = 64
+#: Looks at the rotation in an episode, and the most at its path in a contact.
+LOOKS, MOST_LOOKS = 64, 4096
 #: A body that turns by less than this times tol [rad] keeps its lever arms.
 FROZEN = 4.0
 #: A scene runs again until its loads and gaps change by less than this times tol; after so many
@@ -159,7 +159,7 @@ def episode(
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
-    count = 1 + int(np.ceil(1 / np.sqrt(tol)))
+    count = 1 + int(min(np.ceil(1 / np.sqrt(tol)), MOST_LOOKS))
     spans = [span for c in history.contact_histories for span in c.contacts]
     t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
