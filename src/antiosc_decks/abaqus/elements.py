@@ -105,6 +105,8 @@ def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
     if card.option("LINE"):
         raise card.place.error("*NGEN makes straight lines only here (LINE=).")
     for row in card.rows():
+        if len(row.fields) < 2:
+            raise row.place.error("*NGEN needs the numbers of two nodes on a line.")
         first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
         count = (last - first) // step if step > 0 else 0
         if first not in known or last not in known:
