@@ -180,7 +180,9 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
     for card, within in whole.named(*BESIDE):
         rows = card.rows()
         if not rows:
-            raise card.place.error(f"*{card.keyword} without a value: a mass, stiffness or damping.")
+            raise card.place.error(
+                f"*{card.keyword} without a value: a mass, stiffness or damping."
+            )
         for kind, nodes in whole.beside(card, within):
             given[card.keyword] += 1
             if card.keyword == "MASS":
