@@ -101,7 +101,7 @@ def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, in
             reader.numbers(count if text else 0)
             return
         if column < 1 or count < 0 or (row > 0 and count % words):
-            raise reader.bad(f"column {column} of {header.columns} has {count} words")
+            raise reader.bad(f"column {column} of {header.columns} columns has {count} words")
         if row > 0:
             yield column - 1, row - 1, reader.numbers(count // words)
         while row <= 0 and count > 0:
