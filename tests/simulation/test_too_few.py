@@ -47,3 +47,27 @@ def test_the_softer_extreme_is_the_gauss_rule():
     s = model.omega[-1] * np.array([0.5, 1 + 2j, 3 + 9j])
     Z, softer = (one.dynamic_stiffness(-1j * s) for one in (model, soft))
     assert _lacking(model, s) == pytest.approx(Z - softer, rel=1e-6)
+
+
+@pytest.mark.filterwarnings("always")
+@pytest.mark.parametrize("kind", ["batch", "scene", "turned scene"])
+def test_batches_and_scenes_tell_it_too(kind):
+    few, enough = chain(8), chain(60)
+
+    def run(model: ao.AntiOscillators) -> None:
+        if kind == "batch":
+            ao.simulate_many([enough, model], [BALL, BALL], LAW, 4e-3)
+        else:
+            bodies = {"long string": model, "ball": BALL}
+            names = list(bodies) if kind == "scene" else list(bodies)[::-1]
+            scene = ao.Scene(
+                {name: bodies[name] for name in names},
+                [ao.Contact("long string", "ball", LAW)],
+            )
+            scene.run(4e-3)
+
+    with pytest.warns(ao.AccuracyWarning, match="8 anti-oscillators are too few"):
+        run(few)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(enough)

@@ -18,6 +18,8 @@ from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
+from antiosc.models.model_info import info_of
+from antiosc.simulation.errors.left_out import too_few
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.histories.scene_energy import GAIN
@@ -35,6 +37,7 @@ from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 4096  # scenes that are solved at once without one
+LOOKED_AT = 3  # models of which the shortest impact is asked whether they suffice for it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,9 +226,32 @@ def simulate_many(
             ready(min(count * chunk, len(todo)))
     _raise(rows)
     tell_all([r.verdict for r in rows])
+    _tell_too_few(scenes, steps, rows, limits)
     scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
     tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
     return _gathered(rows)
+
+
+def _tell_too_few(
+    scenes: Sequence[Impact], steps: Sequence[Any], rows: Sequence[_Row], limits: dict[str, Any]
+) -> None:
+    """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
+    sharp = [
+        (row.peak_force / row.impulse, i)
+        for i, row in enumerate(rows)
+        if row.impulse > 0 and limits["n"] != "auto"
+        and info_of(scenes[i].model).method == "krylov"
+    ]  # fmt: skip
+    seen: set[int] = set()
+    for _, i in sorted(sharp, reverse=True):
+        if len(seen) == LOOKED_AT:
+            return
+        if id(scenes[i].model) not in seen:
+            seen.add(id(scenes[i].model))
+            hit, _ = _impact(scenes[i], steps[i], limits)
+            if sentence := too_few(hit.model, hit.assembly):
+                warn(f"scene {i}: {sentence}", AccuracyWarning)
+                return
 
 
 # -- one scene in, one row out

@@ -9,8 +9,9 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError
+from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.contact import ContactLaw
+from antiosc.simulation.errors.left_out import too_few
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.scene_energy import GAIN, gained
 from antiosc.simulation.histories.verdict import Verdict, judge, tell_rotation
@@ -54,8 +55,21 @@ def integrate(
     )
     tell_rotation(*history.largest_rotation())
     verdict.tell()
+    _tell_too_few(scene, history)
     check_range(history, doubts)
     return history
+
+
+def _tell_too_few(scene: SceneParts, history: SceneHistory) -> None:
+    """Warn of a body whose anti-oscillators are too few for a contact of the run."""
+    assembly = history.assembly
+    for c, (contact, one) in enumerate(zip(scene.contacts, history.contact_histories, strict=True)):
+        for end in (contact.a, contact.b) if one.contacts else ():
+            name = end.partition(":")[0]
+            begin = assembly.spans[name].start if name in assembly.spans else 0
+            if sentence := too_few(scene.bodies.get(name), assembly, c, begin):
+                warn(f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}",
+                     AccuracyWarning)  # fmt: skip
 
 
 H = TypeVar("H", bound=History)

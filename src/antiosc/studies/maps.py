@@ -39,7 +39,7 @@ from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.histories.deflection import peak_deflections
-from antiosc.simulation.impact_band import RigidWall
+from antiosc.simulation.impact_band import RigidWall, impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.free_sites import FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap
@@ -236,6 +236,21 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
         )
 
 
+def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
+    """Warn of blows that excite what the models of the map do not hold."""
+    if not getattr(impactor, "velocity", 0.0) > 0:
+        return
+    excited = impact_band(impactor, contact)
+    if result.band < excited:
+        warn(
+            f"the models of the map hold up to {result.band:g} rad/s, the blow excites up to"
+            f" {excited:g}: the anti-oscillators are too few for this contact where the part is"
+            " thin, and forces are too large there; give band=ao.impact_band(impactor, contact) and"
+            " a larger n.",
+            AccuracyWarning,
+        )
+
+
 def _struck(
     structure: Structure,
     stressed: FreeSites | None,
@@ -247,6 +262,7 @@ def _struck(
     """The map with one impact at each site, shared among the ranks; with stresses in the modes."""
     started = time.perf_counter()
     comm = structure.comm
+    on_root(comm, partial(_tell_band, result, impactor, contact))
     mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
     part, error = None, None
     try:

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from antiosc.app.report.pictures import CURVES, Picture, chart, curves, plain, spectrum
+from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.document import label
 from antiosc.app.scene_file.run import Results
+from antiosc.app.scene_file.scene import looked_at
 from antiosc.app.scene_file.studies import varied
 from antiosc.base._types import Array
 from antiosc.base.charts.histories import plot_force, plot_motion
@@ -393,7 +395,9 @@ class Probe:
         asked = found.compiled.probes[name].arguments
         self.name = name
         self.quantity: str = asked.get("quantity", "displacement")
-        self.times = np.reshape(asked.get("times", found.history.time), -1).astype(float)
+        times = asked.get("times", found.history.time)
+        given = looked_at(found.history) if isinstance(times, Call) else times
+        self.times = np.reshape(given, -1).astype(float)
         values: Array = np.asarray(found.probes[name])
         self.tensor = values.ndim == 3
         if self.tensor:  # the six of a symmetric one

@@ -9,8 +9,10 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
+
+import numpy as np
 
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Methods, Mistake
@@ -25,10 +27,13 @@ from antiosc.app.scene_file.schema import (
     Parameter,
     resolved,
 )
+from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.contact.base import ContactLaw
 
 T = TypeVar("T")
+#: Even times over a run at which its probes are taken, beside those of the run.
+LOOKS = 1001
 #: Of a section that is missing.
 NOTHING: Any = None
 
@@ -482,6 +487,11 @@ class _Ends:
 # -- what a simulation is asked for
 
 
+def looked_at(history: Any) -> Array:
+    """Times [s] at which probes tell of a history: its own lie far apart in flights."""
+    return np.union1d(history.time, np.linspace(0.0, history.time[-1], LOOKS))
+
+
 def _told(build: Builder, found: Compiled) -> None:
     """[probes] and [stress]; without it the criteria for which the materials have strengths."""
     part: Call | None = found.structure
@@ -489,6 +499,11 @@ def _told(build: Builder, found: Compiled) -> None:
         part = Call(lambda history: history.structure, {"history": found.history})
     given = {"structure": part, "history": found.history}
     found.probes = build.named("probes", given)
+    times = Call(looked_at, {"history": found.history})
+    found.probes = {
+        name: probe and replace(probe, arguments={"times": times, **probe.arguments})
+        for name, probe in found.probes.items()
+    }
     meshed = found.history is not None and source(build) in _MESHED.split()
     if "stress" in build.data:
         asked = build.table("stress", given=given)

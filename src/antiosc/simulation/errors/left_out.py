@@ -32,9 +32,10 @@ RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
 ENOUGH = 0.3
 
 
-def left_out(model: AntiOscillators, assembly: Assembly) -> float:
+def left_out(model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0) -> float:
     """Share of the force of an impact on a model in which both extremes differ, 0 … about 1.
 
+    `begin` : the first mode of the model among those of all bodies.
     0 for models whose anti-oscillators have all converged, such as those of method="modes": what
     they leave out is not bounded as closely.
     """
@@ -43,15 +44,15 @@ def left_out(model: AntiOscillators, assembly: Assembly) -> float:
         return 0.0
     if model.m0 == 0:
         return 0.0
-    system, (law,), modes = assembly.system, assembly.laws, model.modal()
+    system, law, modes = assembly.system, assembly.laws[contact], model.modal()
     s = np.pi / assembly.lasting * RAY
-    depth, speed = float(system.depth[0]), float(system.speed[0])
+    depth, speed = float(system.depth[contact]), float(system.speed[contact])
     stiffness = stiffness_at(law, depth, law.touch(speed))
     if not stiffness > 0:
         return 0.0
-    squares = system.beta[0] ** 2 / (s[:, None] ** 2 + system.omega**2)
-    site = squares[:, : modes.omega.size].sum(axis=1) + modes.r
-    C = squares.sum(axis=1) + system.R[0, 0] + 1 / stiffness
+    squares = system.beta[contact] ** 2 / (s[:, None] ** 2 + system.omega**2)
+    site = squares[:, begin : begin + modes.omega.size].sum(axis=1) + modes.r
+    C = squares.sum(axis=1) + system.R[contact, contact] + 1 / stiffness
     D = _lacking(model, s)
     more = D * site**2 / (1 - D * site)
     weight = 1 / abs(s)
@@ -82,14 +83,15 @@ def _rule(model: AntiOscillators) -> tuple[Array, Array]:
 _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
 
 
-def too_few(model: Any, assembly: Assembly) -> str:
+def too_few(model: Any, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
     """That the anti-oscillators are too few for a contact that touched; "" where they suffice.
 
+    `begin` : the first mode of the model among those of all bodies.
     Of models that `extract` made by the Krylov method; other truncations are their maker's choice.
     """
     if not isinstance(model, AntiOscillators) or model.sites:
         return ""
-    share = left_out(model, assembly)
+    share = left_out(model, assembly, contact, begin)
     if share <= ENOUGH:
         return ""
     return (

@@ -11,8 +11,9 @@ from antiosc.base._types import Array
 from antiosc.models.body import LinearBody
 from antiosc.simulation.march.modal_response import responses
 
-#: Bodies processed together, and times at which u is evaluated in addition to those of the force.
-BODIES_AT_ONCE, SAMPLES = 200, 200
+#: Bodies processed together, and times at which u is evaluated in addition to those of the force:
+#: at least, at most, and in a period of the first mode.
+BODIES_AT_ONCE, SAMPLES, MOST_SAMPLES, A_PERIOD = 200, 200, 20_000, 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
 Force = tuple[Array, Array]
 
@@ -34,7 +35,8 @@ def peak_deflections(
     Returns
     -------
     ndarray, shape (S,)
-        Exact at the times of the force and at 200 times over the duration.
+        Exact at the times of the force, and at 200 times over the duration or more: 40 a period of
+        the first mode.
     """
     duration = checks.positive("duration", duration, "s")
     peaks = [
@@ -53,7 +55,10 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
     )
     r = np.array([m.r for m in modal])
     peak = np.zeros(len(modal))
-    for _, q, F in motions(omega, b, decay, forces, duration, SAMPLES):
+    slow = max((w[w > 0].min(initial=np.inf) for w in omega), default=0.0)
+    periods = duration * slow / (2 * np.pi) if np.isfinite(slow) else 0.0
+    samples = int(np.clip(A_PERIOD * periods, SAMPLES, MOST_SAMPLES))
+    for _, q, F in motions(omega, b, decay, forces, duration, samples):
         peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F)
     return peak
 
