@@ -166,12 +166,12 @@ def of_sphere(radius: float, rho: float) -> str:
     return ""
 
 
-def of_thickness(thickness: float, extent: float) -> str:
-    """What is implausible of a shell this thick on a part of this size [m]; "" for nothing."""
+def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
+    """What is implausible of a sheet or bar so thick in a part of this size [m]; "" for nothing."""
     if thickness <= extent:
         return ""
     return (
-        f"the thickness {thickness:g} m of the shell is larger than the part, which measures "
+        f"the thickness {thickness:g} m of the {what} is larger than the part, which measures "
         f"{extent:.3g} m: lengths are in metres; {1e-3 * thickness:g} is probably meant "
         f"({thickness:g} mm)."
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -57,11 +58,7 @@ def assembled(
         [
             plausible.of_part(mesh.extent()),
             *map(plausible.of_material, materials),
-            *(
-                plausible.of_thickness(one.section.thickness, mesh.extent())
-                for one in materials
-                if hasattr(getattr(one, "section", None), "thickness")
-            ),
+            *(_of_section(one, mesh.extent()) for one in materials),
         ]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
@@ -137,3 +134,12 @@ def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
     result = matrix.duplicate()
     result.zeroEntries()
     return result
+
+
+def _of_section(material: Family, extent: float) -> str:
+    """What is implausible of the size of a section; "" for nothing."""
+    section: Any = getattr(material, "section", None)
+    if hasattr(section, "thickness"):
+        return plausible.of_thickness(section.thickness, extent)
+    area = getattr(section, "A", 0.0)
+    return plausible.of_thickness(float(np.sqrt(area)), extent, "beam")

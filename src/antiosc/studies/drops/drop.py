@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
+from antiosc.base import checks, plausible
 from antiosc.base.errors import InputError
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.threads import one_thread
@@ -121,6 +121,8 @@ def drop(
     body = free_body(part, modes, damping, corner_radius)
     whirl = body.extent * float(np.linalg.norm(moving["spin"]))
     _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
+    arrival = float(np.sqrt(2 * setting.gravity * setting.height))
+    plausible.tell([plausible.of_blow(None, (), arrival, moving["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
     start = hung(body, setting, R, **moving)
     if ensemble is None:
