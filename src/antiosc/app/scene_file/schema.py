@@ -224,7 +224,9 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
     # constructors check their values themselves; the values of a batch are lists
     checked = not light(function) and function != "simulate_many"
     found = {}
-    for name, given in inspect.signature(call, globals=names, locals=names, eval_str=True).parameters.items():
+    for name, given in inspect.signature(
+        call, globals=names, locals=names, eval_str=True
+    ).parameters.items():
         full, kinds = f"{function}.{name}", kinds_of(given.annotation)
         if full in OBJECTS:
             kinds = (Kind("object", (resolved(OBJECTS[full]),)),)
