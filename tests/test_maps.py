@@ -345,3 +345,14 @@ def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
     options = {"direction": (0, 0, -1), "radius": 0.025, "accuracy": 1e9}
     found = ao.impact_map(steel, points, ball, law, 4e-4, **options)
     assert found.doubtful.tolist() == [False, True]
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_band_below_that_of_the_blow_is_told():
+    ball, law = ao.RigidMass(0.1, 1.0), ao.Hertz(1e9)
+    excited = ao.impact_band(ball, law)
+    with pytest.warns(ao.AccuracyWarning, match="band"):
+        maps._tell_band(SimpleNamespace(band=0.9 * excited), ball, law)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        maps._tell_band(SimpleNamespace(band=excited), ball, law)

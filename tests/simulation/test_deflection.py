@@ -20,6 +20,14 @@ def test_step_and_pulse_on_one_oscillator():
     np.testing.assert_allclose(peaks, [2 * 8.0 / 800.0, 4e-3 / 40.0, 0.0], rtol=1e-3)
 
 
+def test_the_peak_does_not_depend_on_how_long_the_body_swings_on():
+    body = ao.AntiOscillators(m0=2.0, k0=800.0, m=[], omega=[])  # 20 rad/s
+    pulse = np.array([0.0, 1e-4, 2e-4]), np.array([0.0, 40.0, 0.0])
+    for duration in (1.0, 199 * np.pi / 10):  # in periods of pi/10
+        peak = peak_deflections([body, ao.RigidMass(1.0)], [pulse] * 2, duration)[0]
+        assert peak == pytest.approx(4e-3 / 40.0, rel=4e-3)
+
+
 @pytest.mark.slow
 def test_bodies_of_different_size_are_histories(rng, monkeypatch):
     monkeypatch.setattr("antiosc.simulation.histories.deflection.BODIES_AT_ONCE", 2)

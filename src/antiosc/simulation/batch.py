@@ -236,12 +236,13 @@ def _tell_too_few(
     scenes: Sequence[Impact], steps: Sequence[Any], rows: Sequence[_Row], limits: dict[str, Any]
 ) -> None:
     """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
+    if limits["n"] == "auto":
+        return
     sharp = [
         (row.peak_force / row.impulse, i)
         for i, row in enumerate(rows)
-        if row.impulse > 0 and limits["n"] != "auto"
-        and info_of(scenes[i].model).method == "krylov"
-    ]  # fmt: skip
+        if row.impulse > 0 and info_of(scenes[i].model).method == "krylov"
+    ]
     seen: set[int] = set()
     for _, i in sorted(sharp, reverse=True):
         if len(seen) == LOOKED_AT:

@@ -55,9 +55,8 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
     )
     r = np.array([m.r for m in modal])
     peak = np.zeros(len(modal))
-    slow = max((w[w > 0].min(initial=np.inf) for w in omega), default=0.0)
-    periods = duration * slow / (2 * np.pi) if np.isfinite(slow) else 0.0
-    samples = int(np.clip(A_PERIOD * periods, SAMPLES, MOST_SAMPLES))
+    first = max((w[w > 0].min() for w in omega if (w > 0).any()), default=0.0)
+    samples = int(np.clip(A_PERIOD * duration * first / (2 * np.pi), SAMPLES, MOST_SAMPLES))
     for _, q, F in motions(omega, b, decay, forces, duration, samples):
         peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F)
     return peak
