@@ -13,7 +13,7 @@ import pytest
 import scipy.linalg as la
 
 import antiosc as ao
-from antiosc.models.arrow_modes import arrow_modes
+from antiosc.models.rigid_share import arrow_modes
 from scenes import random_model
 
 

@@ -28,14 +28,14 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.brief import Brief
 from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
-from antiosc.models import one_site, saved_models, several_sites, softened
+from antiosc.models import model_file, one_site, several_sites, softened
 from antiosc.models.body import several_contact_points
-from antiosc.models.coupled_modes import checked_size
 from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.model_info import ModelInfo
 from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
+from antiosc.models.reduced_modes import checked_size
 from antiosc.models.site_modes import SiteModes
 
 if TYPE_CHECKING:
@@ -327,13 +327,13 @@ class AntiOscillators(Brief, Parameters):
         The file is complete or absent. Shapes are not stored. InputError where it cannot be
         written.
         """
-        saved_models.save(self, path)
+        model_file.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
         """Read a model written by `save`. InputError when the file is not one."""
-        arguments = saved_models.arguments(path)
+        arguments = model_file.arguments(path)
         try:
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
-            raise saved_models.damaged(path, error) from error
+            raise model_file.damaged(path, error) from error

@@ -11,12 +11,12 @@ from scipy.linalg import block_diag
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.arrow_modes import arrow_modes
-from antiosc.models.coupled_modes import damped_modes, damping_of
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import unit_vector
 from antiosc.models.parameters import Parameters, in_space
+from antiosc.models.reduced_modes import damped_modes, damping_of
+from antiosc.models.rigid_share import arrow_modes
 from antiosc.models.softened import checked_error, checked_symmetric
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).

@@ -10,9 +10,8 @@ from scipy.linalg import block_diag
 from antiosc.base import checks
 from antiosc.base._types import Array, Index, Numbers
 from antiosc.base.errors import InputError
-from antiosc.models.coupled_modes import damped_modes, damping_of
 from antiosc.models.parameters import Parameters, in_space
-from antiosc.models.reduced_modes import rigid_motions, stiffness_scale
+from antiosc.models.reduced_modes import damped_modes, damping_of, rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
 
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).

@@ -13,8 +13,15 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.error.bisection import refined
-from antiosc.fem.error.cell_sizes import COARSEST, FINEST, POWER, edge_lengths, growth, ratios
+from antiosc.fem.error.bisection import (
+    COARSEST,
+    FINEST,
+    POWER,
+    edge_lengths,
+    growth,
+    ratios,
+    refined,
+)
 from antiosc.fem.error.remeshing import measures, source_of, wished_sizes
 from antiosc.fem.platform import compat
 from mpi import run_ranks

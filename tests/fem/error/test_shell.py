@@ -11,10 +11,13 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.free_edges import layers_of
-from antiosc.fem.error.sheet_strains import SheetRecovery, StrainsOfSheets, section_forces
-from antiosc.fem.error.shell import ShellErrors
-from antiosc.fem.error.smooth_pieces import smooth_pieces
+from antiosc.fem.error.sheet_strains import (
+    SheetRecovery,
+    StrainsOfSheets,
+    section_forces,
+    smooth_pieces,
+)
+from antiosc.fem.error.shell import ShellErrors, layers_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh

@@ -11,8 +11,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.bisection import DIVIDED, gathered, inside, refined
-from antiosc.fem.error.cell_sizes import edge_lengths, growth
+from antiosc.fem.error.bisection import DIVIDED, edge_lengths, gathered, growth, inside, refined
 from antiosc.fem.error.remeshing import (
     LINES,
     graded_sizes,

@@ -15,7 +15,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.linalg import solvers
+from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.substructures import Substructures, _cover, _cut, interface
 
@@ -43,12 +43,12 @@ def check(solver, part, R) -> None:
 
 
 def test_mumps_and_its_forecast(part, loads):
-    factor = solvers.Distributed(part.K)
+    factor = solver_choice.Distributed(part.K)
     check(factor, part, loads)
-    direct = solvers.OnOneRank(part.K)
+    direct = solver_choice.OnOneRank(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
-    assert 0.3 * factor.entries < solvers.forecast(part.K) < 3 * factor.entries
-    assert [solvers.count(found) for found in (17, -3, 0)] == [17, 3e6, 0]
+    assert 0.3 * factor.entries < solver_choice.forecast(part.K) < 3 * factor.entries
+    assert [solver_choice.count(found) for found in (17, -3, 0)] == [17, 3e6, 0]
 
 
 @pytest.mark.parametrize("kind", ["every seventh node", "none", "all"])
@@ -61,7 +61,7 @@ def test_any_nodes_may_be_the_interface(part, loads, kind):
     check(factor, part, loads)
     assert factor.entries >= len(rows) ** 2
     if kind == "none":
-        assert factor.entries == solvers.OnOneRank(part.K).entries
+        assert factor.entries == solver_choice.OnOneRank(part.K).entries
 
 
 def test_no_interface_between_one_rank_and_none(part):

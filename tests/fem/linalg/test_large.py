@@ -15,7 +15,7 @@ import antiosc as ao
 import parts
 from antiosc.base import memory
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, solver, solver_choice, solvers
+from antiosc.fem.linalg import cholmod, solver, solver_choice
 
 pytestmark = pytest.mark.fem
 
@@ -32,7 +32,7 @@ def test_forecast_against_the_factor_itself():
     part = block(n=(16, 10, 8))
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorize().cholesky.supernodes.values.size
-    assert 0.7 < solvers.forecast(part.K) / entries < 2.0
+    assert 0.7 < solver_choice.forecast(part.K) / entries < 2.0
     assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
 
 
@@ -116,7 +116,7 @@ def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypat
 
 def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     part = block()
-    need = solver_choice.BYTES * solvers.forecast(part.K)
+    need = solver_choice.BYTES * solver_choice.forecast(part.K)
     free = iter([0.9 * need, 1e3])  # the factor does not fit; then too little for the multigrid
     monkeypatch.setattr(memory, "free_memory", lambda: next(free))
     monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
@@ -128,7 +128,7 @@ def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     # Between the general bound and the forecast: the forecast decides, without a word.
     part = block(n=(24, 12, 1))
-    need = solver_choice.BYTES * solvers.forecast(part.K)
+    need = solver_choice.BYTES * solver_choice.forecast(part.K)
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
     monkeypatch.setattr(memory, "free_memory", lambda: 2 * need)

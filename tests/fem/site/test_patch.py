@@ -20,7 +20,7 @@ import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.patches import patches
+from antiosc.fem.site.sites import patches
 
 pytestmark = pytest.mark.fem
 

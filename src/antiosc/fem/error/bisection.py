@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import exp
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
@@ -16,6 +18,59 @@ from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.selection import keys
+
+#: Least and largest change of a size at once: what is coarse already does not become much coarser,
+#: for its errors would grow by more than is expected.
+FINEST, COARSEST = 0.15, 1.3
+#: q by dimension: power of the size by which the energy of errors falls where it is largest.
+POWER = {1: 4.0, 2: 2.0, 3: 1.0}
+#: log λ is sought within this of that of cells with the mean error.
+WIDEST = 50.0
+
+
+def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
+    """New over old size of each cell of this rank (cells,).
+
+    Parameters
+    ----------
+    energies : (cells,) errors η² of the cells of this rank.
+    goal : wanted total over the present one; less is not reached with sizes above `FINEST`.
+    order, dim : of the elements, of the mesh.
+    """
+    total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))
+    if total == 0:
+        return np.ones(len(energies))
+    share = np.maximum(energies / (total / count), np.finfo(float).tiny)
+    wanted = share ** (-1 / (POWER[dim] + dim))
+
+    def sizes(scale: float) -> Array:
+        return np.asarray(np.clip(exp(scale) * wanted, FINEST, COARSEST))
+
+    def beyond(scale: float) -> float:
+        left = float(np.sum(sizes(scale) ** (2 * order) * energies))
+        return float(comm.allreduce(left)) / total - goal
+
+    if beyond(-WIDEST) >= 0:
+        return sizes(-WIDEST)
+    if beyond(WIDEST) <= 0:
+        return sizes(WIDEST)
+    return sizes(brentq(beyond, -WIDEST, WIDEST, xtol=1e-12, rtol=1e-14))
+
+
+def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
+    """Number of cells with these ratios over the present one."""
+    new, old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
+    return float(new / old)
+
+
+def edge_lengths(mesh: Mesh) -> Array:
+    """Mean length [m] of the edges of each cell that this rank owns, (cells,)."""
+    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    corners = mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]]
+    count = corners.shape[1]
+    one, other = np.triu_indices(count, 1)  # of a simplex all pairs of corners are edges
+    return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
+
 
 #: A cell is divided if its new size over its own is below this, in at most so many rounds.
 DIVIDED, ROUNDS = 0.75, 3

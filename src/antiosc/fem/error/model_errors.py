@@ -24,8 +24,8 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.family_limits import strip, thickness_shear
 from antiosc.models.model_info import BeamSection, FacetGaps, Patch
+from antiosc.models.resolved import strip, thickness_shear
 
 # -- What the share "model" of an error budget must know of a struck beam.
 #

@@ -20,12 +20,12 @@ from antiosc.fem.error.bisection import (
     DIVIDED,
     KIND_OF,
     divisible,
+    edge_lengths,
     gathered,
     halved,
     refined,
     with_node,
 )
-from antiosc.fem.error.cell_sizes import edge_lengths
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound

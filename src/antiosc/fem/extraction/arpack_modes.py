@@ -7,7 +7,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.extraction.mode_search import RESIDUAL, Search
+from antiosc.fem.extraction.eigenmodes import RESIDUAL, Search
 from antiosc.fem.linalg.algebra import multiply
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, overload
 from antiosc.base.checks import flag, within_range
 from antiosc.base.errors import finite_element_packages
 from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.ritz_basis import BASIS_STEP
+from antiosc.fem.extraction.krylov import BASIS_STEP
 from antiosc.fem.extraction.site_models import UNNAMED, Columns, models_of
 from antiosc.fem.extraction.wish import (
     ErrorOption,

@@ -12,7 +12,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
 from antiosc.fem.extraction.dampers import Reached, every_mode, with_damping
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
@@ -20,6 +19,7 @@ from antiosc.fem.extraction.oscillators import (
     Found,
     Kept,
     OneSite,
+    Remainder,
     at_one_site,
     elastic_count,
     error_bound,
@@ -27,9 +27,14 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.self_check import checked_modes
-from antiosc.fem.extraction.site_shapes import SiteShapes, shapes_of_models
+from antiosc.fem.extraction.site_shapes import (
+    SiteShapes,
+    inertia_of,
+    shapes_of_models,
+    uniform_inertia,
+    weights_of,
+)
 from antiosc.fem.extraction.wish import (
     DEFAULT_COUNT,
     SEARCHED,

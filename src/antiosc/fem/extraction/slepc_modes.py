@@ -10,7 +10,7 @@ from slepc4py import SLEPc
 
 from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.extraction.mode_search import RESIDUAL, Search
+from antiosc.fem.extraction.eigenmodes import RESIDUAL, Search
 
 #: Most restarts.
 RESTARTS = 200

@@ -19,11 +19,16 @@ from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
-from antiosc.fem.extraction.site_shapes import SiteShapes, beside_rigid, site_shapes
+from antiosc.fem.extraction.site_shapes import (
+    SiteShapes,
+    beside_rigid,
+    inertia_of,
+    site_shapes,
+    uniform_inertia,
+)
 from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform.mpi import collective, on_root
