@@ -13,15 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.fem.extraction.eigensolvers import Search, lowest
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import (
-    by_scipy,
     by_strains,
     dot,
     frequency,
@@ -32,61 +32,6 @@ from antiosc.fem.linalg.algebra import (
 )
 from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.structure.structure import Structure
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-
-#: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
-RESIDUAL = 1e-11
-#: Number of additional modes that are computed and dropped: of a repeated frequency the search may
-#: have found only one of the shapes.
-GUARD = 4
-
-
-class Pin:
-    """The constraint of the sites."""
-
-    def __init__(self, held: SiteShapes) -> None:
-        self.load, self.y = held.load, held.y
-        self._inverse = np.linalg.inv(held.bAb)
-
-    def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
-        return np.asarray(x - self.y @ (self._inverse @ dot(comm, self.load, x)))
-
-
-@dataclass(frozen=True)
-class Search:
-    """The lowest modes of a structure beside those that are known."""
-
-    structure: Structure
-    #: the sites that are constrained; None for natural modes
-    pin: Pin | None
-    #: M-orthonormal shapes that are deflated (rows of this rank, k)
-    known: Array
-    #: number of modes to find, and the number that there is
-    wanted: int
-    limit: int
-
-    @property
-    def computed(self) -> int:
-        """Number of modes to compute."""
-        return min(self.wanted + GUARD, self.limit)
-
-    def inverse(self, r: Array) -> Array:
-        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; A⁻¹r for natural modes."""
-        x = self.structure.factorize().solve(r)
-        if self.pin is None:
-            return x
-        return self.pin.constrained(self.structure.comm, x)
-
-    def start(self) -> Array:
-        """A random vector in the range of A⁻¹M."""
-        structure = self.structure
-        random = np.random.default_rng(structure.comm.rank).standard_normal(structure.rows)
-        return structure.factorize().solve(multiply(structure.M, random))
-
 
 #: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
 DENSE = 600
@@ -125,10 +70,10 @@ class ModeSolver:
     def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
         self._structure = structure
         self._rows = structure.rows
-        self._pin = None if held is None else Pin(held)
+        self._held = held
         #: rigid-body modes that remain
         self._rigid = structure.rigid_modes if held is None else held.nodal
-        sites = 0 if self._pin is None else self._pin.load.shape[1]
+        sites = 0 if held is None else held.load.shape[1]
         self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
@@ -154,13 +99,9 @@ class ModeSolver:
     def _by_krylov(self, count: int) -> Modes:
         """One more round: modes found before are deflated, not computed again."""
         structure, known = self._structure, self._found
-        if by_scipy(structure.K):
-            from antiosc.fem.extraction.arpack_modes import lowest
-        else:
-            from antiosc.fem.extraction.slepc_modes import lowest  # needs SLEPc
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
-        search = Search(structure, self._pin, shapes, count - before, self.limit - before)
+        search = Search(structure, self._held, shapes, count - before, self.limit - before)
         values, found = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
@@ -192,8 +133,8 @@ class ModeSolver:
         """
         structure, comm = self._structure, self._structure.comm
         conditions = multiply(structure.M, self._rigid)
-        if self._pin is not None:
-            conditions = np.column_stack([self._pin.load, conditions])
+        if self._held is not None:
+            conditions = np.column_stack([self._held.load, conditions])
         first = row_range(structure.K)[0]
         own = np.setdiff1d(np.arange(self._rows), structure.fixed)
         parts: Any = comm.gather((first + own, conditions[own]))

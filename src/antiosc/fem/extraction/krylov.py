@@ -37,7 +37,7 @@ import numpy as np
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.progress import doing
 from antiosc.fem.extraction.dampers import Reached, band_error
-from antiosc.fem.extraction.eigenmodes import Modes, Pin, polish
+from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.oscillators import Remainder
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -81,9 +81,9 @@ class Lanczos:
     ) -> None:
         self._structure, self._static, self._terms = structure, static, terms
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._A, self._pin = structure.factorize().A, Pin(static)
+        self._A = structure.factorize().A
         rows, self._locked = static.nodal.shape
-        self._most = structure.dofs - self._pin.load.shape[1] - self._locked
+        self._most = structure.dofs - static.load.shape[1] - self._locked
         self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
         # V, and F = A V. In front stand the rigid-body modes that do not move the sites, which no
         # step may pick up again.
@@ -141,7 +141,7 @@ class Lanczos:
         return 0.0
 
     def _constrained(self, w: Array) -> Array:
-        return self._pin.constrained(self._comm, w)
+        return self._static.constrained(self._comm, w)
 
     def _project(self) -> Array:
         """M times the vectors that H does not contain yet, the next loads; then H contains them."""

@@ -23,6 +23,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -35,6 +37,9 @@ from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.motion import Inertia
 from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
 #: rounding leaves no less (the error of the compliance is the square of it).
@@ -90,6 +95,14 @@ class SiteShapes:
     y: Array
     bAb: Array
     share: float
+
+    @cached_property
+    def _pin(self) -> Array:
+        return np.linalg.inv(self.bAb)
+
+    def constrained(self, comm: MPI.Comm, x: Array) -> Array:
+        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
+        return np.asarray(x - self.y @ (self._pin @ dot(comm, self.load, x)))
 
     @property
     def rigid(self) -> Array:
