@@ -12,9 +12,8 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.error.bisection import inside, polygon
 from antiosc.fem.error.gaps import faceted, mean_gaps
-from antiosc.fem.error.halving import HalvedBeams
+from antiosc.fem.error.halving import HalvedBeams, inside, polygon
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
 from antiosc.fem.linalg.algebra import dot

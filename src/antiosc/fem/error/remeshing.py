@@ -16,16 +16,8 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
-from antiosc.fem.error.bisection import (
-    DIVIDED,
-    KIND_OF,
-    divisible,
-    edge_lengths,
-    gathered,
-    halved,
-    refined,
-    with_node,
-)
+from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, edge_lengths, gathered, refined
+from antiosc.fem.error.halving import halved, with_node
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
