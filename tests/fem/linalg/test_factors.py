@@ -48,7 +48,6 @@ def test_mumps_and_its_forecast(part, loads):
     direct = solver_choice.OnOneRank(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
     assert 0.3 * factor.entries < solver_choice.forecast(part.K) < 3 * factor.entries
-    assert [solver_choice.count(found) for found in (17, -3, 0)] == [17, 3e6, 0]
 
 
 @pytest.mark.parametrize("kind", ["every seventh node", "none", "all"])
