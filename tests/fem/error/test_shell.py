@@ -338,31 +338,6 @@ def model() -> ao.AntiOscillators:
     return ao.extract(plate(3, 0.03), site, n=6, error="estimate")
 
 
-def test_the_misfit_belongs_to_the_model(model, tmp_path):
-    misfit = model.strain_misfit
-    model.save(tmp_path / "model")
-    again = ao.AntiOscillators.load(tmp_path / "model")
-    assert np.array_equal(again.strain_misfit, misfit)
-    assert np.array_equal(model.truncated(3).strain_misfit, misfit[:4, :4])
-    assert again.corrected().k0 == model.corrected().k0
-    assert model.corrected().strain_misfit is None
-    order = np.roll(np.arange(6), 1)
-    turned = np.append(0, 1 + order)
-    shuffled = replace(
-        model,
-        m=model.m[order],
-        omega=model.omega[order],
-        strain_error=model.strain_error[np.ix_(turned, turned)],
-        strain_misfit=misfit[np.ix_(turned, turned)],
-        shapes=None,
-    )
-    assert np.array_equal(shuffled.strain_misfit, misfit)
-    with pytest.raises(ao.InputError, match="strain_error"):
-        replace(model, strain_error=None)
-    with pytest.raises(ao.InputError, match="must be symmetric"):
-        replace(model, strain_misfit=np.triu(misfit))
-
-
 def test_the_larger_of_both_differences_counts(model):
     """An error and a misfit that cancel leave a bar."""
     cancelled = replace(model, strain_misfit=-model.strain_error)

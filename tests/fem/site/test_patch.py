@@ -187,14 +187,6 @@ def test_moments_of_hertzs_pressure(cell):
         assert -load @ square == pytest.approx(radius**2 / 5, rel=1e-3)
 
 
-def test_half_of_a_patch_on_an_edge_lies_on_the_face():
-    faces = Faces(parts.box((4, 4, 2), SIZE), False)
-    sites, down = np.array([TOP, (0.0, 0.02, 0.02)]), np.array([[0.0, 0.0, -1.0]] * 2)
-    radii, labels = np.array([0.01, 0.01]), np.zeros(len(faces.cells), dtype=int)
-    share = patches(faces, sites, radii, faces.contact(sites, down, radii, labels))[1]
-    assert share == pytest.approx([1.0, 0.5], rel=1e-12)
-
-
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_derivatives_of_a_face_are_those_of_its_points(cell):
     """Central differences of the positions, exact for faces of second order."""

@@ -100,13 +100,6 @@ def test_curved_cells(tmp_path, cell):
         assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_node_is_one_dof():
-    structure = ao.Structure(parts.box(), SOLID)
-    b = at(structure, (0.1, 0.025, 0.04), (0, 0, -2))
-    assert np.sum(np.abs(b) > 1e-12) == 1
-    assert b.min() == pytest.approx(-1.0)
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
