@@ -8,7 +8,7 @@ nothing (`checked_body`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
@@ -71,7 +71,7 @@ class InModes(Body):
 class _Foreign(Body):
     """A foreign body: what it says of itself, checked, and the defaults for the rest."""
 
-    def __init__(self, name: str, body: Any) -> None:
+    def __init__(self, name: str, body: object) -> None:
         self._body: LinearBody = body
         self.velocity = getattr(body, "velocity", Body.velocity)
         if not isinstance(self.velocity, Motion):
@@ -94,7 +94,7 @@ class _Foreign(Body):
         return self._body.modal()
 
 
-def checked_body(name: str, body: Any) -> Body:
+def checked_body(name: str, body: object) -> Body:
     """`body` as a `Body` of one contact point, a foreign one with the defaults.
 
     InputError for one without a modal() method, and for one with several contact points.
@@ -111,7 +111,7 @@ def checked_body(name: str, body: Any) -> Body:
     )
 
 
-def places_of(body: Any) -> dict[str, tuple[float, ...]]:
+def places_of(body: object) -> dict[str, tuple[float, ...]]:
     """Where the sites of an extracted body lie [m], by name; "" is the name of a single one."""
     info = info_of(body)
     named = {"": info.point} if info.points is None else info.points

@@ -245,10 +245,10 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
         for name in names:
             if ":" in text("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
-    sites = list(site) if isinstance(site, list | tuple) else [site]
-    for one in sites:
-        instance("site", one, Site, "a Site(point, direction)")
-        if one.tangential and not names:
+    sites: list[Site] = []
+    for one in site if isinstance(site, list | tuple) else [site]:
+        sites.append(instance("site", one, Site, "a Site(point, direction)"))
+        if sites[-1].tangential and not names:
             raise InputError(
                 "tangential directions belong to a model of named sites: "
                 "extract(part, {name: Site(..., tangential=True)})."

@@ -189,16 +189,7 @@ class Cholesky:
     block, permutation, last
         Of a matrix: as for its `Analysis`.
 
-    Raises
-    ------
-    NotPositiveDefiniteError
-        A has no such factor.
-    OutOfMemoryError
-        There is no memory for it.
-    NotConvergedError
-        CHOLMOD failed; the message has its reason.
-    MissingDependencyError
-        This CHOLMOD is not one that can be called directly (`refusal`).
+    NotPositiveDefiniteError where A has no such factor; other errors as of `Analysis`.
     """
 
     def __init__(
