@@ -147,14 +147,14 @@ def solvers() -> list[str]:
 
 
 def _cholmod() -> str:
-    """CHOLMOD's version and whether it is called directly, or why MUMPS is taken."""
+    """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
     try:
         from antiosc.fem.linalg import cholmod, cholmod_library
     except Exception as error:  # whatever an installed package may raise
         return f"not tried: {error}"
     refusal = cholmod.refusal()
     if refusal:
-        return f"not called, MUMPS in its place: {refusal}"
+        return f"through PETSc: {refusal}"
     numbers = cholmod_library.version(cholmod_library.library())
     return f"{'.'.join(map(str, numbers))}  called directly"
 

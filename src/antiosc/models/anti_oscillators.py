@@ -28,7 +28,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.brief import Brief
 from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
-from antiosc.models import model_file, reduced_modes, softened
+from antiosc.models import reduced_modes, saved_models, softened
 from antiosc.models.body import several_contact_points
 from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.driving_point import with_slide
@@ -317,13 +317,13 @@ class AntiOscillators(Brief, Parameters):
         The file is complete or absent. Shapes are not stored. InputError where it cannot be
         written.
         """
-        model_file.save(self, path)
+        saved_models.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
         """Read a model written by `save`. InputError when the file is not one."""
-        arguments = model_file.arguments(path)
+        arguments = saved_models.arguments(path)
         try:
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
-            raise model_file.damaged(path, error) from error
+            raise saved_models.damaged(path, error) from error

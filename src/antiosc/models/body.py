@@ -8,7 +8,7 @@ nothing (`checked_body`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
@@ -71,8 +71,8 @@ class InModes(Body):
 class _Foreign(Body):
     """A foreign body: what it says of itself, checked, and the defaults for the rest."""
 
-    def __init__(self, name: str, body: object) -> None:
-        self._body: LinearBody = body
+    def __init__(self, name: str, body: LinearBody) -> None:
+        self._body = body
         self.velocity = getattr(body, "velocity", Body.velocity)
         if not isinstance(self.velocity, Motion):
             self.velocity = checks.number(f"the velocity of {name}", self.velocity, "m/s")
@@ -94,7 +94,7 @@ class _Foreign(Body):
         return self._body.modal()
 
 
-def checked_body(name: str, body: object) -> Body:
+def checked_body(name: str, body: Any) -> Body:
     """`body` as a `Body` of one contact point, a foreign one with the defaults.
 
     InputError for one without a modal() method, and for one with several contact points.

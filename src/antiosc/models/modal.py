@@ -95,7 +95,7 @@ class Damping(Given):
         }
 
 
-def as_damping(value: object) -> Damping | None:
+def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
     """A Damping of itself, of one ratio or of the ratios of the modes; None for None."""
     if value is None or isinstance(value, Damping):
         return value

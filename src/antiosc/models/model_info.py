@@ -134,7 +134,7 @@ class ModelInfo(Brief):
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, given: object) -> ModelInfo:
+    def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
         """A record of itself or of a mapping, whose unknown names are `notes`; else InputError."""
         if isinstance(given, ModelInfo):
             return given

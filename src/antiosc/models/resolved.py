@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from antiosc.base.errors import InputError
 from antiosc.models.model_info import info_of
 
 
-def resolved_frequency(source: object) -> float:
+def resolved_frequency(source: Any) -> float:
     """Frequency [Hz] up to which a model has the motion of points far from its site.
 
     The contact force sees the structure from its site, where few anti-oscillators tell all. A point

@@ -104,7 +104,9 @@ class SiteModes(FreeModes):
         checks.store(self, local_compliance=local)
 
 
-def columns_of_sites(sites: object, count: int) -> dict[str, tuple[int, ...]]:
+def columns_of_sites(
+    sites: Mapping[str, Sequence[int]] | Sequence[str], count: int
+) -> dict[str, tuple[int, ...]]:
     """Columns of each site; one column each where names alone are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")

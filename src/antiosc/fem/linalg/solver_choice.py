@@ -108,7 +108,7 @@ class PetscSolver(Solver):
 
 
 class Distributed(PetscSolver, Factorization):
-    """Cholesky factor by MUMPS, with the ordering that it chooses."""
+    """Cholesky factor over many ranks by MUMPS, with the ordering that it chooses."""
 
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -148,6 +148,22 @@ def forecast(A: PETSc.Mat) -> float:
     first, last = A.getOwnershipRange()
     rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
     return block**2 * Distributed(A.createSubMatrix(rows, rows)).entries
+
+
+class ByPetsc(PetscSolver, Factorization):
+    """Cholesky factor on one rank by CHOLMOD through PETSc, where `cholmod.refusal` says why."""
+
+    def _choose(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        if PETSc.Sys.hasExternalPackage("cholmod") or PETSc.Sys.hasExternalPackage("suitesparse"):
+            pc.setFactorSolverType("cholmod")  # PETSc's own Cholesky fills in far more
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor."""
+        return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
@@ -271,10 +287,11 @@ def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
     `analysis`: what is known of A from before, on one rank.
     """
     comm = A.getComm().tompi4py()
-    if cholmod_refused(comm):
-        return Distributed(A)
+    refused = cholmod_refused(comm)
     if comm.size == 1:
-        return OnOneRank(A, analysis)
+        return ByPetsc(A) if refused else OnOneRank(A, analysis)
+    if refused:
+        return Distributed(A)
     rows = interface(A)
     return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
 

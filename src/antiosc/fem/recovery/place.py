@@ -80,7 +80,7 @@ def strength_of(material: object, place: Place) -> float | Strengths | None:
 
 
 def place(
-    surface: object, layer: object, fibre: object, axes: object, stiffener: object = None
+    surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
     """The arguments of `probe` after a check; InputError for others."""
     if isinstance(surface, str):
