@@ -1,4 +1,4 @@
-"""Simply supported rectangular plates: exact receptance and anti-oscillators at any point.
+"""Simply supported rectangular plates and laminates.
 
 Kirchhoff's plate struck at (x, y) has the receptance (Lévy's single series, α = mπ/a,
 k⁴ = ω²ρh/D)
@@ -12,6 +12,19 @@ rotation along themselves) is given by its double series.
 
 S. Timoshenko and S. Woinowsky-Krieger, *Theory of Plates and Shells* (1959), articles 28 and 29;
 R. D. Mindlin, J. Appl. Mech. 18 (1951) 31-38.
+
+Laminates with shear deformation have Navier's solution of first-order theory. With α = mπ/a,
+β = nπ/b the motions
+
+    u = U cos αx sin βy    v = V sin αx cos βy    w = W sin αx sin βy
+    φx = X cos αx sin βy   φy = Y sin αx cos βy
+
+solve a cross-ply's equations on edges that hold the deflection and what runs along the edge (SS-1);
+for antisymmetric angle-plies sine and cosine of u and v change places, on edges that let these
+slide along but not across (SS-2). Both give one 5 × 5 eigenproblem.
+
+J. N. Reddy, *Mechanics of Laminated Composite Plates and Shells* (2004), articles 7.3 to 7.4;
+C. W. Bert and T. L. C. Chen, Int. J. Solids Struct. 14 (1978) 465-473.
 """
 
 from __future__ import annotations

@@ -9,8 +9,7 @@ and the inertia G = y'My of its static deflection y under a unit force there,
 and h, the part of the truncated modes, is approximated by one mode that matches r and s: its
 frequency is w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no mass: h = r.) If there
 are rigid-body modes and hence no static deflection, C and G are those of K + shift M, and the
-expansion is about x = -shift. The constraint modes are computed in these J + 1 coordinates
-(`antiosc.models.free_modes`).
+expansion is about x = -shift.
 
 The modes left out have 0 < 1/w^2 <= 1/w_J^2, so at real x the value of h lies between that of the
 one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error bound at every site
@@ -19,6 +18,11 @@ samples it may rise by a quarter).
 
 Rigid-body modes that hardly move a site are left out of this and added to its anti-oscillators
 (`antiosc.models.rigid_share`), as in `antiosc.extract`.
+
+In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexibility with the site
+constrained is a rank-one change of A^-1, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its
+eigenvectors are the constraint modes, and the antiresonances are 1/theta - shift of its eigenvalues
+theta: the zeros of H.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Up to which frequency a reduced model has the motion of the whole structure."""
+"""Frequencies up to which reduced models, and families of elements, hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Refinement of meshes of lines, triangles or tetrahedra; their groups are kept."""
+"""New sizes of cells, and the division of triangles and tetrahedra; groups are kept.
+
+A cell of size h and error η² has the error s^(2p) η² if its size becomes s h, and 1/s^d cells
+stand in its place (p the order of the elements, d the dimension). Of all sizes with the same total
+error those with s = λ (η²)^(-1/(q + d)), q = 2p, take the fewest cells (Ladevèze, Coffignal and
+Pelle, 1986). But the largest errors are those at inner edges, where q is that of the singularity,
+whatever p is: 1.09 at a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space, where such
+edges hold many cells, sizes for q = 1 leave 0.7 of the error on a stiffened panel with as many
+cells as for q = 3, and as much of it on parts without such edges; in the plane they are corners.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,11 @@
 
 They are those that made the stiffness matrix, with the interpolated shear strain
 (`antiosc.fem.elements.shell_strains`); beside it stands what the interpolation changed in it.
+
+A piece ends at folds, where three cells or more meet, at stiffeners, and where the section of the
+sheet changes: there section forces jump, and no continuous function stands for them. Strains are
+compared in axes that turn with the surface: over a piece they follow one coordinate axis, or those
+of the layers.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The strains of each shape, the interpolated shear strains among them, are projected (L2, consistent
 mass matrix) to continuous functions of degree two, their own degree, on each smooth piece of the
 surface. What is left, recovered minus discontinuous strain e_j, stands for the error; the layers
-along free edges, which neither of them shows, are added (`antiosc.fem.error.shell`).
+along free edges, which neither of them shows, are added.
 
 It is not all of the error of a flexibility. With the exact section forces σ and the strains s_h of
 the element, which are ε(u_h) + d_h, d_h being what the interpolation changes in the shear strains,
@@ -15,6 +15,17 @@ s_h. The first term is the energy of the error; the second one, which vanishes i
 interpolation, may have either sign, and can make a coarse mesh softer than the part. The recovered
 shear forces stand for Q. Likewise E_ij = ∫ e_i:C:e_j and the misfit ∫ Q_i·d_j + Q_j·d_i for the
 products of all shapes.
+
+Layers: where an edge is free to turn about its normal, its twisting moment m vanishes, but over a
+length of the order of the thickness only: farther inside, and in a mesh of larger cells, it is
+that of a plate without shear deformation. The layer decays as exp(-s/ℓ), with ℓ² = D66/S of the
+twisting and the shear stiffness along the edge (t²/10 if isotropic), and holds the energy m² ℓ/D66
+per length: half in the twisting moment that it takes away, half in the shear force m/ℓ that is in
+equilibrium with it (D. N. Arnold, R. S. Falk, SIAM J. Numer. Anal. 26 (1989) 1276-1312).
+
+Where the section changes, m jumps likewise in such a mesh, and both sides have a layer: with c =
+ℓ/D66 of each, their moments are in the ratio that gives them one rotation, and their energy is that
+of the jump with c1 c2/(c1 + c2). At folds and ribs the other sheet, or the rib, holds the rotation.
 """
 
 from __future__ import annotations

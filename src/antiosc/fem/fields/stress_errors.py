@@ -1,4 +1,8 @@
-"""Errors of the stresses of solids at their nodes, and the corners in which they are infinite."""
+"""Errors of the stresses of solids at their nodes, and the corners in which they are infinite.
+
+In a corner of more than 180° the stress of linear elasticity is infinite, growing as r^-0.46 at
+270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); what a mesh shows grows with every refinement.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checked solves with a symmetric positive definite matrix, whatever back-end it is of."""
+"""Checked solves with symmetric positive definite matrices; factors of those of SciPy."""
 
 from __future__ import annotations
 

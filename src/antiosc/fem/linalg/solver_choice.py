@@ -1,4 +1,4 @@
-"""Choice of the solver: the memory that a factor needs, and an iterative solver for larger models.
+"""Solvers of PETSc matrices: the memory that a factor needs, and what is taken for larger models.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients with algebraic multigrid are used, which take about a hundred times as

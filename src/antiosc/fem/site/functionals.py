@@ -1,4 +1,9 @@
-"""The load vectors b of sites: on or off nodes, for points and patches with Hertz's pressure."""
+"""The load vectors b of sites: on or off nodes, for points and patches with Hertz's pressure.
+
+On nodes of given matrices a patch has Hertz's pressure √(1 − r²/a²) over the circle of radius a
+across the direction of impact; each node takes the load of the points that are next to it. Nodes
+below the surface do not count: those that another node covers against the direction of impact.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Sites as arrays: their patches on the mesh, and their loads b as sparse columns."""
+"""Sites as arrays: their patches on the mesh, and their loads b as sparse columns.
+
+A load is a set of weighted points: one point, or the points of a rule for Hertz's pressure
+√(1 − r²/a²) over a disc in the plane of the surface (over a segment, on the edge of a plane part),
+projected along the normal onto the surface. All functions take arrays of P sites.
+"""
 
 from __future__ import annotations
 
