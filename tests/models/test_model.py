@@ -79,18 +79,6 @@ def test_antiresonances_of_symmetric_models_may_lie_one_rounding_apart(rng):
         assert np.all((x[:-1] <= poles) & (poles <= x[1:]))
 
 
-def test_modes_of_the_chain_against_a_dense_eigensolver(rng):
-    model = random_model(rng, 5)
-    k = model.k
-    K = np.diag(np.concatenate(([model.k0 + k.sum()], k)))
-    K[0, 1:] = K[1:, 0] = -k
-    M = np.diag(np.concatenate(([model.m0], model.m)))
-    body = model.modal()
-    assert body.omega**2 == pytest.approx(la.eigh(K, M, eigvals_only=True), rel=1e-9)
-    residual = K @ body.shape - M @ body.shape * body.omega**2
-    assert np.abs(residual).max() < 1e-9 * np.abs(K).max()
-
-
 def test_equal_frequencies_act_as_one(rng):
     split = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.2, 0.3, 0.4], omega=[5.0, 5.0, 9.0])
     whole = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.5, 0.4], omega=[5.0, 9.0])

@@ -8,6 +8,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 import antiosc as ao
+from antiosc.models.reduced_modes import MODEL_SHIFT, _lowest
 from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
@@ -187,3 +188,12 @@ def test_a_damped_receptance_is_that_of_the_matrices(rng):
         np.testing.assert_allclose(one.receptance(w), expected[0, 0], rtol=1e-12)
     # what is pushed goes on by itself more and more slowly: the phase lags
     assert np.all(body.receptance(np.array([39.0]))[0].diagonal().imag < 0)
+
+
+@pytest.mark.parametrize("highest", [1e2, 1e8, 1e12])
+def test_the_shift_is_of_the_size_of_the_lowest_elastic_mode(highest):
+    """Two masses on a spring, beside a stiff oscillator: omega^2 = 2 k/m, whatever is above."""
+    K = np.zeros((3, 3))
+    K[:2, :2], K[2, 2] = [[3.0, -3.0], [-3.0, 3.0]], highest
+    rigid = np.array([[1.0], [1.0], [0.0]]) / np.sqrt(2)
+    assert _lowest(K, np.eye(3), rigid) == pytest.approx(MODEL_SHIFT * 6.0, rel=1e-3)

@@ -11,7 +11,7 @@ import scipy.linalg
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models import driving_point as bands, free_modes
+from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
 from antiosc.models.rigid_share import with_rigid
 from loose_bodies import (
@@ -207,18 +207,3 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     site = ao.Site(dof=0)
     with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
         assert ao.extract(structure, site, 5, "modes").n < 5
-
-
-@pytest.mark.parametrize("rise", [0.25, 1.0])
-def test_both_parts_of_a_bound_have_the_margin_for_what_lies_between_samples(monkeypatch, rise):
-    rng = np.random.default_rng(6)
-    omega, b = np.geomspace(1.0, 100.0, 30), rng.standard_normal((4, 30))
-    C, G = b**2 @ (1 / omega**2), b**2 @ (1 / omega**4)
-    known, band = (omega[:20], b[:, :20], C, G), 0.5 * omega[19]
-    models = at_sites(*known, 8)
-    bounds = []
-    for margin in (0.0, rise):
-        monkeypatch.setattr(free_modes, "MAP_SAMPLE_RISE", margin)
-        bounds.append(np.array(error_bound(models, *known, band)))
-    assert (bounds[0] > 0).all()
-    np.testing.assert_allclose(bounds[1], (1 + rise) * bounds[0], rtol=1e-12)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import time
 
 import numpy as np
 import pytest
@@ -57,28 +56,6 @@ def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
     assert told == factor.entries == part.factorize().entries
     load = np.sin(np.arange(part.K.getSize()[0]))
     np.testing.assert_array_equal(factor.solve(load), part.factorize().solve(load))
-
-
-@pytest.mark.slow
-def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
-    part = block(n=(10, 6, 4))
-    rows = part.K.getSize()[0]
-    # less than the general bound asks for, and enough for the factor
-    bound = solver_choice.BYTES * solver_choice.COMPACT * rows ** (4 / 3)
-    monkeypatch.setattr(memory, "free_memory", lambda: bound)
-    assert not cholmod.refusal()  # which tries the library once, by a small matrix
-    made, analyse = [], cholmod.Analysis._analysed
-
-    def counted(self, matrix, permutation):
-        made.append(matrix.nrow)
-        time.sleep(0.05)
-        return analyse(self, matrix, permutation)
-
-    monkeypatch.setattr(cholmod.Analysis, "_analysed", counted)
-    monkeypatch.setattr(solver_choice, "forecast", None)
-    seconds = ao.extract(part, SITE, n=3).info["seconds"]
-    assert made == [rows // 3, rows]  # the graph of the nodes, and the rows in its order
-    assert seconds["factorization"] > 0.1  # the forecast is part of it
 
 
 @pytest.mark.slow

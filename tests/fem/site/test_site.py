@@ -287,21 +287,6 @@ def test_a_patch_needs_a_surface():
         functional(structure, ao.Site((0.05, 0.05, 0.05), (0, 0, -1), radius=0.01))
 
 
-def test_a_coarse_mesh_does_not_resolve_a_patch():
-    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(
-        AntioscWarning,
-        match=r"facets at the site measure 0\.0(25|3) m, more than the radius 0\.01 m",
-    ):
-        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1), radius=0.01))
-
-
-def test_a_point_on_a_solid_warns_and_names_a_radius():
-    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(AntioscWarning, match=r"grows without limit.*radius=0\.0\d"):
-        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1)))
-
-
 def test_a_radius_on_a_beam_is_refused():
     structure = ao.Structure(
         parts.line(1.0, 2), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
