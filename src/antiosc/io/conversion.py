@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, listed, some_rows
+from antiosc.io.deck import Array, Block, Deck, IntArray, listed
 from antiosc.io.fixed_entities import DIAGONALS, FixedEntities, fixed_with
 from antiosc.io.neutral import FileMesh, of_kind
 from antiosc.io.node_table import NodeTable
@@ -53,12 +53,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
-    starts = np.cumsum([0, *map(len, deck.blocks)])
-    every = [
-        (block, np.arange(start, start + len(block)))
-        for block, start in zip(deck.blocks, starts, strict=False)
-        if len(block)
-    ]
+    every = [(block, own) for block, own in deck.numbered() if len(block)]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
@@ -124,7 +119,7 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
         flat = _folded(block) | (block.shape == "triangle")
         for own, some in zip(found, (~flat, flat), strict=True):
             if some.any():
-                own.append((some_rows(block, some), elements[some]))
+                own.append((block[some], elements[some]))
     return found
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base._types import BoolArray
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 
 IntArray = NDArray[np.int64]
-Array = NDArray[np.float64]
 
 #: Largest number of a node or element; larger ones indicate a damaged file.
 LARGEST_NUMBER = 2**62
@@ -36,15 +35,26 @@ class Block:
     mids: IntArray
     #: (n, k) nodes inside faces and inside the cell, in VTK's order; (n, 0) for most
     inner: IntArray
+    #: what the elements are in a model: "solid", "shell", "beam", "rod", …
+    role: str = ""
 
     def __len__(self) -> int:
         return len(self.corners)
 
+    def __getitem__(self, some: BoolArray | IntArray) -> Block:
+        return self.mapped(lambda table: table[some])
 
-def some_rows(block: Block, some: BoolArray) -> Block:
-    """Some elements of a block."""
-    tables = (block.corners[some], block.mids[some], block.inner[some])
-    return Block(block.shape, block.type, *tables)
+    def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
+        """The block with other tables of nodes."""
+        corners, mids, inner = map(new, (self.corners, self.mids, self.inner))
+        return Block(self.shape, self.type, corners, mids, inner, self.role)
+
+    @property
+    def nodes(self) -> IntArray:
+        """All nodes of its elements, ascending."""
+        tables = (self.corners, self.mids, self.inner)
+        nodes = np.unique(np.concatenate([table.ravel() for table in tables]))
+        return nodes[nodes >= 0]
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,11 @@ class Place:
     def error(self, text: str) -> MeshError:
         """The error with the sentence `text` about this place."""
         return MeshError(f"{self}: {text}")
+
+    def needs(self, holds: object, text: str) -> None:
+        """Raise this error unless something holds."""
+        if not holds:
+            raise self.error(text)
 
 
 @dataclass
@@ -96,9 +111,30 @@ class Deck:
         """Number of elements that are cells."""
         return sum(len(block) for block in self.blocks)
 
-    def leave(self, kind: str, count: int) -> None:
-        """Count elements that are not cells."""
-        self.left[kind] = self.left.get(kind, 0) + count
+    def numbered(self) -> Iterator[tuple[Block, IntArray]]:
+        """Each block, and the numbers of its elements."""
+        start = 0
+        for block in self.blocks:
+            yield block, np.arange(start, start + len(block))
+            start += len(block)
+
+    def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
+        """The parts of blocks that some elements are, and which of these each part holds."""
+        start = 0
+        for block in self.blocks:
+            mine = (elements >= start) & (elements < start + len(block))
+            if mine.any():
+                yield block[elements[mine] - start], mine
+            start += len(block)
+
+    def nodes_of(self, elements: IntArray) -> IntArray:
+        """All nodes of some elements, ascending."""
+        every = [block.nodes for block, _ in self.blocks_of(elements)]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *every]))
+
+    def leave(self, kind: str) -> None:
+        """Count an element that is not a cell."""
+        self.left[kind] = self.left.get(kind, 0) + 1
 
 
 class Numbering:
@@ -165,11 +201,6 @@ def real_number(text: str, place: Place) -> float:
 
 def listed(counts: dict[str, int]) -> str:
     """Types of elements and their numbers as text."""
-    shown = [f"{count} {kind}" for kind, count in sorted(counts.items())]
-    return _shortened(shown)
-
-
-def _shortened(words: Iterable[str], most: int = 8) -> str:
-    words = list(words)
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more
+    words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
+    more = f" and {len(words) - 8} more" if len(words) > 8 else ""
+    return ", ".join(words[:8]) + more

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.io.deck import Array, Deck, IntArray, Numbering, Place
 from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
 from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
 from antiosc_decks.abaqus.table import account_for
@@ -156,11 +156,9 @@ class Whole:
         instance.first_other = len(self.others)
         deck.points = np.vstack([deck.points, mesh.points @ instance.turn.T + instance.shift])
         for block in mesh.blocks:
-            tables = (block.corners, block.mids, block.inner)
-            moved = [np.where(table >= 0, table + nodes, -1) for table in tables]
-            deck.blocks.append(Block(block.shape, block.type, *moved))
+            deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
         for kind, row in mesh.others:
-            deck.leave(kind, 1)
+            deck.leave(kind)
             self.others.append((kind, row, instance))
         deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
         for keyword, label, rows in mesh.sets:
@@ -186,7 +184,7 @@ class Whole:
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = self.find("ELSET", elements, of)
             if cells is not None:
-                found.append(nodes_of(self.deck, cells))
+                found.append(self.deck.nodes_of(cells))
             else:
                 self.deck.told.append(
                     f"{card.place}: *NSET {name} is of the set of elements {elements}, "
@@ -237,17 +235,6 @@ def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     if step < 1 or last < first:
         raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
-
-
-def nodes_of(deck: Deck, elements: IntArray) -> IntArray:
-    """All nodes of elements."""
-    found, start = [NONE], 0
-    for block in deck.blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        found += [table[own].ravel() for table in (block.corners, block.mids, block.inner)]
-        start += len(block)
-    every = np.unique(np.concatenate(found))
-    return every[every >= 0]
 
 
 def read(

@@ -168,20 +168,21 @@ def element_copies(
                 f"*ELGEN copies the element {master}, which is not defined before."
             )
         block, k = at[0]
-        moved = [
-            _shifted(table[k], i @ shifts, nodes, row.place)
-            for table in (block.corners, block.mids, block.inner)
-        ]
-        yield Block(block.shape, block.type, *moved), master + i @ steps, master
+        copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
+        yield copies, master + i @ steps, master
 
 
-def _shifted(rows: IntArray, shift: IntArray, nodes: Numbering, place: Place) -> IntArray:
+def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
+    """Elements on nodes with other numbers."""
     label = np.empty(len(nodes.labels), dtype=np.int64)
     label[nodes.order] = nodes.labels
-    wanted = label[rows][None, :] + shift[:, None]
-    found = nodes.rows(wanted)
-    if found.size and (found < 0).any():
-        raise place.error(
-            f"*ELGEN needs the node {wanted[found < 0][0]}, which the deck does not define."
-        )
-    return found
+
+    def moved(rows: IntArray) -> IntArray:
+        wanted = label[rows] + shift[:, None]
+        found = nodes.rows(wanted)
+        lost = wanted[found < 0]
+        if len(lost):
+            raise place.error(f"*ELGEN needs the node {lost[0]}, which the deck does not define.")
+        return found
+
+    return block.mapped(moved)

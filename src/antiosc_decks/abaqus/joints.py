@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
-from antiosc_decks.abaqus.assembly import NONE, Instance, Whole, nodes_of
+from antiosc_decks.abaqus.assembly import NONE, Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.properties import Orientations
 from antiosc_decks.abaqus.ties import Surface, surfaces_of, tie
@@ -161,8 +161,7 @@ class _Joints:
         every = [whole.nodes(word, place, within)
                  for option in ("NSET", "TIENSET") if (word := card.option(option))]  # fmt: skip
         if card.option("ELSET"):
-            elements = whole.elements(card.option("ELSET"), place, within)
-            every.append(nodes_of(whole.deck, elements))
+            every.append(whole.deck.nodes_of(whole.elements(card.option("ELSET"), place, within)))
         nodes = np.unique(np.concatenate([NONE, *every]))
         if not len(nodes) and not card.option("PINNSET"):
             raise place.error(f"*{card.keyword} names no nodes (NSET= or ELSET=).")

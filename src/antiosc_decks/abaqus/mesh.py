@@ -162,9 +162,11 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
             f"element {table[row, 0]} ({kind}) has the node {missing}, which "
             f"the deck does not define ({len(wrong)} such elements)."
         )
-    pick = [nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)]
     if len(table):
-        mesh.blocks.append(Block(known.shape, kind, *pick))
+        corners, mids, inner = (
+            nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)
+        )
+        mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
     return table[:, 0]
 
 

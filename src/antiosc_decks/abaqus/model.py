@@ -19,12 +19,12 @@ from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
-from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, roles_of, vary_thickness
-from antiosc_decks.model import copies
+from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.finished import finished
 from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
+from antiosc_decks.model.pieces import separate_copies
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
 BESIDE = {
@@ -53,15 +53,15 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     whole.account.refuse()
     whole.deck.told += whole.account.unknown_options()
     materials, ignored = materials_of([card for card, _ in whole.cards])
-    doubled = copies.separate(whole.deck, roles_of(whole.deck))
+    copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder, materials)
     for card, within in whole.named(*SECTION_CARDS):
         sections.read(card, within)
-    vary_thickness(whole, builder, sections.roles)
+    vary_thickness(whole, builder)
     for card, within in whole.named("NONSTRUCTURALMASS"):
         _nonstructural(whole, builder, card, within)
-    builder.with_roles(sections.roles)
+    builder.find_nodes()
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
@@ -74,11 +74,11 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card in own:
         supports.read(card, top)
     supports.apply()
-    copies.join(builder, doubled)
+    builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
     builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
-    return finished(builder, sections.roles)
+    return finished(builder)
 
 
 # --- Supports -------------------------------------------------------------------------------------

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from antiosc.io.deck import Array, Deck, IntArray, Place, real_number
+from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
-from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.properties import Orientations, profile_of
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import (
@@ -37,11 +35,6 @@ OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
 PLANE = {"plane stress", "plane strain"}
 
 
-def roles_of(deck: Deck) -> list[str]:
-    """What the blocks of a deck are."""
-    return [known.role if (known := element_type(b.type)) else "other" for b in deck.blocks]
-
-
 class Sections:
     """Adds the sections of a deck to a builder."""
 
@@ -50,16 +43,14 @@ class Sections:
         self.builder = builder
         self.materials = materials
         self.orientations = Orientations(whole.cards)
-        self.roles = roles_of(whole.deck)
 
     def read(self, card: Card, within: Instance) -> None:
         """One section card."""
         elements = self.whole.elements(card.needed("ELSET"), card.place, within)
         if not len(elements):
             return  # of springs, masses, or of a set that is empty
-        starts = np.cumsum([0, *map(len, self.whole.deck.blocks)])
-        blocks = np.unique(np.searchsorted(starts, elements, side="right") - 1)
-        roles = {self.roles[k] for k in blocks}
+        blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
+        roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
             kind, arguments = self._shell(card, elements, within)
@@ -73,7 +64,7 @@ class Sections:
         elif "BEAM" in card.keyword and roles == {"beam"}:
             kind, arguments = self._beam(card, elements, within)
         else:
-            self._refuse(card, roles, {self.whole.deck.blocks[k].type for k in blocks})
+            self._refuse(card, roles, {block.type for block in blocks})
         name = self.whole.spelled(card.option("ELSET"), within)
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
@@ -277,7 +268,7 @@ def _positive(card: Card, what: str) -> float:
 # --- *NODAL THICKNESS -----------------------------------------------------------------------------
 
 
-def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) -> None:
+def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
     """Thicknesses by *NODAL THICKNESS, the mean of each element.
 
     CalculiX takes them whether or not the section says so.
@@ -290,14 +281,12 @@ def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) ->
                 at_node[whole.nodes(row.word(0), row.place, within)] = row.real(1)
     if not cards:
         return
-    place, varying, start = cards[0][0].place, 0, 0
+    place, varying = cards[0][0].place, 0
     length = builder.units.length
     families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
     by_section = np.array([*families, np.nan])[builder.of_element]
-    for block, role in zip(whole.deck.blocks, roles, strict=True):
-        own = np.arange(start, start + len(block))
-        start += len(block)
-        if role == "shell":
+    for block, own in whole.deck.numbered():
+        if block.role == "shell":
             nodes = np.hstack([block.corners, block.mids])
             values = np.where(nodes >= 0, at_node[nodes], np.nan)
             values = np.where(np.isfinite(values), values, by_section[own, None])

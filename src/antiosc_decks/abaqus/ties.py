@@ -58,26 +58,17 @@ def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[st
                 surface.alone.append(whole.nodes(row.word(0), row.place, within))
             else:
                 elements = whole.elements(row.word(0), row.place, within)
-                side = row.word(1).upper()
-                surface.faces += _faces(whole.deck.blocks, elements, side, row.place)
+                for block, _ in whole.deck.blocks_of(elements):
+                    surface.faces += _faces(block, row.word(1).upper(), row.place)
     return found
 
 
-def _faces(
-    blocks: Sequence[Block], elements: IntArray, side: str, place: Place
-) -> Iterator[tuple[IntArray, IntArray]]:
-    start = 0
-    for block in blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        start += len(block)
-        if not len(own):
-            continue
-        corners = _corners(block.shape, side, place)
-        edges = [frozenset(edge) for edge in EDGES[block.shape]]
-        ring = zip(corners, (*corners[1:], corners[0]), strict=True)
-        around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
-        for row in own:
-            yield block.corners[row][list(corners)], block.mids[row][around]
+def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
+    corners = _corners(block.shape, side, place)
+    edges = [frozenset(edge) for edge in EDGES[block.shape]]
+    ring = zip(corners, (*corners[1:], corners[0]), strict=True)
+    around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
+    yield from zip(block.corners[:, list(corners)], block.mids[:, around], strict=True)
 
 
 def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,10 +11,10 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
-from antiosc.io.deck import Array, Block, Deck, IntArray, Place, some_rows
+from antiosc.io.deck import Array, Deck, IntArray, Place
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
-from antiosc_decks.model.pieces import one_piece
+from antiosc_decks.model.pieces import SPRINGS, one_piece
 from antiosc_decks.model.properties import Material
 
 
@@ -32,16 +31,7 @@ def chosen_elements(deck: Deck) -> BoolArray:
     return chosen if deck.piece is None else one_piece(deck, chosen)
 
 
-def nodes_of_block(block: Block) -> IntArray:
-    """All nodes of a block's elements."""
-    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
-    nodes = np.unique(np.concatenate(every))
-    return nodes[nodes >= 0]
-
-
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
-#: Roles of elements that are springs between other elements; rods alone are a truss.
-SPRINGS = {"rod", "panel"}
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
 
@@ -133,22 +123,20 @@ class ModelBuilder:
         self.chosen = chosen_elements(self.deck)
         self.gone = np.zeros(len(self.deck.points), dtype=bool)
 
-    def with_roles(self, roles: Sequence[str]) -> None:
-        """What the blocks of the deck are; nodes of shells and beams have rotations."""
-        ends = np.cumsum([0, *map(len, self.deck.blocks)])
-        chosen = [self.chosen[slice(*some)] for some in pairwise(ends)]
-        present = {role for role, some in zip(roles, chosen, strict=True) if some.any()}
+    def find_nodes(self) -> None:
+        """Which nodes the chosen elements use; those of shells and beams have rotations."""
+        chosen = [(block, block[self.chosen[own]]) for block, own in self.deck.numbered()]
+        present = {some.role for _, some in chosen if len(some)}
         self.truss = "rod" in present and present <= SPRINGS
         every = np.zeros(len(self.used), dtype=bool)
-        for role, block, some in zip(roles, self.deck.blocks, chosen, strict=True):
-            every[nodes_of_block(block)] = True
-            own = nodes_of_block(some_rows(block, some))
-            if role not in SPRINGS or (self.truss and role == "rod"):
-                self.used[own] = True
+        for block, some in chosen:
+            every[block.nodes] = True
+            if block.role not in SPRINGS or (self.truss and block.role == "rod"):
+                self.used[some.nodes] = True
             else:
-                every[own] = False
-            if role in ("shell", "beam"):
-                self.has_rotations[own] = True
+                every[some.nodes] = False
+            if block.role in ("shell", "beam"):
+                self.has_rotations[some.nodes] = True
         #: nodes of elements that are not chosen alone
         self.gone = every & ~self.used
 
@@ -274,6 +262,13 @@ class ModelBuilder:
         moving = self._moving(terms)
         if moving and damping:
             self.joints.dampers.append((moving, damping))
+
+    def join_copies(self, copies: list[tuple[int, int]]) -> None:
+        """Let nodes of copies follow those of what they repeat: (own node, node)."""
+        for own, node in copies:
+            self.apart.append(own)
+            for motion in range(6 if self.has_rotations[own] else 3):
+                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
         points = len(self.fixed)

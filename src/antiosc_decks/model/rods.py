@@ -14,46 +14,44 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Place
-from antiosc_decks.model.builder import SPRINGS, Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
 from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.pieces import SPRINGS
 
 #: Component of a rod's direction over the largest below which it is rounding.
 FLAT = 1e-8
 
 
-def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolArray:
-    """Springs and masses in place of the rods and panels that are kept; which elements they are.
+def join_rods(builder: ModelBuilder) -> BoolArray:
+    """Springs and masses in place of the chosen rods and panels; which elements they are.
 
     The rods of a truss stay elements.
     """
-    start, rods = 0, np.zeros(builder.deck.n_elements, dtype=bool)
+    rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
     masses: dict[int, tuple[float, Place]] = {}
-    for role, block in zip(roles, builder.deck.blocks, strict=True):
-        some = np.arange(start, start + len(block))
-        start += len(block)
-        if role not in SPRINGS or (role == "rod" and builder.truss):
+    for block, some in deck.numbered():
+        if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
             continue
         rods[some] = True
-        for k in np.flatnonzero(kept[some]):
+        kept = np.flatnonzero(builder.chosen[some])
+        for k in kept:
             nodes = list(map(int, block.corners[k]))
             rod = builder.rods.get(int(some[k]))
             if rod is None:
                 raise MeshError(
-                    f"{builder.deck.name} has {block.type} elements without a section, so that "
-                    "their material is not known."
+                    f"{deck.name} has {block.type} elements without a section, so that their "
+                    "material is not known."
                 )
             if isinstance(rod, Panel):
                 size = _panel(builder, nodes, rod)
             else:
                 size = _spring(builder, nodes, rod)
             for node in nodes:
-                masses[node] = (
-                    masses.get(node, (0.0,))[0] + rod.mass * size / len(nodes),
-                    rod.place,
-                )
-        builder.deck.told.append(
-            f"the {int(kept[some].sum())} {block.type} of {builder.deck.name} are springs, with "
-            f"their mass at their {'ends' if role == 'rod' else 'corners'}."
+                before = masses.get(node, (0.0,))[0]
+                masses[node] = before + rod.mass * size / len(nodes), rod.place
+        deck.told.append(
+            f"the {len(kept)} {block.type} of {deck.name} are springs, with their mass at their "
+            f"{'ends' if block.role == 'rod' else 'corners'}."
         )
     for node, (mass, place) in masses.items():
         if mass:

@@ -17,7 +17,7 @@ from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.nastran.cards import Entry, motions_of
 from antiosc_decks.nastran.mesh import NastranDeck, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
-from antiosc_decks.nastran.table import BEAMS, CELLS
+from antiosc_decks.nastran.table import BEAMS
 
 #: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
 PIECES = 16
@@ -60,11 +60,9 @@ def divide(found: NastranDeck) -> list[End]:
     ends: list[End] = []
     points: list[Array] = list(found.deck.points)
     elements: list[Entry] = []
-    start = 0
-    for k, block in enumerate(found.deck.blocks):
-        entries = found.elements[start : start + len(block)]
-        start += len(block)
-        if CELLS[block.type].role != "beam":
+    for k, (block, numbers) in enumerate(found.deck.numbered()):
+        entries = [found.elements[number] for number in numbers]
+        if block.role != "beam":
             elements += entries
             continue
         lines: list[tuple[int, int]] = []
@@ -94,7 +92,7 @@ def divide(found: NastranDeck) -> list[End]:
                 elements.append(entry)
         none = np.zeros((len(lines), 0), dtype=np.int64)
         table: IntArray = np.array(lines, dtype=np.int64).reshape(-1, 2)
-        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none)
+        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none, block.role)
     found.elements = elements
     found.deck.points = np.array(points)
     return ends

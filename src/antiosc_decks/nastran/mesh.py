@@ -299,7 +299,7 @@ def _elements(found: NastranDeck) -> None:
             seen = set()
         if cell is None:
             if is_other(entry.name):
-                found.deck.leave(entry.name, 1)
+                found.deck.leave(entry.name)
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
@@ -322,7 +322,8 @@ def _elements(found: NastranDeck) -> None:
                 "there is no GRID."
             )
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
-        found.deck.blocks.append(Block(cell.shape, name, rows[:, :corners], mids, mids[:, :0]))
+        tables = rows[:, :corners], mids, mids[:, :0]
+        found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
         found.elements += [entry for entry, _ in some]
 
 
