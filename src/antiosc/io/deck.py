@@ -79,6 +79,16 @@ class Place:
             raise self.error(text)
 
 
+class Placed:
+    """A card, an entry or a line of a deck."""
+
+    place: Place
+
+    def needs(self, holds: object, text: str) -> None:
+        """MeshError with this sentence about its place, unless something holds."""
+        self.place.needs(holds, text)
+
+
 @dataclass
 class Deck:
     """Nodes, elements and sets of a deck.

@@ -93,8 +93,7 @@ class Whole:
     def node(self, word: str, place: Place, within: Instance) -> int:
         """The node that a number or a set of one node names."""
         nodes = self.nodes(word, place, within)
-        if len(nodes) != 1:
-            raise place.error(f"{word!r} must be one node; it is {len(nodes)}.")
+        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
         return int(nodes[0])
 
     def elements(self, word: str, place: Place, within: Instance) -> IntArray:
@@ -177,8 +176,7 @@ class Whole:
         """A card *NSET or *ELSET; one of the assembly may have members in instances."""
         keyword, name, of = card.keyword, card.needed(card.keyword), within
         if wanted := card.option("INSTANCE"):
-            if wanted.upper() not in self.instances:
-                raise card.place.error(f"there is no instance {wanted!r}.")
+            card.needs(wanted.upper() in self.instances, f"there is no instance {wanted!r}.")
             of = self.instances[wanted.upper()]
         found, lost, count = [NONE], [], 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
@@ -227,8 +225,7 @@ class Whole:
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     """What selects the existing numbers in a range, which may be wide."""
-    if len(row.fields) < 2:
-        raise row.place.error("GENERATE needs a first and a last number.")
+    row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
     first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
     if step == 0 and first == last:
         step = 1
@@ -335,8 +332,7 @@ def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) 
 def _rotation(axis: Array, degrees: float, place: Place) -> Array:
     """Rodrigues' matrix of a rotation about an axis."""
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the two points of a rotation coincide.")
+    place.needs(length != 0, "the two points of a rotation coincide.")
     x, y, z = axis / length
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.deg2rad(degrees)

@@ -102,11 +102,9 @@ Made = Iterator[tuple[int, list[float]]]
 
 def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
     """Nodes on straight lines between two others (*NGEN)."""
-    if card.option("LINE"):
-        raise card.place.error("*NGEN makes straight lines only here (LINE=).")
+    card.needs(not card.option("LINE"), "*NGEN makes straight lines only here (LINE=).")
     for row in card.rows():
-        if len(row.fields) < 2:
-            raise row.place.error("*NGEN needs the numbers of two nodes on a line.")
+        row.needs(len(row.fields) >= 2, "*NGEN needs the numbers of two nodes on a line.")
         first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
         count = (last - first) // step if step > 0 else 0
         if first not in known or last not in known:
@@ -123,8 +121,7 @@ def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
     if card.option("BIAS", "1") not in ("1", "1.", "1.0") or "SINGULAR" in card.options:
         raise card.place.error("*NFILL is read with equal distances only.")
     for row in card.rows():
-        if len(row.fields) < 4:
-            raise row.place.error("*NFILL needs two sets, a number of lines and a step.")
+        row.needs(len(row.fields) >= 4, "*NFILL needs two sets, a number of lines and a step.")
         names, lines, step = row.fields[:2], row.whole(2), row.whole(3)
         one, other = (sets.get(name.upper(), []) for name in names)
         if len(one) != len(other) or not one:
@@ -153,20 +150,15 @@ def element_copies(
     """
     for row in card.rows():
         master, *rest = row.integers()
-        if not rest:
-            raise row.place.error("2 numbers are needed at least.")
+        row.needs(rest, "2 numbers are needed at least.")
         counts, shifts, steps = np.array([*rest, *[1] * (9 - len(rest))][:9]).reshape(3, 3).T
         counts = np.maximum(counts, 1)
         total = int(np.prod(counts.astype(object)))
-        if not 0 < total <= MOST_GENERATED:
-            raise row.place.error(f"*ELGEN would make {total} elements.")
+        row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
         i = np.indices(counts).reshape(3, -1).T[1:]
         at = [(b, int(k)) for b, own in zip(blocks, labels, strict=True)
               for k in np.flatnonzero(own == master)]  # fmt: skip
-        if not at:
-            raise row.place.error(
-                f"*ELGEN copies the element {master}, which is not defined before."
-            )
+        row.needs(at, f"*ELGEN copies the element {master}, which is not defined before.")
         block, k = at[0]
         copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
         yield copies, master + i @ steps, master

@@ -69,8 +69,7 @@ class _Joints:
         rows = iter(card.rows())
         for row in rows:
             count = whole_number(row.word(0), row.place)
-            if not 0 < count <= LONGEST_EQUATION:
-                raise row.place.error(f"an *EQUATION of {count} terms.")
+            row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
             words: list[str] = []
             while len(words) < 3 * count:
                 place, more = row.place, next(rows, None)
@@ -87,8 +86,7 @@ class _Joints:
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
         nodes = [self.whole.nodes(word, place, within) for word, _, _ in triples]
         for (word, _, _), some in zip(triples, nodes, strict=True):
-            if not len(some):
-                raise place.error(f"*EQUATION names {word!r}, a set without nodes.")
+            place.needs(len(some), f"*EQUATION names {word!r}, a set without nodes.")
         count = len(nodes[0])
         if count > 1 and sum(len(some) > 1 for some in nodes) > 1:
             raise place.error(
@@ -99,12 +97,10 @@ class _Joints:
             terms = []
             for (_, dof, factor), some in zip(triples, nodes, strict=True):
                 motion = whole_number(dof, place) - 1
-                if not 0 <= motion < 6:
-                    raise place.error(f"*EQUATION acts on motions from 1 to 6; got {dof}.")
+                place.needs(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
                 node = int(some[k if len(some) > 1 else 0])
                 terms.append((node, motion, real_number(factor, place)))
-            if not terms[0][2]:
-                raise place.error("the first term of *EQUATION has the coefficient 0.")
+            place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
 
     # --- Multi-point constraints ------------------------------------------------------------------
@@ -287,8 +283,7 @@ def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
     far = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
     axis = x[far] - x[0]
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the nodes of the *MPC of type STRAIGHT coincide.")
+    place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
     across = np.linalg.svd(axis[None] / length)[2][1:]
     for k, node in enumerate(nodes):
         if k not in (0, far):
@@ -304,8 +299,7 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     """
     axis = x[-1]
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the *MPC of type MEANROT needs an axis.")
+    place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
     axis = axis / length
     r = x[:-1] - x[:-1].mean(axis=0)
     r = r - np.outer(r @ axis, axis)

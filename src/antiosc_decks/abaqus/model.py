@@ -101,11 +101,9 @@ class _Supports:
         within.refuse_turned(card)
         moved = other = False
         for row in card.rows():
-            if not row.word(1):
-                raise row.place.error("*BOUNDARY names no motion from 1 to 6.")
+            row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
             nodes = self.whole.nodes(row.word(0), row.place, within)
-            if not len(nodes):
-                raise row.place.error(f"the set of nodes {row.word(0)} has no nodes.")
+            row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
             motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
             if motions is None:
                 first = row.whole(1)
@@ -179,10 +177,7 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
     given = dict.fromkeys(BESIDE, 0)
     for card, within in whole.named(*BESIDE):
         rows = card.rows()
-        if not rows:
-            raise card.place.error(
-                f"*{card.keyword} without a value: a mass, stiffness or damping."
-            )
+        card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
         for kind, nodes in whole.beside(card, within):
             given[card.keyword] += 1
             if card.keyword == "MASS":
@@ -212,8 +207,7 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
 def _inertia(card: Card, row: Row, within: Instance) -> list[float]:
     """Moments of inertia of *ROTARY INERTIA about the axes of the deck."""
     values = row.reals(6)
-    if any(values[3:]):
-        raise card.place.error("products of inertia are not supported.")
+    card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
         within.refuse_turned(card)
         if card.option("ORIENTATION"):
@@ -250,8 +244,7 @@ def _link(
             f"depend on frequency or temperature; it has {len(values)}."
         )
     value = real_number(values[0].word(0), values[0].place)
-    if value < 0:
-        raise values[0].place.error(f"the {what} {value:g} is negative.")
+    values[0].needs(value >= 0, f"the {what} {value:g} is negative.")
     if card.keyword == "SPRING":
         builder.sprung(terms, value, card.place)
     else:

@@ -53,8 +53,7 @@ def _elastic(material: Material, card: Card) -> str:
         )
     values = card.first().reals() if kind == "ISO" else card.numbers()
     count = ELASTIC_CONSTANTS[kind]
-    if len(values) < count:
-        raise card.place.error(f"*ELASTIC needs {count} constants; it has {len(values)}.")
+    card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])
     material.place = card.place
     if kind == "ISO":
@@ -123,8 +122,7 @@ class Orientations:
             raise card.place.error("*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
         a, b, origin = np.reshape(first.reals(9), (3, 3)) @ of.turn.T
         normal = np.cross(a - origin, b - origin)
-        if not normal.any():
-            raise card.place.error("the two points of *ORIENTATION give no plane.")
+        card.needs(normal.any(), "the two points of *ORIENTATION give no plane.")
         one, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
         if degrees := self.degrees(name, within):
             if rows[1].word(0) != "3":
@@ -186,6 +184,5 @@ def profile_of(card: Card) -> profiles.Profile:
             raise card.place.error("a BOX with unequal opposite walls is not supported.")
         return found
     area, about_1, mixed, about_2, torsion = d[:5]
-    if mixed:
-        raise card.place.error("I12 must be 0: rotate the section to its principal axes.")
+    card.needs(not mixed, "I12 must be 0: rotate the section to its principal axes.")
     return profiles.Profile(area, about_2, about_1, torsion, profiles.RECTANGLE)

@@ -228,8 +228,7 @@ class Sections:
         elif profile.I_side != profile.I or any(shares):
             within.refuse_turned(card)
         offset = shares[0] * profile.height
-        if all(shares):
-            raise card.place.error("a beam off its nodes in both directions is not supported.")
+        card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
             tangent = common_direction(tangents_of(self.whole.deck, elements), least=1 - 1e-9)
             if tangent is None:
@@ -260,8 +259,7 @@ def _turned(axis: Array, own: Array, normals: Array, place: Place) -> float:
 def _positive(card: Card, what: str) -> float:
     """The thickness or the area in the first line, 1 where it is left out."""
     value = card.first().real(0, 1.0)
-    if value <= 0:
-        raise card.first().place.error(f"the {what} must be above 0; it is {value:g}.")
+    card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value
 
 

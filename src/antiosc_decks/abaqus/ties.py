@@ -97,8 +97,7 @@ def tie(
 
     `tolerance` is in the deck's unit of length.
     """
-    if not master.faces:
-        raise place.error("the master surface of *TIE must be of faces of elements.")
+    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
     faces, edges = [], []
     for corners, mids in master.faces:
         there = len(mids) and (mids >= 0).all()

@@ -28,8 +28,7 @@ def matches(content: bytes) -> bool:
 def read(source: Source) -> Entries:
     """The matrix of a Harwell–Boeing file; right-hand sides are left aside."""
     lines = source.lines()
-    if len(lines) < 5:
-        raise source.error(len(lines), "the file ends within its header.")
+    source.needs(len(lines) >= 5, len(lines), "the file ends within its header.")
     cards = _whole(source, lines[1], 2, 4)
     kind = lines[2][:3].decode("ascii", "replace").upper()
     if kind[0] != "R":

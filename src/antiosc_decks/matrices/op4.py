@@ -134,8 +134,7 @@ class _Text:
         return found
 
     def _line(self) -> str:
-        if self._at == len(self._lines):
-            raise self._source.error(self._at, "the file ends within a matrix.")
+        self._source.needs(self._at != len(self._lines), self._at, "the file ends within a matrix.")
         self._at += 1
         return self._lines[self._at - 1].decode("ascii", "replace")
 

@@ -111,8 +111,7 @@ class Constraints:
         """
         along = self.place(b) - self.place(a)
         length = float(np.linalg.norm(along))
-        if length == 0:
-            raise place.error("the ends of an element coincide, so that it has no direction.")
+        place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
         unit = (along / length).tolist()
         return [
             (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)

@@ -41,8 +41,7 @@ def add_total(
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
-    if not total > 0:
-        raise place.error(f"the elements of the nonstructural mass have no {by}.")
+    place.needs(total > 0, f"the elements of the nonstructural mass have no {by}.")
     _spread(builder, elements, value / total * share)
 
 
@@ -50,8 +49,7 @@ def _sections(
     builder: ModelBuilder, elements: IntArray, place: Place
 ) -> tuple[IntArray, Array, Array]:
     """(dimension, thickness or area across it, density) of elements, in the deck's units."""
-    if not len(elements):
-        raise place.error("the nonstructural mass is on no element with a section.")
+    place.needs(len(elements), "the nonstructural mass is on no element with a section.")
     found = [_section(builder, int(element), place) for element in elements]
     dimension, across, density = (np.array(column) for column in zip(*found, strict=True))
     return dimension, across, density
@@ -62,8 +60,7 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
         rod = builder.rods[element]
         return rod.dimension, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
-    if number < 0:
-        raise place.error("the nonstructural mass is on an element without a section.")
+    place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
     across = 1.0

@@ -99,8 +99,7 @@ class Systems:
             return self._moved.get(place.scope, BASIC)
         number += place.scope
         if number not in self._placed:
-            if number not in self._given:
-                raise place.error(f"there is no coordinate system {own}.")
+            place.needs(number in self._given, f"there is no coordinate system {own}.")
             if number in self._open or len(self._open) > 200:
                 raise place.error(f"the coordinate system {own} depends on itself.")
             self._open.add(number)

@@ -91,8 +91,7 @@ class NastranDeck:
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
         row = int(self.nodes.rows(np.array([label + place.scope]))[0])
-        if row < 0:
-            raise place.error(f"there is no GRID {label}.")
+        place.needs(row >= 0, f"there is no GRID {label}.")
         return row
 
     def at(self, entry: Entry, k: int) -> int:
@@ -197,8 +196,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
 
     def position(label: int, place: Place) -> Array:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
-        if not 0 <= row < len(grids):
-            raise place.error(f"there is no GRID {label}.")
+        place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:
             number = _given(grids[row], 1, default)
             c = np.array(grids[row].reals(2, 5))

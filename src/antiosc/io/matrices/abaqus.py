@@ -24,8 +24,7 @@ def read(source: Source) -> Entries:
         elif text:
             lines.append(text)
             numbers.append(k + 1)
-    if not lines:
-        raise source.error(1, "the file has no entries.")
+    source.needs(lines, 1, "the file has no entries.")
     columns = len(lines[0].replace(b",", b" ").split())
     if columns not in (3, 5):
         raise source.error(

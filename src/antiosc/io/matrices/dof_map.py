@@ -195,8 +195,7 @@ def _table(source: Source) -> tuple[str, Array]:
             continue  # a comment, or the heading of the table
         lines.append(_numbered(source, k + 1, text.split()))
         numbers.append(k + 1)
-    if not lines:
-        raise source.error(1, "the map has no row of numbers.")
+    source.needs(lines, 1, "the map has no row of numbers.")
     table = source.table(lines, numbers, len(lines[0].split()))
     if not np.isfinite(table).all():
         raise InputError(f"{source.name} must hold finite numbers.")

@@ -42,6 +42,11 @@ class Source:
         """The error for a line, counted from 1."""
         return InputError(f"{self.name}, line {line}: {text}")
 
+    def needs(self, holds: object, line: int, text: str) -> None:
+        """Raise the error for a line unless something holds."""
+        if not holds:
+            raise self.error(line, text)
+
     def at_byte(self, offset: int, text: str) -> InputError:
         """The error for a place in a binary file."""
         return InputError(f"{self.name}, byte {offset}: {text}")
