@@ -17,37 +17,18 @@ import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import geo_script, meshing
-from antiosc.io.cad import CAD, Names, fill, groups_of, named_solids, opened
-from antiosc.io.mixed import CELLS, as_carried, known
+from antiosc.io.meshing import CAD, Names, fill, groups_of, named_solids, opened
+from antiosc.io.mixed import as_carried, known
 from antiosc.io.neutral import FileMesh, IntArray
 from antiosc.io.request import Request
+from antiosc.io.shapes import CELLS
 
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, *CAD)
 #: First words of gmsh's mesh files; gmsh executes any other file as a script.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 
-GMSH_KINDS = {
-    15: "vertex",
-    1: "line",
-    8: "line3",
-    2: "triangle",
-    9: "triangle6",
-    3: "quad",
-    10: "quad9",
-    16: "quad8",
-    4: "tetra",
-    11: "tetra10",
-    5: "hexahedron",
-    12: "hexahedron27",
-    17: "hexahedron20",
-    6: "wedge",
-    18: "wedge15",
-    13: "wedge18",
-    7: "pyramid",
-    19: "pyramid13",
-    14: "pyramid14",
-}
+GMSH_KINDS = {number: label for label, (_, _, number) in CELLS.items()}
 
 
 def read(ask: Request) -> FileMesh:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
-from antiosc.io.mixed import CELLS, as_carried, known
+from antiosc.io.mixed import as_carried, known
 from antiosc.io.neutral import FileMesh, IntArray
 from antiosc.io.request import Request
-from antiosc.io.shapes import DIMENSION
+from antiosc.io.shapes import CELLS, DIMENSION
 
 #: Formats that meshio reads, by extension.
 FORMATS = {

@@ -10,14 +10,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import (
-    Block,
-    Deck,
-    Numbering,
-    Place,
-    real_number,
-    whole_number,
-)
+from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
 from antiosc.io.neutral import FileMesh
 from antiosc.io.request import Request
 from antiosc.io.shapes import CORNERS, EDGES
@@ -46,18 +39,12 @@ ORDER = {
     "quad": ((0, 2, 4, 6), (1, 3, 5, 7)),
     "tetra": ((0, 2, 4, 9), (1, 3, 5, 6, 7, 8)),
     "wedge": ((0, 2, 4, 9, 11, 13), (1, 3, 5, 10, 12, 14, 6, 7, 8)),
-    "hexahedron": (
-        (0, 2, 4, 6, 12, 14, 16, 18),
-        (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11),
-    ),
+    "hexahedron": ((0, 2, 4, 6, 12, 14, 16, 18), (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
 }
 UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
 ELEMENT_SETS = 2412, 780
 #: Groups: with four numbers for each member, and with two.
-GROUPS = {
-    **dict.fromkeys((2435, 2452, 2467, 2477), 4),
-    **dict.fromkeys((2429, 2430, 2432), 2),
-}
+GROUPS = {**dict.fromkeys((2435, 2452, 2467, 2477), 4), **dict.fromkeys((2429, 2430, 2432), 2)}
 OF_NODES, OF_ELEMENTS = 7, 8
 
 

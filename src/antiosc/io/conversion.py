@@ -18,25 +18,12 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, listed
-from antiosc.io.fixed_entities import DIAGONALS, FixedEntities, fixed_with
-from antiosc.io.neutral import FileMesh, of_kind
-from antiosc.io.node_table import NodeTable
-from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc.io.neutral import KINDS, FileMesh, of_kind
+from antiosc.io.node_table import DIAGONALS, FixedEntities, NodeTable
+from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 #: (shape, geometric order) -> name of the kind of cells
-CELL_LABELS = {
-    ("point", 1): "vertex",
-    ("line", 1): "line",
-    ("line", 2): "line3",
-    ("triangle", 1): "triangle",
-    ("triangle", 2): "triangle6",
-    ("quad", 1): "quad",
-    ("quad", 2): "quad9",
-    ("tetra", 1): "tetra",
-    ("tetra", 2): "tetra10",
-    ("hexahedron", 1): "hexahedron",
-    ("hexahedron", 2): "hexahedron27",
-}
+CELL_LABELS = {(CELLS[label][0], kind.order): label for label, kind in KINDS.items()}
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -84,7 +71,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
         own = of_kind("", label) if joined else ""
-        mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
+        mesh.fixed |= {name + own: entities.of(rows) for name, rows in deck.fixed.items()}
     mesh.model = deck.model
     if joined and deck.model:
         joints = deck.model["joints"]

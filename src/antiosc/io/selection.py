@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base.errors import InputError, MeshError
-from antiosc.io.cad import CAD
+from antiosc.io.meshing import CAD
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,

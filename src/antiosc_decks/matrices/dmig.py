@@ -15,9 +15,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.io.matrices.entries import Entries, Labels, of_labels
-from antiosc.io.matrices.formats import MatrixFormat
-from antiosc.io.matrices.source import Source, fortran, is_text
+from antiosc.io.matrices.formats import (
+    Entries,
+    Labels,
+    MatrixFormat,
+    Source,
+    fortran,
+    is_text,
+    of_labels,
+)
 from antiosc_decks.nastran.cards import fields_of
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.

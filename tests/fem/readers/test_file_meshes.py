@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from antiosc.io import merging
+from antiosc.io import reading as merging
 from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
 from antiosc.io.reading import _alone
 from antiosc.io.selection import selected

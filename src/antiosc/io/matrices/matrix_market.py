@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array
-from antiosc.io.matrices.entries import Entries
-from antiosc.io.matrices.source import Source
+from antiosc.io.matrices.formats import Entries, Source
 
 #: First word of the file.
 BANNER = b"%%MatrixMarket"
