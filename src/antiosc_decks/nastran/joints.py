@@ -11,9 +11,9 @@ from antiosc.io.deck import Array, real_number, whole_number
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term, lever
 from antiosc_decks.model.nonstructural import add_mass, add_total
-from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.beams import orientation
 from antiosc_decks.nastran.cards import Entry, motions_of, through
+from antiosc_decks.nastran.coordinates import coincident, place_in
 from antiosc_decks.nastran.mesh import SETS, NastranDeck, its_property, property_of
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -54,7 +54,7 @@ class Joints:
         for name, rigid in RIGID.items():
             for entry in found.named(name):
                 rigid(self, entry)
-        for follower, node in parts.coincident(found.grids, found.deck.points, found.bulk.entries):
+        for follower, node in coincident(found.grids, found.deck.points, found.bulk.entries):
             self._follow([follower], node, ALL, found.grids[follower], own=False)
         used = found.used_sets("MPC")
         for entry in found.named("MPC"):
@@ -111,7 +111,7 @@ class Joints:
         words = entry.words(8)
         plain = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
         entry.needs(plain, "SECONCT is read as pairs of nodes.")
-        places = [parts.place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
+        places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
         for pair in zip(words[::2], words[1::2], strict=True):
             follower, leader = (
                 self.found.row(whole_number(word, at), at)

@@ -13,9 +13,8 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
-from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.cards import Bulk, Entry, through
-from antiosc_decks.nastran.coordinates import Systems
+from antiosc_decks.nastran.coordinates import SCOPE, Systems, label_of, moved_parts, scope_parts
 from antiosc_decks.nastran.table import CELLS, NEAREST, account_for, fate_of, is_other, renew
 from antiosc_decks.sources import Sources
 
@@ -158,7 +157,7 @@ def read(
             own = f"a superelement of the type {entry.text(1)}"
             whole = entry.text(1).upper() in ("", "PRIMARY")
             entry.needs(whole, f"{own} is not read; write its elements out.")
-    parts.scope(bulk.entries)
+    scope_parts(bulk.entries)
     found = _nodes(bulk, name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
     for name, sentence in NEAREST.items():
@@ -204,7 +203,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         return placed[row]
 
     systems = Systems(bulk.entries, position)
-    moved = parts.moved(bulk.entries, position, systems)
+    moved = moved_parts(bulk.entries, position, systems)
     systems.move(moved)
     placed.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
@@ -316,7 +315,7 @@ def _elements(found: NastranDeck) -> None:
         for row, k in np.argwhere(lost):
             entry = some[row][0]
             raise entry.place.error(
-                f"{name} {entry.whole(0)} has the node {table[row, k] % parts.SCOPE}, for which "
+                f"{name} {entry.whole(0)} has the node {table[row, k] % SCOPE}, for which "
                 "there is no GRID."
             )
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
@@ -346,7 +345,7 @@ def set_groups(found: NastranDeck) -> None:
     """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
     numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
     for number in map(int, np.unique(numbers[numbers > 0])):
-        for name in filter(None, (parts.label(number), found.bulk.names.get(number))):
+        for name in filter(None, (label_of(number), found.bulk.names.get(number))):
             found.deck.element_sets[name] = np.flatnonzero(numbers == number)
     for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
         if rows := [rows for rows, _, _ in constraints(found, number)]:

@@ -17,8 +17,8 @@ from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
 from antiosc_decks.model.properties import Material, isotropic, tube
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
+from antiosc_decks.nastran.coordinates import SCOPE, label_of
 from antiosc_decks.nastran.mesh import NastranDeck, defined_once, property_of
-from antiosc_decks.nastran.parts import SCOPE, label
 from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.table import CELLS, PROPERTIES
 
@@ -62,7 +62,7 @@ class Properties:
             for wrong in sorted(n for n in names if entry.name not in CELLS[n].properties):
                 raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
             OF_PROPERTY.get(entry.name, Properties._beams)(
-                self, entry, label(int(number)), elements
+                self, entry, label_of(int(number)), elements
             )
 
     def _unknown(self, element: Entry, number: int) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
 from antiosc.base.errors import MeshError
-from antiosc_decks.abaqus.elements import element_type, nodes_of_other
+from antiosc_decks.abaqus.mesh import element_type, nodes_of_other
 from refusals import refused
 
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"

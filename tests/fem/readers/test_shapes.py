@@ -11,7 +11,7 @@ import pytest
 from antiosc.io import neutral, shapes
 from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
 from antiosc.io.node_table import NodeTable
-from antiosc_decks.abaqus.elements import element_type
+from antiosc_decks.abaqus.mesh import element_type
 from antiosc_decks.abaqus.model import NAMED
 from antiosc_decks.abaqus.ties import SOLID_FACES
 
