@@ -192,11 +192,9 @@ class Whole:
         for row in card.rows():
             if "GENERATE" in card.options:
                 found.append(self._numbered(keyword, of, _ranged(row)))
-                if strict and not len(found[-1]):
-                    raise row.place.error(
-                        f"*{keyword} in the assembly selects nothing; name the instance "
-                        "of its numbers (INSTANCE=)."
-                    )
+                row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
+                          "selects nothing; name the instance of its numbers "
+                          "(INSTANCE=).")  # fmt: skip
                 continue
             for word in filter(None, row.fields):
                 count += 1
@@ -303,10 +301,8 @@ def _divided(
 def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) -> Instance:
     """An instance of a part, with cards of its own."""
     name, wanted = card.needed("NAME"), card.option("PART")
-    if wanted.upper() not in parts:
-        raise card.place.error(
-            f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
-        )
+    card.needs(wanted.upper() in parts, f"the instance {name!r} is of the part {wanted!r}, which "
+               "the deck does not define.")  # fmt: skip
     spelled, cards = parts[wanted.upper()]
     cards = [*cards, *own]
     if any(c.keyword in ("NODE", "ELEMENT") for c in own):

@@ -232,11 +232,9 @@ class _Joints:
     def _mean(
         self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array
     ) -> None:
-        if node in nodes:
-            raise card.place.error(
-                f"the reference node of *{card.keyword} is one of the nodes whose mean "
-                "motion it follows; give the coupling a node of its own."
-            )
+        card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
+                   "whose mean motion it follows; give the coupling a node of its "
+                   "own.")  # fmt: skip
         self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
 
 

@@ -220,11 +220,8 @@ class Mesh:
 def mesh_of(cards: list[Card], name: str) -> Mesh:
     """What some cards define; `name`: of the part, in messages."""
     for card in cards:
-        if card.keyword in GENERATORS:
-            raise card.place.error(
-                f"*{card.keyword} is not read here; write the nodes and elements "
-                "that it makes into the deck."
-            )
+        card.needs(card.keyword not in GENERATORS, f"*{card.keyword} is not read here; write the "
+                   "nodes and elements that it makes into the deck.")  # fmt: skip
     mesh = Mesh()
     _read_nodes(mesh, cards)
     _read_elements(mesh, cards, name)

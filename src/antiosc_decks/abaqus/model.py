@@ -111,11 +111,8 @@ class _Supports:
                 if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
                     other = True
                     continue
-                if not 1 <= first <= last <= 6:
-                    raise row.place.error(
-                        f"*BOUNDARY fixes motions from {first} to {last}; they are counted "
-                        "from 1 to 6."
-                    )
+                row.needs(1 <= first <= last <= 6, f"*BOUNDARY fixes motions from {first} to "
+                          f"{last}; they are counted from 1 to 6.")  # fmt: skip
                 moved |= row.real(3) != 0
                 motions = range(first - 1, last)
             self.local[nodes[:, None], np.array(motions)] = True
@@ -210,11 +207,8 @@ def _inertia(card: Card, row: Row, within: Instance) -> list[float]:
     card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
         within.refuse_turned(card)
-        if card.option("ORIENTATION"):
-            raise card.place.error(
-                "*ROTARY INERTIA in an orientation is not supported; give it in the "
-                "axes of the deck."
-            )
+        card.needs(not card.option("ORIENTATION"), "*ROTARY INERTIA in an orientation is not "
+                   "supported; give it in the axes of the deck.")  # fmt: skip
     return values[:3]
 
 
@@ -238,11 +232,8 @@ def _link(
         else:
             within.refuse_turned(card)
         terms, values = _along_motions(nodes, axes, values[0]), values[1:]
-    if len(values) != 1:
-        raise card.place.error(
-            f"*{card.keyword} needs one {what} that does not "
-            f"depend on frequency or temperature; it has {len(values)}."
-        )
+    card.needs(len(values) == 1, f"*{card.keyword} needs one {what} that does not depend on "
+               f"frequency or temperature; it has {len(values)}.")  # fmt: skip
     value = real_number(values[0].word(0), values[0].place)
     values[0].needs(value >= 0, f"the {what} {value:g} is negative.")
     if card.keyword == "SPRING":

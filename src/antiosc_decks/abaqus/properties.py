@@ -46,11 +46,8 @@ def _elastic(material: Material, card: Card) -> str:
     """Give a material what *ELASTIC says; its kind."""
     word = "".join(card.option("TYPE", "ISO").split()).upper()
     kind = next((one for one in ELASTIC_CONSTANTS if word.startswith(one)), "")
-    if not kind:
-        raise card.place.error(
-            f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
-            "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC."
-        )
+    card.needs(kind, f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
+               "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC.")  # fmt: skip
     values = card.first().reals() if kind == "ISO" else card.numbers()
     count = ELASTIC_CONSTANTS[kind]
     card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
@@ -140,10 +137,8 @@ class Orientations:
     def frame(self, name: str, place: Place, within: Instance) -> Array:
         """Directions 1, 2 and 3, as rows, of an *ORIENTATION that is the same everywhere."""
         frame = self.at(name, place, within, np.zeros((1, 3)))[0]
-        if self.cylindrical(name, within):
-            raise place.error(
-                f"the orientation {name!r} is CYLINDRICAL; here it must be RECTANGULAR."
-            )
+        place.needs(not self.cylindrical(name, within), f"the orientation {name!r} is "
+                    "CYLINDRICAL; here it must be RECTANGULAR.")  # fmt: skip
         return np.asarray(frame)
 
 
@@ -165,10 +160,8 @@ def profile_of(card: Card) -> profiles.Profile:
     kind = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
     short = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
-    if not short:
-        raise card.place.error(
-            f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
-        )
+    card.needs(short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or "
+               "GENERAL.")  # fmt: skip
     needed, positive = BEAM_SECTIONS[short]
     if len(d) < needed or min(d[:positive]) <= 0:
         raise card.place.error(f"SECTION={kind} needs {needed} positive dimensions; got {d}.")

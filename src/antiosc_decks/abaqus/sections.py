@@ -15,6 +15,7 @@ from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import (
     common_direction,
     corners_of,
+    curved,
     everywhere,
     normals_of,
     side_of,
@@ -75,11 +76,8 @@ class Sections:
                 f"the elements {kinds} are axisymmetric, which is not "
                 "supported; model the part, or a sector between planes of symmetry, by solids."
             )
-        if len(roles) > 1:
-            raise card.place.error(
-                f"one section for {' and '.join(sorted(roles))} elements ({kinds}); give "
-                "each kind its own."
-            )
+        card.needs(len(roles) <= 1, f"one section for {' and '.join(sorted(roles))} elements "
+                   f"({kinds}); give each kind its own.")  # fmt: skip
         raise card.place.error(
             f"*{card.keyword} for elements ({kinds}) that no element "
             "family here carries in this way."
@@ -144,7 +142,7 @@ class Sections:
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
         if not share:
             return {}
-        if common_direction(normals_of(self.whole.deck, elements), least=1 - 1e-6) is None:
+        if curved(self.whole.deck, elements):
             self.whole.deck.told.append(
                 f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
             )

@@ -76,10 +76,8 @@ def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
         return tuple(range(CORNERS[shape]))
     sides = SOLID_FACES.get(shape, ())
     number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-    if not 1 <= number <= len(sides):
-        raise place.error(
-            f"{side or 'no side'!r} is no side of a {shape}; it must be S1 to S{len(sides)}."
-        )
+    place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a {shape}; it "
+                f"must be S1 to S{len(sides)}.")  # fmt: skip
     return sides[number - 1]
 
 
@@ -122,11 +120,8 @@ def tie(
         followed = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
         for c in range(6 if both else 3):
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
-    if far == len(nodes):
-        raise place.error(
-            "*TIE joins nothing: no node of the slave surface lies within "
-            f"{reach:.3g} of the master surface (POSITION TOLERANCE=)."
-        )
+    place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
+                f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
     if not far:
         return []
     return [

@@ -179,11 +179,9 @@ class ModelBuilder:
         if C is None:
             if material.constants is None or material.isotropic is not None:
                 return None
-            if not np.isfinite(material.constants).all():
-                raise material.place.error(
-                    f"the material {material.name!r} is given for layers alone, in "
-                    "plane stress, and cannot fill solids; give all nine constants."
-                )
+            material.needs(np.isfinite(material.constants).all(), "the material "
+                           f"{material.name!r} is given for layers alone, in plane "
+                           "stress, and cannot fill solids; give all nine constants.")  # fmt: skip
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
             S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2

@@ -78,6 +78,11 @@ def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
     return np.asarray(mean / length)
 
 
+def curved(deck: Deck, elements: IntArray) -> bool:
+    """Whether the normals of some shells differ."""
+    return common_direction(normals_of(deck, elements), least=1 - 1e-6) is None
+
+
 def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> dict[str, Any]:
     """Vectors at the middles of elements, and of the triangles into which they are cut, in m."""
     places, directions = [], []
