@@ -7,7 +7,6 @@ told with its count and its lines.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -54,10 +53,6 @@ class Account:
     def add(self, card: str, place: Place, fate: Fate) -> None:
         """Account for one card."""
         self.cards.append((card, place, fate))
-
-    def counts(self) -> Counter[str]:
-        """Number of cards of each kind."""
-        return Counter(fate.kind for _, _, fate in self.cards)
 
     def refuse(self) -> None:
         """MeshError for the first card or option that is refused."""

@@ -21,7 +21,7 @@ from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
 from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.constraints import Term, along
 from antiosc_decks.model.finished import finished
 from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
 from antiosc_decks.model.pieces import separate_copies
@@ -142,9 +142,7 @@ class _Supports:
     def apply(self) -> None:
         """Give the builder the fixed motions, along the axes of the deck."""
         for node, frame in self.frames.items():
-            for part in (slice(0, 3), slice(3, 6)):
-                own = self.local[node, part]
-                own[:] = self.builder.joints.fixed_along(node, own, frame, part.start)
+            self.local[node] = self.builder.joints.fixed_along(node, self.local[node], frame)
             self.builder.joints.frames[node] = frame
         self.builder.fixed |= self.local
 
@@ -247,9 +245,5 @@ def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
     if not all(0 <= dof < 6 for dof in dofs):
         raise row.place.error("a spring or a dashpot acts on motions from 1 to 6.")
-    return [
-        (node, dof - dof % 3 + c, sign * float(axes[dof % 3, c]))
-        for node, dof, sign in zip(nodes, dofs, (1.0, -1.0), strict=False)
-        for c in range(3)
-        if axes[dof % 3, c]
-    ]
+    ends = zip(nodes, dofs, (1.0, -1.0), strict=False)
+    return [t for n, dof, sign in ends for t in along(n, axes[dof % 3], dof - dof % 3, sign)]

@@ -119,7 +119,7 @@ class Sections:
         given, units = self._isotropic(card, "solids"), self.builder.units
         area = _positive(card, "area of rods")
         E, mass = given["E"] / units.stress, given["rho"] / units.density * area
-        self.builder.add_rods(elements, Rod(E, given["nu"], area, 0.0, mass, card.place))
+        self.builder.add_rods(elements, Rod(E, given["nu"], area, mass, card.place))
 
     # --- Shells -----------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -47,45 +47,24 @@ class Family:
 
 @dataclass(frozen=True)
 class Rod:
-    """The section of a rod, in the deck's units."""
+    """The section of a rod or of a shear panel, in the deck's units."""
 
     E: float
     nu: float
-    area: float
-    torsion: float
-    #: mass per length
+    #: area, of a panel thickness
+    across: float
+    #: mass per length, of a panel per area
     mass: float
     place: Place
-
-    #: what its mass is spread over: a length
-    dimension: ClassVar[int] = 1
-
-    @property
-    def across(self) -> float:
-        """Area."""
-        return self.area
-
-
-@dataclass(frozen=True)
-class Panel:
-    """The section of a shear panel, in the deck's units."""
-
-    E: float
-    nu: float
-    thickness: float
-    #: mass per area
-    mass: float
-    #: F1, F2: what of the panel is in rods along its sides 12 and 34, 23 and 41, as shares of its
-    #: thickness and width (from 1.01: of the square of its thickness)
-    effective: tuple[float, float]
-    place: Place
-
-    dimension: ClassVar[int] = 2
+    torsion: float = 0.0
+    #: F1, F2 of a panel: what of it is in rods along its sides 12 and 34, 23 and 41, as shares of
+    #: its thickness and width (from 1.01: of the square of its thickness)
+    effective: tuple[float, float] | None = None
 
     @property
-    def across(self) -> float:
-        """Thickness."""
-        return self.thickness
+    def dimension(self) -> int:
+        """Of what its mass is spread over: a length, or an area."""
+        return 1 if self.effective is None else 2
 
 
 @dataclass
@@ -102,7 +81,7 @@ class ModelBuilder:
     #: name of each family's group of elements
     names: list[str] = field(default_factory=list)
     #: number of an element -> its section, of rods and shear panels
-    rods: dict[int, Rod | Panel] = field(default_factory=dict)
+    rods: dict[int, Rod] = field(default_factory=dict)
     #: (node, place, kg, [kg m²])
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
     #: whether the deck has no other elements: the rods are a truss
@@ -202,7 +181,7 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
-    def add_rods(self, elements: IntArray, rod: Rod | Panel) -> None:
+    def add_rods(self, elements: IntArray, rod: Rod) -> None:
         """Set the section of rods or shear panels."""
         self.rods.update(dict.fromkeys(map(int, elements), rod))
 

@@ -29,6 +29,11 @@ def lever(r: Array) -> Array:
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
 
+def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
+    """The displacement (`first` = 0) or rotation (3) of a node along an axis as terms."""
+    return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
+
+
 @dataclass
 class Constraints:
     """Collects what joins the nodes of a deck, in its units."""
@@ -86,23 +91,26 @@ class Constraints:
         if kept:
             self.equations.append(kept)
 
-    def fixed_along(self, node: int, fixed: BoolArray, frame: Array, first: int) -> BoolArray:
-        """Motions (`first` = 0: displacements, 3: rotations) along rows of `frame` are zero.
+    def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
+        """Motions (6,) of a node along rows of `frame` are zero.
 
-        Which of those along the axes (3,) are: they become supports, the others constraints.
+        Which of those along the axes (6,) are: they become supports, the others constraints.
         """
-        along = fixed_along_axes(fixed, frame)
-        if along is not None:
-            return along
-        along = np.zeros(3, dtype=bool)
-        for direction in frame[fixed]:
-            order = np.argsort(-np.abs(direction), kind="stable")
-            if abs(direction[order[0]]) > AXIS_COSINE:
-                along[order[0]] = True
+        result = np.zeros(6, dtype=bool)
+        for first in (0, 3):
+            own = fixed[first : first + 3]
+            along = fixed_along_axes(own, frame)
+            if along is not None:
+                result[first : first + 3] = along
                 continue
-            terms = [(node, first + int(k), float(direction[k])) for k in order]
-            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
-        return along
+            for direction in frame[own]:
+                order = np.argsort(-np.abs(direction), kind="stable")
+                if abs(direction[order[0]]) > AXIS_COSINE:
+                    result[first + order[0]] = True
+                    continue
+                terms = [(node, first + int(k), float(direction[k])) for k in order]
+                self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
+        return result
 
     def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
         """(how much longer the line between two nodes becomes, its length).

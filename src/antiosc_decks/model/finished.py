@@ -66,7 +66,7 @@ def finished(builder: ModelBuilder) -> dict[str, Any]:
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
     pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
-    groups = []
+    units, groups = builder.units, []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):
@@ -84,7 +84,10 @@ def finished(builder: ModelBuilder) -> dict[str, Any]:
         "springs": []
         if joined
         else [
-            [_point(builder, n), {MOTIONS[m]: k * _turned(builder, m)}]
+            [
+                _point(builder, n),
+                {MOTIONS[m]: k * units.force * units.length ** (1 if m > 2 else -1)},
+            ]
             for ((n, m, _),), k in grounded
         ],
         "ignored": builder.ignored,
@@ -160,11 +163,6 @@ def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> 
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
     for ((node, motion, _),), value in grounded:
         joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
-
-
-def _turned(builder: ModelBuilder, motion: int) -> float:
-    """N/m or N m of a grounded spring."""
-    return builder.units.force * builder.units.length ** (1 if motion >= 3 else -1)
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:

@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Place
-from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.pieces import SPRINGS
 
@@ -42,10 +42,7 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
                     f"{deck.name} has {block.type} elements without a section, so that their "
                     "material is not known."
                 )
-            if isinstance(rod, Panel):
-                size = _panel(builder, nodes, rod)
-            else:
-                size = _spring(builder, nodes, rod)
+            size = (_spring if rod.effective is None else _panel)(builder, nodes, rod)
             for node in nodes:
                 before = masses.get(node, (0.0,))[0]
                 masses[node] = before + rod.mass * size / len(nodes), rod.place
@@ -65,14 +62,14 @@ def make_truss(builder: ModelBuilder) -> None:
     alike: dict[Rod, list[int]] = {}
     for k in np.flatnonzero(builder.chosen):
         rod = builder.rods.get(int(k))
-        if isinstance(rod, Rod):
+        if rod is not None and rod.effective is None:
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
         arguments = {
             "E": rod.E * units.stress,
             "nu": rod.nu,
-            "rho": rod.mass / rod.area * units.density,
-            "area": rod.area * units.length**2,
+            "rho": rod.mass / rod.across * units.density,
+            "area": rod.across * units.length**2,
         }
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
     if any(rod.torsion for rod in alike):
@@ -107,14 +104,14 @@ def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, rod.place)
-    builder.sprung(terms, rod.E * rod.area / length, rod.place)
+    builder.sprung(terms, rod.E * rod.across / length, rod.place)
     if rod.torsion and builder.has_rotations[[a, b]].all():
         twist, _ = builder.joints.elongation(a, b, rod.place, 3)
         builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length, rod.place)
     return length
 
 
-def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
+def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
     """Add the springs of a shear panel between its corners, and along its sides; its area."""
     x = builder.deck.points[nodes]
     normal = np.cross(x[2] - x[0], x[3] - x[1])
@@ -123,17 +120,17 @@ def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
         raise panel.place.error("the corners of a shear panel lie on one line.")
     sides, area = np.roll(x, -1, axis=0) - x, size / 2
     builder.sprung(*_shear(panel, nodes, x, sides, normal / size), panel.place)
-    length, t = np.linalg.norm(sides, axis=1), panel.thickness
-    for k, factor in enumerate(panel.effective * 2):
+    length, t = np.linalg.norm(sides, axis=1), panel.across
+    for k, factor in enumerate((panel.effective or ()) * 2):
         width = area / (length[k] + length[(k + 2) % 4])
         if across := factor * t * (width if factor <= 1.01 else t / 2):
-            rod = Rod(panel.E, panel.nu, across, 0.0, 0.0, panel.place)
+            rod = Rod(panel.E, panel.nu, across, 0.0, panel.place)
             _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
     return area
 
 
 def _shear(
-    panel: Panel, nodes: list[int], x: Array, sides: Array, normal: Array
+    panel: Rod, nodes: list[int], x: Array, sides: Array, normal: Array
 ) -> tuple[list[Term], float]:
     """(motion of the corners at x (4, 3), in one plane or nearly so, stiffness against it)."""
     plane = np.linalg.svd(normal[None])[2][1:]
@@ -154,4 +151,4 @@ def _shear(
     G = panel.E / (2 * (1 + panel.nu))
     loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
     terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
-    return terms, G * panel.thickness / (area * shear * skew)
+    return terms, G * panel.across / (area * shear * skew)

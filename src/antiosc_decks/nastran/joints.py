@@ -9,7 +9,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, real_number, whole_number
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term, lever
+from antiosc_decks.model.constraints import Term, along, lever
 from antiosc_decks.model.nonstructural import add_mass, add_total
 from antiosc_decks.nastran.beams import orientation
 from antiosc_decks.nastran.cards import Entry, motions_of, through
@@ -192,7 +192,7 @@ class Joints:
                 axis = self.found.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
                 unit = self.builder.units.length if first and what == "mass" else 1.0
-                terms += _along(row, axis, first, sign * unit)
+                terms += along(row, axis, first, sign * unit)
             if what != "mass":
                 self._add(entry, terms, what, value)
                 continue
@@ -235,8 +235,8 @@ class Joints:
                 armed = entry.name not in ON_LINE
                 if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - where):
                     row = self.builder.joints.leader(row)
-                    terms += _along(row, arm, 3, sign)
-                terms += _along(row, axis, first, sign)
+                    terms += along(row, arm, 3, sign)
+                terms += along(row, axis, first, sign)
             for what, values in zip(("stiffness", "damping"), constants, strict=True):
                 if values[k]:
                     self._add(entry, terms, what, values[k])
@@ -253,9 +253,9 @@ class Joints:
                 told(f"what of PBUSH1D {own.text(0)} is not K or C")
         elif name == "CGAP":  # as linear solutions take it: a spring
             is_open = own.real(1) > 0
-            along = own.real(4) if is_open else own.real(3, 1e8)
-            across = 0.0 if is_open else own.real(5, own.real(6) * along)
-            values["K"][:3] = along, across, across
+            normal = own.real(4) if is_open else own.real(3, 1e8)
+            across = 0.0 if is_open else own.real(5, own.real(6) * normal)
+            values["K"][:3] = normal, across, across
             told(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
                  f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
         else:
@@ -386,8 +386,3 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
     found = motions_of(text, entry.place)
     entry.needs(found and "0" not in text, f"{text!r} are not components from 1 to 6.")
     return tuple(found)
-
-
-def _along(row: int, axis: Array, first: int, factor: float) -> list[Term]:
-    """The motion of a node along an axis as terms."""
-    return [(row, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]

@@ -77,8 +77,6 @@ def _fix(
     builder.fix(rows[scalar], [0])
     builder.fix(rows[~scalar & ~turned], motions)
     for row in rows[turned]:
+        own = np.isin(np.arange(6), motions)
         frame = found.frame(int(row), place)
-        for first in (0, 3):
-            own = np.isin(np.arange(first, first + 3), motions)
-            along = builder.joints.fixed_along(int(row), own, frame, first)
-            builder.fix(np.array([row]), [first + int(k) for k in np.flatnonzero(along)])
+        builder.fixed[row] |= builder.joints.fixed_along(int(row), own, frame)

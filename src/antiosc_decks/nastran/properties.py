@@ -13,7 +13,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.model import geometry
-from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material, isotropic, tube
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
@@ -177,7 +177,7 @@ class Properties:
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         E, nu, density = self._elastic(self._material(entry, k), "rods")
         mass = density * area + extra * self.factor
-        self.builder.add_rods(elements, Rod(E, nu, area, torsion, mass, entry.place))
+        self.builder.add_rods(elements, Rod(E, nu, area, mass, entry.place, torsion))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHEAR."""
@@ -186,7 +186,8 @@ class Properties:
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         mass = density * t + entry.real(3) * self.factor
         effective = (entry.real(4), entry.real(5))
-        self.builder.add_rods(elements, Panel(E, nu, t, mass, effective, entry.place))
+        panel = Rod(E, nu, t, mass, entry.place, effective=effective)
+        self.builder.add_rods(elements, panel)
 
     # --- Beams ------------------------------------------------------------------------------------
 
