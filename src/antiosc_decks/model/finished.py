@@ -66,7 +66,13 @@ def finished(builder: ModelBuilder) -> dict[str, Any]:
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
     pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
-    units, groups = builder.units, []
+    # N/m, and N m of rotations
+    size, force = builder.units.length, builder.units.force
+    springs = [
+        [_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))}]
+        for ((n, m, _),), k in (() if joined else grounded)
+    ]
+    groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):
@@ -81,15 +87,7 @@ def finished(builder: ModelBuilder) -> dict[str, Any]:
         "families": groups,
         "supports": _supports(builder, count),
         "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
-        "springs": []
-        if joined
-        else [
-            [
-                _point(builder, n),
-                {MOTIONS[m]: k * units.force * units.length ** (1 if m > 2 else -1)},
-            ]
-            for ((n, m, _),), k in grounded
-        ],
+        "springs": springs,
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
