@@ -8,11 +8,7 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.fem.structure import matrices
-from matrix_writers import (
-    dmig,
-    matrix_market,
-    spring_frame,
-)
+from matrix_writers import dmig, matrix_market, spring_frame
 
 K, M, LABELS = spring_frame()
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from antiosc.io.matrices.source import fortran
 
 import antiosc as ao
+from antiosc.io.matrices.formats import fortran
 from antiosc.io.matrices.reading import read_pair
 from antiosc_decks.matrices import dmig
 

@@ -9,7 +9,6 @@ import pytest
 
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
 from antiosc.base.errors import MeshError
-from antiosc_decks.abaqus.mesh import element_type, nodes_of_other
 from refusals import refused
 
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
@@ -129,15 +128,6 @@ def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
     assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
-def test_blank_moments_of_inertia_are_zero(tmp_path):
-    text = SHEET + SHELL.format("") + STEEL + "*ELEMENT,TYPE=ROTARYI,ELSET=R\n9,3\n"
-    for values, expected in (("1.,,3.", [1e-3, 0, 3e-3]), ("2.", [2e-3, 0, 0])):
-        model, _ = read(tmp_path, text + f"*ROTARY INERTIA,ELSET=R\n{values}\n")
-        ((place, mass, inertia),) = model["masses"]
-        assert (place, mass) == (pytest.approx([0.02, 0.01, 0]), 0)
-        assert inertia == pytest.approx(expected)
-
-
 @pytest.mark.parametrize(
     ("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)]
 )
@@ -175,11 +165,3 @@ def test_what_is_refused(tmp_path, case):
     text, line, word = REFUSED[case]
     with refused(line, word, MeshError):
         read(tmp_path, text)
-
-
-def test_types_that_are_no_cells():
-    for name in ("C3D7", "S5", "B41", "MASS", "CPS5", "GAPUNI", "C3D", "XC3D8"):
-        assert element_type(name) is None
-    known = {"MASS": 1, "ROTARYI": 1, "SPRING1": 1, "DCOUP3D": 1, "SPRINGA": 2, "SPRING2": 2,
-             "DASHPOTA": 2, "CONN3D2": 2, "GAPUNI": 2, "D": 3, "X": None}  # fmt: skip
-    assert {name: nodes_of_other(name) for name in known} == known

@@ -27,10 +27,7 @@ QUANTITIES = {
     "torsion": (1, 1), "inertia": (1, 1), "moment": (0, 1), "force": (0, 1),
 }  # fmt: skip
 DECKS = {name: Path(__file__).with_name(name).read_text() for name in ("every.inp", "every.bdf")}
-READERS = {
-    "every.inp": (abaqus_assembly, abaqus_model),
-    "every.bdf": (nastran, nastran_model),
-}
+READERS = {"every.inp": (abaqus_assembly, abaqus_model), "every.bdf": (nastran, nastran_model)}
 
 
 def deck_in(name: str, unit: str) -> tuple[str, UnitSystem]:

@@ -138,19 +138,6 @@ def test_a_section_is_turned_to_its_principal_axes(tmp_path):
         read(tmp_path, GRIDS + off + pbar + MAT1)
 
 
-WALL = "PBARL,7,1,,BAR\n,3.,2.,4.-9\n"
-
-
-def test_a_profile_with_a_mass_beside_it(tmp_path):
-    """The width 3 along plane 2, the height 2 along plane 1."""
-    model, _ = read(tmp_path, GRIDS + "CBAR,1,7,1,2,0.,1.,0.\n" + WALL + MAT1)
-    found = model["families"][0][2]
-    assert found["rho"] == pytest.approx(8e3 + 4e-9 / 6 * 1e12)
-    assert 1e12 * found["section"]["I"] == pytest.approx(3 * 2**3 / 12)
-    assert 1e12 * found["section"]["I_side"] == pytest.approx(2 * 3**3 / 12)
-    assert found["shear"]
-
-
 def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
     beam = "CBEAM,1,7,1,2,0.,1.,0.\n"
     pbeam = "PBEAM,7,1,6.,5.,3.,,4.,,\n,,,,,,,,,\n,.8,.6,1.,2.,3.,4.,5.,6.\n,1.,2.,3.,4.\n"

@@ -40,14 +40,12 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
 TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
 SHELL = "CQUAD4,1,7,1,2,3,4\n"
 REFUSED = {
-    "no property": (HEXA, 9, "none of PSOLID"),
     **{f"{card} {prop}": (f"{card}{MAT1}{prop},7,1\nPARAM,7\nPELAS,7,1.\n", 9, f"as {instead}")
        for card, prop, instead in (
            (HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
            (TUBE, "PWELD", "PTUBE"), (SHELL, "PLPLANE", "PSHELL or PCOMP"),
            ("CBAR,1,7,1,2,0.,1.,0.\n", "PBCOMP", "PBAR"))},
     "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
-    "area": ("CONROD,1,1,2,1\n", 9, "area"),
     "material": (f"{HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),
     "solid of plies": (f"{HEXA}PSOLID,7,3\nMAT8,3,9.,8.,.1,3.,,,1.\n", 12, "nine constants"),
     "shell of a solid": (f"{SHELL}PSHELL,7,3,.1,3,2.,3\nMAT9,3,1.\n,,,,,,,,\n,,,,,,,1.\n",

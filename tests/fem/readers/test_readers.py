@@ -72,7 +72,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
 )
 def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says):
     (tmp_path / "part.msh").write_text("$MeshFormat\n")
-    monkeypatch.setattr(isolation.server, "ask", lambda request: (code, answer))
+    monkeypatch.setattr(isolation, "ask", lambda request: (code, answer))
     assert says in refusal(tmp_path / "part.msh")
 
 
@@ -86,8 +86,8 @@ def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
 @pytest.mark.slow
 def test_the_reading_process_may_be_lost(tmp_path):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
-    os.kill(isolation.server._process.pid, signal.SIGKILL)
-    isolation.server._process.wait()
+    os.kill(isolation._process.pid, signal.SIGKILL)
+    isolation._process.wait()
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
@@ -101,10 +101,10 @@ from antiosc.io import isolation
 from antiosc.io.reading import read
 from pathlib import Path
 threading.Thread(target=read, args=(Path({str(path)!r}),), daemon=True).start()
-while isolation.server._process is None:
+while isolation._process is None:
     time.sleep(0.01)
 time.sleep(0.5)
-print(isolation.server._process.pid, flush=True)
+print(isolation._process.pid, flush=True)
 os._exit(0)
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -149,7 +149,7 @@ def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
 def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
     for name in ("SECRET", "OMPI_COMM_WORLD_RANK"):
         monkeypatch.setenv(name, "told")
-    isolation.server._end()  # the one that runs began before
+    isolation._end()  # the one that runs began before
     path = tmp_path / "part.geo"
     path.write_text(BAR + 'Physical Curve(StrCat("of ", GetEnv("SECRET"))) = {1};')
     assert set(ao.read_mesh(path).groups) == {"of "}

@@ -133,23 +133,6 @@ def test_what_is_defined_twice_must_be_the_same(tmp_path, what):
     bdf.read(tmp_path, BLOCK + again)
 
 
-def test_a_material_of_one_name(tmp_path):
-    with pytest.raises(MeshError, match="more than once"):
-        inp.read(tmp_path, CUBE + inp.STEEL)
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        "RBE2,9,1,123456,2,1\n", "RBAR,9,3,3,123456\n",
-        "RBE3,9,,1,123,1.,123,1,2,\n,3\n", "SPC1,1,1,99\n", "SPC,1,99,1\n",
-    ],
-)  # fmt: skip
-def test_entries_name_other_nodes_that_are_there(tmp_path, entry):
-    with pytest.raises(MeshError, match=r"follow itself|that there is not|no GRID"):
-        bdf.read(tmp_path, BLOCK + entry)
-
-
 def test_springs_along_an_orientation(tmp_path):
     """A spring along direction 2 of a system turned by 30° about z is one along that direction."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
