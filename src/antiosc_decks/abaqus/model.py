@@ -234,10 +234,7 @@ def _link(
                f"frequency or temperature; it has {len(values)}.")  # fmt: skip
     value = real_number(values[0].word(0), values[0].place)
     values[0].needs(value >= 0, f"the {what} {value:g} is negative.")
-    if card.keyword == "SPRING":
-        builder.sprung(terms, value, card.place)
-    else:
-        builder.damped(terms, value)
+    (builder.sprung if card.keyword == "SPRING" else builder.damped)(terms, value)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:

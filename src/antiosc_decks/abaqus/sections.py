@@ -119,7 +119,8 @@ class Sections:
         given, units = self._isotropic(card, "solids"), self.builder.units
         area = _positive(card, "area of rods")
         E, mass = given["E"] / units.stress, given["rho"] / units.density * area
-        self.builder.add_rods(elements, Rod(E, given["nu"], area, mass, card.place))
+        rod = Rod(E, given["nu"], area, mass, card.place)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
     # --- Shells -----------------------------------------------------------------------------------
 

@@ -181,10 +181,6 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
-    def add_rods(self, elements: IntArray, rod: Rod) -> None:
-        """Set the section of rods or shear panels."""
-        self.rods.update(dict.fromkeys(map(int, elements), rod))
-
     def tell_once(self, ignored: str) -> None:
         """Note what is ignored, once however many elements it concerns."""
         if ignored not in self.ignored:
@@ -225,7 +221,7 @@ class ModelBuilder:
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
             self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
 
-    def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
+    def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if len(moving) == 1:

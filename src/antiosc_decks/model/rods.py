@@ -104,10 +104,10 @@ def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, rod.place)
-    builder.sprung(terms, rod.E * rod.across / length, rod.place)
+    builder.sprung(terms, rod.E * rod.across / length)
     if rod.torsion and builder.has_rotations[[a, b]].all():
         twist, _ = builder.joints.elongation(a, b, rod.place, 3)
-        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length, rod.place)
+        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length)
     return length
 
 
@@ -119,7 +119,7 @@ def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
     if not size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2:
         raise panel.place.error("the corners of a shear panel lie on one line.")
     sides, area = np.roll(x, -1, axis=0) - x, size / 2
-    builder.sprung(*_shear(panel, nodes, x, sides, normal / size), panel.place)
+    builder.sprung(*_shear(panel, nodes, x, sides, normal / size))
     length, t = np.linalg.norm(sides, axis=1), panel.across
     for k, factor in enumerate((panel.effective or ()) * 2):
         width = area / (length[k] + length[(k + 2) % 4])

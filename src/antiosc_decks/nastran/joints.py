@@ -177,7 +177,7 @@ class Joints:
     def _scalars(self, kind: str) -> None:
         """Springs, dampers or masses between two motions, or of one against the ground."""
         name, width, what = SCALAR[kind]
-        known = self.found.properties(name, width)
+        known, builder = self.found.properties(name, width), self.builder
         for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
@@ -185,30 +185,21 @@ class Joints:
                 own, k = its_property(entry, name, known)
                 value = own.real(k + 1, None)
                 if name == "PELAS" and own.real(k + 2):
-                    self.builder.tell_once(f"GE of PELAS {own.text(k)}")
+                    builder.tell_once(f"GE of PELAS {own.text(k)}")
             ends = self.found.scalar_ends(entry)
             terms: list[Term] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
                 axis = self.found.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
-                unit = self.builder.units.length if first and what == "mass" else 1.0
+                unit = builder.units.length if first and what == "mass" else 1.0
                 terms += along(row, axis, first, sign * unit)
+            entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
             if what != "mass":
-                self._add(entry, terms, what, value)
-                continue
-            entry.needs(value >= 0, f"{entry.name} has a negative mass.")
-            if value:
+                (builder.sprung if what == "stiffness" else builder.damped)(terms, value)
+            elif value:
                 # three of them, one along each axis, are one mass
                 share = value / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0
-                self.builder.scalar_mass(terms, value * self.factor, share * self.factor)
-
-    def _add(self, entry: Entry, terms: list[Term], what: str, value: float) -> None:
-        """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
-        entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
-        if what == "stiffness":
-            self.builder.sprung(terms, value, entry.place)
-        else:
-            self.builder.damped(terms, value)
+                builder.scalar_mass(terms, value * self.factor, share * self.factor)
 
     def _bush(self, entry: Entry, own: Entry, at: int) -> None:
         """Springs and dampers at one place, of CBUSH on rigid arms; `at`: where `own` begins."""
@@ -237,9 +228,12 @@ class Joints:
                     row = self.builder.joints.leader(row)
                     terms += along(row, arm, 3, sign)
                 terms += along(row, axis, first, sign)
-            for what, values in zip(("stiffness", "damping"), constants, strict=True):
-                if values[k]:
-                    self._add(entry, terms, what, values[k])
+            stiffness, damping = (values[k] for values in constants)
+            entry.needs(stiffness >= 0, f"{entry.name} has a negative stiffness.")
+            entry.needs(damping >= 0, f"{entry.name} has a negative damping.")
+            if stiffness:
+                self.builder.sprung(terms, stiffness)
+            self.builder.damped(terms, damping)
 
     def _constants(self, name: str, own: Entry, at: int) -> Constants:
         """(stiffnesses, dampings) of the six motions; what is not taken is told."""

@@ -177,7 +177,8 @@ class Properties:
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         E, nu, density = self._elastic(self._material(entry, k), "rods")
         mass = density * area + extra * self.factor
-        self.builder.add_rods(elements, Rod(E, nu, area, mass, entry.place, torsion))
+        rod = Rod(E, nu, area, mass, entry.place, torsion)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHEAR."""
@@ -187,7 +188,7 @@ class Properties:
         mass = density * t + entry.real(3) * self.factor
         effective = (entry.real(4), entry.real(5))
         panel = Rod(E, nu, t, mass, entry.place, effective=effective)
-        self.builder.add_rods(elements, panel)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
 
     # --- Beams ------------------------------------------------------------------------------------
 
