@@ -12,8 +12,6 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
-from antiosc.io import conversion
-from antiosc.io.deck import Block
 from paths import DECKS
 
 pytestmark = pytest.mark.fem
@@ -42,34 +40,6 @@ def test_units_scale_the_mesh():
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)
     with pytest.raises(ao.InputError, match="unit must be one of 'm', 'mm'"):
         ao.read_mesh(DECKS / "sets.inp", unit="miles")
-
-
-@pytest.mark.parametrize("shape", ["hexahedron", "wedge", "pyramid"])
-def test_cuts_agree_for_every_numbering(shape):
-    """Every numbering of two cells on one rectangle: the same diagonal, and the whole volume."""
-    corners = {
-        "hexahedron": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
-        "wedge": [(0, 0, 0), (1, 0, 0), (0, 0, 1)],
-        "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1)],
-    }[shape]
-    if shape == "hexahedron":
-        corners += [(x, y, 1) for x, y, _ in corners]
-    if shape == "wedge":
-        corners += [(x, 1, z) for x, _, z in corners]
-    x = np.array(corners, dtype=float)
-    size = {"hexahedron": 1.0, "wedge": 0.5, "pyramid": 1 / 3}[shape]
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        order = rng.permutation(len(x))
-        table = order[None, :]
-        points = np.zeros_like(x)
-        points[order] = x
-        none = table[:, :0]
-        block = Block(shape, shape, table, none, none)
-        tetra, rows = conversion._simplices(block)
-        edges = points[tetra[:, 1:]] - points[tetra[:, :1]]
-        assert np.abs(np.linalg.det(edges)).sum() / 6 == pytest.approx(size, rel=1e-12)
-        assert (rows == 0).all()
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from antiosc.io import neutral, shapes
-from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
+from antiosc.io.mixed import GMSH_FACES
 from antiosc.io.node_table import NodeTable
 from antiosc_decks.abaqus.mesh import element_type
 from antiosc_decks.abaqus.ties import SOLID_FACES
@@ -92,11 +92,6 @@ def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
     assert sorted(map(sorted, faces)) == sorted(map(sorted, own))
     around = {frozenset(face): rings(face) for face in own}
     assert all(rings(face) == around[frozenset(face)] for face in faces)
-
-
-@pytest.mark.parametrize(("shape", "edges"), GMSH_EDGES.items())
-def test_edges_of_gmsh_are_those_of_the_cell(shape, edges):
-    assert Counter(map(frozenset, edges)) == Counter(map(frozenset, shapes.EDGES[shape]))
 
 
 def test_middles_that_are_placed_lie_there_among_their_nodes():
