@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 
 import numpy as np
@@ -38,14 +39,20 @@ HB = [f"{'t':72}k", f"{4:14d}{1:14d}{1:14d}{1:14d}{0:14d}",
       "   2.0  -1.0  -1.0   3.5"]  # fmt: skip
 
 GOOD = {
-    "abaqus, coordinates": ("1 1 2.\n2 1 -1.\n2 2 3.5\n", None),
+    "abaqus, coordinates": ("1 1 2.\n2 1 -1.\n2 2 3.5D+00\n", None),
     "abaqus, unsymmetric": ("*MATRIX, TYPE=UN SYMMETRIC\n1,1,2.\n2,1,-1.\n1,2,-1.\n"
                             "2,2,3.5,\n", None),
     "abaqus, labels": ("4,1,4,1,2.\n** no entry\n\n4,1,7,3,-1.\n7,3,7,3,3.5\n", LABELS),
     "mtx, words": (MTX.replace("real", "DOUBLE") + "%\n2 2 3\n\n1 1 2\n2 1 -1\n2 2 3.5\n", None),
     "mtx, repeated": (MTX + "2 2 4\n1 1 1.5\n1 1 0.5\n2 1 -1\n2 2 3.5\n", None),
+    "mtx, general": (MTX.replace("symmetric", "general")
+                     + "2 2 4\n1 1 2\n1 2 -1\n2 1 -1\n2 2 3.5\n", None),
     "mtx, zeros": ("%%MatrixMarket matrix array real general\n2 2\n2\n-1\n-1\n3.5\n", None),
     "hb": ("\n".join(HB) + "\n", None),
+    "hb, symmetric, with a right-hand side": ("\n".join(
+        [HB[0], f"{5:14d}{1:14d}{1:14d}{1:14d}{1:14d}", f"RSA{'':11}{2:14d}{2:14d}{3:14d}{0:14d}",
+         HB[3], f"{'F':14}{1:14d}{2:14d}", "   1   3   4", "   1   2   2", "   2.0  -1.0   3.5",
+         "   0.0   0.0"]), None),
     "hb, a line fewer": ("\n".join(HB).replace("(3I4)", "(8I4)"), None),
     "hb, no counts": ("\n".join([*HB[:3], HB[3].replace("(3I4)", "(I8) "), *"135", *HB[5:]]), None),
     "dmig, scalar points": (HEAD + "DMIG,KAA,4,,,4,,2.\n+,7,0,-1.\nDMIG,KAA,7,0,,7,,3.5\n",
@@ -224,3 +231,24 @@ def test_damaged_records_are_told_with_their_byte(case, tmp_path):
     path.write_bytes(content)
     with refused(line, word, ao.InputError):
         read_pair(path, path)
+
+
+def test_the_last_dof_may_have_no_mass(tmp_path):
+    """Abaqus's coordinate format does not say how many rows there are."""
+    (tmp_path / "K").write_text("1 1 2.\n2 1 -1.\n2 2 3.5\n")
+    (tmp_path / "M").write_text("1 1 1.\n")
+    M = read_pair(tmp_path / "K", tmp_path / "M").M
+    np.testing.assert_array_equal(M.toarray(), [[1, 0], [0, 0]])
+
+
+@pytest.mark.parametrize("count", [1, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", GOOD)
+def test_changed_files_are_read_or_refused(case, count, tmp_path):
+    rng = np.random.default_rng(1)
+    content, path = GOOD[case][0].encode(), tmp_path / "a"
+    for _ in range(count):
+        wrong, at = bytearray(content), int(rng.integers(len(content)))
+        wrong[at : at + int(rng.integers(1, 4))] = rng.choice([b"9", b" ", b"-", b"\n", b"x"])
+        path.write_bytes(bytes(wrong))
+        with contextlib.suppress(ao.InputError):
+            read_pair(path, path)
