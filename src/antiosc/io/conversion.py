@@ -153,33 +153,17 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
         nodes.give(ends[given], block.mids[given])
 
 
-def _face_centres(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> Array:
-    """The middle of a face of four corners and four edges: −1/4 of these and 1/2 of those."""
-    corners = nodes.points[block.corners[:, list(face)]]
-    middles = nodes.points_between(block.corners[:, _edges_of(face)])
-    return np.asarray(middles.sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
+    """(the middles of a face of four corners, or of hexahedra; the nodes around them).
 
-
-def _nodes_around(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> IntArray:
-    """Corners of a face and the nodes in the middle of its edges."""
-    middles = nodes.between(block.corners[:, _edges_of(face)])
-    return np.hstack([block.corners[:, list(face)], middles])
-
-
-def _edges_of(face: tuple[int, ...]) -> IntArray:
-    return np.stack([face, np.roll(face, -1)], axis=1)
-
-
-def _cell_centres(block: Block, nodes: NodeTable) -> Array:
-    """The middle of a hexahedron of 20 nodes: −1/4 of its corners and 1/4 of its edges'."""
-    corners = nodes.points[block.corners]
-    middles = nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
-    return np.asarray((middles.sum(axis=1) - corners.sum(axis=1)) / 4)
-
-
-def _all_nodes(block: Block, nodes: NodeTable) -> IntArray:
-    """Corners and the nodes in the middle of the edges."""
-    return np.hstack([block.corners, nodes.between(block.corners[:, np.array(EDGES[block.shape])])])
+    −1/4 of the corners and 1/2 of the middles of the edges of a face, 1/4 of those of a hexahedron.
+    """
+    corners = block.corners[:, list(face)] if face else block.corners
+    edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
+    ends = block.corners[:, edges]
+    of_edges = nodes.points_between(ends).sum(axis=1) * (0.5 if face else 0.25)
+    centres = of_edges - nodes.points[corners].sum(axis=1) / 4
+    return np.asarray(centres), np.hstack([corners, nodes.between(ends)])
 
 
 def _inner(block: Block, nodes: NodeTable) -> IntArray:
@@ -190,11 +174,9 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
         return block.inner
     columns = []
     for face in rectangles(block.shape):
-        centres = _face_centres(block, nodes, face)
-        around = _nodes_around(block, nodes, face)
-        columns.append(nodes.of_face(block.corners[:, list(face)], centres, around))
+        columns.append(nodes.of_face(block.corners[:, list(face)], *_middles(block, nodes, face)))
     if block.shape == "hexahedron":
-        columns.append(nodes.new(_cell_centres(block, nodes), _all_nodes(block, nodes)))
+        columns.append(nodes.new(*_middles(block, nodes)))
     return np.stack(columns, axis=1)
 
 
@@ -204,14 +186,13 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         _note_inner(block, nodes)
         return
     for face in rectangles(block.shape):
-        centres = _face_centres(block, nodes, face)
-        for one, other in ((0, 2), (1, 3)):
-            around = _nodes_around(block, nodes, face)
-            nodes.place(block.corners[:, [face[one], face[other]]], centres, around)
+        middles = _middles(block, nodes, face)
+        for k in (0, 1):
+            nodes.place(block.corners[:, [face[k], face[k + 2]]], *middles)
     if block.shape == "hexahedron":
-        centres = _cell_centres(block, nodes)
-        for one, other in DIAGONALS:
-            nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
+        middles = _middles(block, nodes)
+        for ends in DIAGONALS:
+            nodes.place(block.corners[:, list(ends)], *middles)
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:

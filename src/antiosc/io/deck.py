@@ -184,10 +184,10 @@ def whole_number(text: str, place: Place) -> int:
         except MeshError:
             number = 0.5
         if not (abs(number) < 2**53 and number.is_integer()):
-            raise MeshError(f"{place}: {text.strip()[:40]!r} is not an integer.") from None
+            raise place.error(f"{text.strip()[:40]!r} is not an integer.") from None
         value = int(number)
     if abs(value) > LARGEST_NUMBER:
-        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+        raise place.error(f"the number {text.strip()[:40]} is too large.")
     return value
 
 
@@ -203,9 +203,9 @@ def real_number(text: str, place: Place) -> float:
         except ValueError:
             value = float("nan")
     if not np.isfinite(value) or "_" in word:
-        raise MeshError(f"{place}: {text.strip()[:40]!r} is not a number.")
+        raise place.error(f"{text.strip()[:40]!r} is not a number.")
     if abs(value) > LARGEST_REAL:
-        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+        raise place.error(f"the number {text.strip()[:40]} is too large.")
     return value if abs(value) > 1 / LARGEST_REAL else 0.0
 
 
