@@ -61,8 +61,6 @@ def test_matrices_are_chosen_by_name(tmp_path):
     same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4", names=("a1", "maa")))
 
 
-# -- files that are no matrices
-
 MTX = "%%MatrixMarket matrix coordinate real symmetric\n"
 HB = f"{'t':72}k\n{5:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n"
 BAD = {

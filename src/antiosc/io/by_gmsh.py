@@ -17,9 +17,9 @@ import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import geo_script, meshing
-from antiosc.io.meshing import CAD, Names, fill, groups_of, named_solids, opened
+from antiosc.io.meshing import CAD, Names, fill, named_solids, opened
 from antiosc.io.mixed import as_carried, known
-from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.neutral import FileMesh, IntArray, joined
 from antiosc.io.request import Request
 from antiosc.io.shapes import CELLS
 
@@ -127,9 +127,6 @@ def _session() -> ModuleType:
     return gmsh
 
 
-# --- Arrays ---------------------------------------------------------------------------------------
-
-
 def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
     """All cells, entity after entity, and the groups of gmsh's current model.
 
@@ -161,7 +158,13 @@ def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
             rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
     groups = _groups(gmsh, rows, name)
-    found = FileMesh(points, cells, "gmsh", groups_of(names, rows) | groups, aids=bool(groups))
+    of_solids = joined(
+        (label, kind, members)
+        for entity, labels in names.items()
+        for kind, members in rows.get(entity, {}).items()
+        for label in labels
+    )
+    found = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
     return as_carried(found, name)
 
 

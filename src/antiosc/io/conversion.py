@@ -142,9 +142,6 @@ def _of_dimension(
     return np.vstack(tables), np.concatenate(owners)
 
 
-# --- Second order ---------------------------------------------------------------------------------
-
-
 def _note_middles(block: Block, nodes: NodeTable) -> None:
     """Enter the middle nodes of the edges in the deck into the table."""
     if block.mids.shape[1]:
@@ -205,9 +202,6 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
             nodes.give(block.corners[:, [one, other]], column)
 
 
-# --- Division -------------------------------------------------------------------------------------
-
-
 def _collapsed(block: Block) -> bool:
     """Whether an element with more corners than a simplex uses a node twice."""
     return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(_folded(block).any())
@@ -247,9 +241,6 @@ def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
     ordered = np.sort(around, axis=1)
     sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
     return around[sound], rows[sound]
-
-
-# --- Lines ----------------------------------------------------------------------------------------
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:

@@ -15,7 +15,6 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError
-from antiosc.io.neutral import IntArray
 from antiosc.io.request import Request
 
 #: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
@@ -281,21 +280,6 @@ def named_solids(gmsh: ModuleType, fragments: bool, name: str) -> Names:
             if piece[0] == 3:
                 cut.setdefault((3, int(piece[1])), []).extend(names.get(entity, []))
     return cut
-
-
-def groups_of(
-    names: Names, rows: dict[tuple[int, int], dict[str, IntArray]]
-) -> dict[str, dict[str, IntArray]]:
-    """Cells by the names of their solids."""
-    found: dict[str, dict[str, list[IntArray]]] = {}
-    for entity, labels in names.items():
-        for kind, members in rows.get(entity, {}).items():
-            for label in labels:
-                found.setdefault(label, {}).setdefault(kind, []).append(members)
-    return {
-        label: {kind: np.concatenate(parts) for kind, parts in kinds.items()}
-        for label, kinds in found.items()
-    }
 
 
 def fill(gmsh: ModuleType, ask: Request) -> None:

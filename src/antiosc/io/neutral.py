@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -103,6 +103,17 @@ class RawMesh:
     model: dict[str, Any] | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+
+def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
+    """Groups of cells from parts of them: (name, kind, rows)."""
+    found: dict[str, dict[str, list[IntArray]]] = {}
+    for name, kind, rows in parts:
+        found.setdefault(name, {}).setdefault(kind, []).append(rows)
+    return {
+        name: {kind: np.concatenate(rows) for kind, rows in kinds.items()}
+        for name, kinds in found.items()
+    }
 
 
 def of_kind(name: str, label: str) -> str:

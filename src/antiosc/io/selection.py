@@ -64,9 +64,6 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     return _compact(raw)
 
 
-# --- Choice ---------------------------------------------------------------------------------------
-
-
 def _every_row(mesh: FileMesh) -> Rows:
     return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
 
@@ -169,9 +166,6 @@ def keys(rows: IntArray) -> NDArray[np.uint64]:
     return mixed
 
 
-# --- Groups ---------------------------------------------------------------------------------------
-
-
 def _add_cells(raw: RawMesh, group: str, blocks: Rows) -> None:
     for label, block in blocks.items():
         _add(raw, group, kind_of(label).dim, block[:, : kind_of(label).vertices])
@@ -206,9 +200,6 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
     alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
     if len(alone):
         _add(raw, group, 0, alone[:, None])
-
-
-# --- Nodes ----------------------------------------------------------------------------------------
 
 
 def _ends_first(raw: RawMesh, name: str) -> IntArray:

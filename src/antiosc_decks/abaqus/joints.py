@@ -61,8 +61,6 @@ class _Joints:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
                 self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
 
-    # --- Equations --------------------------------------------------------------------------------
-
     def equations(self, card: Card, within: Instance) -> None:
         """*EQUATION, whose terms may take several lines."""
         within.refuse_turned(card)
@@ -102,8 +100,6 @@ class _Joints:
                 terms.append((node, motion, real_number(factor, place)))
             place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
-
-    # --- Multi-point constraints ------------------------------------------------------------------
 
     def mpc(self, card: Card, within: Instance) -> None:
         """*MPC, whose lists of nodes may take several lines."""
@@ -148,8 +144,6 @@ class _Joints:
         else:
             return False
         return True
-
-    # --- Rigid bodies and couplings ---------------------------------------------------------------
 
     def rigid_body(self, card: Card, within: Instance) -> None:
         """*RIGID BODY."""
@@ -245,9 +239,6 @@ def _range(row: Row, start: int) -> list[int]:
     if not 1 <= first <= last <= 6:
         raise row.place.error(f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))
-
-
-# --- Constraints by the places of nodes -----------------------------------------------------------
 
 
 def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:

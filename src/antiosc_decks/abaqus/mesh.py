@@ -194,9 +194,6 @@ def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> B
     return block.mapped(moved)
 
 
-# --- Parts ----------------------------------------------------------------------------------------
-
-
 NONE = np.zeros(0, dtype=np.int64)
 
 
@@ -226,9 +223,6 @@ def mesh_of(cards: list[Card], name: str) -> Mesh:
     _read_nodes(mesh, cards)
     _read_elements(mesh, cards, name)
     return mesh
-
-
-# --- Nodes ----------------------------------------------------------------------------------------
 
 
 def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
@@ -262,9 +256,6 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
     mesh.points = np.array(points, dtype=float).reshape(-1, 3)[last]
     mesh.nodes = Numbering(every[last])
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
-
-
-# --- Elements -------------------------------------------------------------------------------------
 
 
 def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:

@@ -81,9 +81,6 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     return finished(builder)
 
 
-# --- Supports -------------------------------------------------------------------------------------
-
-
 class _Supports:
     """*BOUNDARY, in the axes of the deck or of a *TRANSFORM."""
 
@@ -145,9 +142,6 @@ class _Supports:
             self.local[node] = self.builder.joints.fixed_along(node, self.local[node], frame)
             self.builder.joints.frames[node] = frame
         self.builder.fixed |= self.local
-
-
-# --- Masses and springs ---------------------------------------------------------------------------
 
 
 def _nonstructural(whole: Whole, builder: ModelBuilder, card: Card, within: Instance) -> None:

@@ -93,8 +93,6 @@ class Sections:
         E, nu = self.builder.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.builder.rho(material)}
 
-    # --- Solids, plane parts, rods ----------------------------------------------------------------
-
     def _solid(self, card: Card, within: Instance) -> tuple[str, dict[str, Any]]:
         material = self._material(card.needed("MATERIAL"), card.place)
         stiffness = self.builder.anisotropic(material)
@@ -121,8 +119,6 @@ class Sections:
         E, mass = given["E"] / units.stress, given["rho"] / units.density * area
         rod = Rod(E, given["nu"], area, mass, card.place)
         self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
-
-    # --- Shells -----------------------------------------------------------------------------------
 
     def _shell(
         self, card: Card, elements: IntArray, within: Instance
@@ -209,8 +205,6 @@ class Sections:
             first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
         return first
 
-    # --- Beams ------------------------------------------------------------------------------------
-
     def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, dict[str, Any]]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
@@ -260,9 +254,6 @@ def _positive(card: Card, what: str) -> float:
     value = card.first().real(0, 1.0)
     card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value
-
-
-# --- *NODAL THICKNESS -----------------------------------------------------------------------------
 
 
 def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:

@@ -114,9 +114,6 @@ def _number(source: Source, number: int, text: str) -> float:
         raise source.error(number, f"a number is expected; got {text!r}.") from None
 
 
-# -- writing
-
-
 def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:
     """Write symmetric matrices by name, rows by their labels (n, 2): large fields, one triangle."""
     with path.open("w") as out:

@@ -250,9 +250,6 @@ class _Binary:
         return self._source.at_byte(self._start, f"{text}.")
 
 
-# -- writing
-
-
 def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:
     """Write symmetric matrices by name: binary, double precision, little-endian, BIGMAT."""
     with path.open("wb") as out:

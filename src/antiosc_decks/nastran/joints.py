@@ -79,8 +79,6 @@ class Joints:
             if entry.whole(0) in used:
                 self._nonstructural(entry)
 
-    # --- Rigid elements ---------------------------------------------------------------------------
-
     def _follow(
         self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry, own: bool = True
     ) -> None:
@@ -171,8 +169,6 @@ class Joints:
                     terms.append((row, motion, entry.real(k + 2)))
         entry.needs(terms and terms[0][2], "the first term of MPC needs a coefficient.")
         self.builder.joints.equation(terms, entry.place)
-
-    # --- Springs and dampers ----------------------------------------------------------------------
 
     def _scalars(self, kind: str) -> None:
         """Springs, dampers or masses between two motions, or of one against the ground."""
@@ -290,8 +286,6 @@ class Joints:
         y = v - (v @ line) * line
         y /= np.linalg.norm(y)
         return np.stack([line, y, np.cross(line, y)])
-
-    # --- Masses -----------------------------------------------------------------------------------
 
     def _at_a_point(self, entry: Entry) -> None:
         """CONM2: a rigid body, whose centre of mass may lie beside its node."""

@@ -176,9 +176,6 @@ def _sets(numbers: set[int]) -> str:
     return f"set{'s' * (len(numbers) > 1)} {shown}"
 
 
-# --- Nodes ----------------------------------------------------------------------------------------
-
-
 def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
@@ -254,9 +251,6 @@ def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
     """The number of a coordinate system in field k, by default that of GRDSET."""
     given = grid if grid.text(k) else defaults.get(grid.place.scope, grid)
     return given.whole(k, 0)
-
-
-# --- Elements -------------------------------------------------------------------------------------
 
 
 def _defaults(found: NastranDeck) -> None:
@@ -336,9 +330,6 @@ def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -
     number = property_of(entry)
     entry.needs(number in known, f"{entry.name} has no {name} {number}.")
     return known[number]
-
-
-# --- Groups ---------------------------------------------------------------------------------------
 
 
 def set_groups(found: NastranDeck) -> None:

@@ -76,8 +76,6 @@ class Properties:
         label = f"{element.name} {element.whole(0)}"
         return element.place.error(f"{label} has the property {number}, {what}")
 
-    # --- Materials --------------------------------------------------------------------------------
-
     def _material_of(self, entry: Entry) -> Material:
         """A material in the deck's units."""
         number = entry.whole(0)
@@ -135,8 +133,6 @@ class Properties:
                 "over the section"
             )
 
-    # --- Solids, rods and panels ------------------------------------------------------------------
-
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         fluid = entry.text(6) not in ("", "SMECH")
         entry.needs(not fluid, f"PSOLID with FCTN={entry.text(6)} is not a solid.")
@@ -190,8 +186,6 @@ class Properties:
         panel = Rod(E, nu, t, mass, entry.place, effective=effective)
         self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
 
-    # --- Beams ------------------------------------------------------------------------------------
-
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
         along = BeamProfiles(entry)
@@ -234,8 +228,6 @@ class Properties:
             }
             group = name if len(apart) == 1 else f"{name} along {key[:3]}"
             self.builder.add(group, elements[some], Family("Beam", arguments, entry.place))
-
-    # --- Shells -----------------------------------------------------------------------------------
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHELL."""

@@ -14,8 +14,6 @@ from refusals import refused
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
 PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 
-# --- Rods -----------------------------------------------------------------------------------------
-
 RODS = NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n2,2,7\n*ELEMENT,TYPE=T3D2,ELSET=B\n3,1,7\n"
 RODS += SOLID + "3.\n*SOLID SECTION,ELSET=B,MATERIAL=M\n" + STEEL
 
@@ -82,8 +80,6 @@ def test_a_rod_without_a_length_or_a_section(tmp_path):
     with pytest.raises(MeshError, match=r"T3D2 .*section"):
         read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
 
-
-# --- Parts, and what is refused -------------------------------------------------------------------
 
 PARTS = CUBE + "*ELEMENT,TYPE=S4,ELSET=LID\n2,5,6,7,8\n*ELEMENT,TYPE=S4,ELSET=WING\n3,2,9,10,3\n"
 PARTS += "*ELSET,ELSET=NONE\n*SHELL SECTION,ELSET=LID,MATERIAL=M\n.5\n"

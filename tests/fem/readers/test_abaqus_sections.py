@@ -8,8 +8,6 @@ import pytest
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
 from antiosc.base.errors import MeshError
 
-# --- Materials ------------------------------------------------------------------------------------
-
 #: Stiffness by rows 11, 22, 33, 12, 13, 23, as Abaqus counts them; 10 · row + column of its half.
 FULL = np.array([[10.0 * min(i, j) + max(i, j) for j in range(1, 7)] for i in range(1, 7)])
 FULL += 100 * np.eye(6)
@@ -91,8 +89,6 @@ def test_a_density_for_materials_without_one(tmp_path):
         read(tmp_path, text)
 
 
-# --- Shells ---------------------------------------------------------------------------------------
-
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
 PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 
@@ -173,8 +169,6 @@ def test_thicknesses_at_nodes(tmp_path):
     assert [kind for _, kind, _, _ in model["families"]] == ["Laminate"]
     assert any("NODAL THICKNESS" in sentence for sentence in model["ignored"])
 
-
-# --- Beams and plane sections ---------------------------------------------------------------------
 
 BOX = [(5 * 4**3 - 3 * 3**3) / 12, (4 * 5**3 - 3 * 3**3) / 12]
 

@@ -56,9 +56,6 @@ def test_a_mesh_comes_back_through_json_and_arrays():
     same(unpacked(json.loads(json.dumps(head)), arrays), whole())
 
 
-# --- Merging --------------------------------------------------------------------------------------
-
-
 def test_nodes_at_one_place_become_the_first_of_them():
     """Two cubes with nodes of their own at their common face; the joints follow."""
     points = np.vstack([POINTS[:8], POINTS[[1, 8, 9, 2, 5, 10, 11, 6]] + 1e-4])
@@ -86,9 +83,6 @@ def test_nodes_at_one_place_become_the_first_of_them():
     mesh.model = {"apart": [8, 3], "joints": {}}
     assert len(reading.merged(mesh, 1e-3).points) == 13
     assert len(reading.merged(mesh, 1e-5).points) == 16
-
-
-# --- Selection ------------------------------------------------------------------------------------
 
 
 WRONG = {

@@ -49,8 +49,6 @@ def constants(E, nu, G) -> np.ndarray:
     return np.linalg.inv(S)
 
 
-# --- Materials and sections -----------------------------------------------------------------------
-
 NODES = "*NODE,NSET=N\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
@@ -123,9 +121,6 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     model, _ = abaqus(deck + section + "*MATERIAL,NAME=M\n" + CARDS["lamina"] + DENSITY)
     ((_, _, given, _),) = model["families"]
     assert given["axis"] == axis
-
-
-# --- Supports, masses, springs --------------------------------------------------------------------
 
 
 def fixed(deck) -> dict[str, list[int]]:

@@ -103,9 +103,6 @@ def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_p
     assert model["joints"]["equations"] == []
 
 
-# --- Profiles -------------------------------------------------------------------------------------
-
-
 def profile(kind: str, *dimensions: float):
     fields = ["1", "1", "", kind, *[""] * 4, *map(str, dimensions)]
     return BeamProfiles(Entry("PBARL", Place("a deck", 1), fields)).at(0.0).profile

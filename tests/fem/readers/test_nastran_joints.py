@@ -232,9 +232,6 @@ def test_viscous_dampers_act_along_their_line_and_about_it(joints):
     np.testing.assert_allclose(C, expected, atol=1e-12)
 
 
-# --- Masses ---------------------------------------------------------------------------------------
-
-
 def mass_matrix(model: dict) -> tuple[np.ndarray, float]:
     """(matrix, mass) of all point masses."""
     M, total = np.zeros((6 * COUNT, 6 * COUNT)), 0.0

@@ -11,8 +11,6 @@ from abaqus_decks import alike
 from antiosc.base.errors import MeshError
 from nastran_decks import CORNERS, CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
 
-# --- Solids ---------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize(("system", "axes"), [("0", np.eye(3)), ("5", np.eye(3)[[1, 2, 0]])])
 def test_a_solid_of_21_constants(tmp_path, system, axes):
@@ -34,8 +32,6 @@ def test_a_solid_of_21_constants(tmp_path, system, axes):
         with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: .*{message}"):
             read(tmp_path, wrong + CYCLIC.replace("CORD2R,5", "CORD2C,6"))
 
-
-# --- Rods -----------------------------------------------------------------------------------------
 
 TUBE = math.pi / 4 * (4.0**2 - 3.0**2)
 RODS = {
@@ -88,8 +84,6 @@ def test_motions_against_which_no_rod_is_stiff_are_held(tmp_path):
     assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
     assert deck.told[0].startswith("1 motions")
 
-
-# --- Beams ----------------------------------------------------------------------------------------
 
 BAR = "PBAR,7,1,6.,5.,3.,4.,2.-9\n"
 SECTION = {"A": 6e-6, "I": 5e-12, "I_side": 3e-12, "J": 4e-12, "shear": 5 / 6}
@@ -159,9 +153,6 @@ def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
         "K1 and K2 of PBAR 7, which differ: both planes are taken as rigid in shear"
     ]
     assert not model["families"][0][2]["shear"]
-
-
-# --- Shells ---------------------------------------------------------------------------------------
 
 
 def test_directions_that_turn_are_given_at_the_middles_of_elements(tmp_path):

@@ -32,9 +32,6 @@ pytestmark = pytest.mark.fem
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
 
 
-# --- What is no file, or breaks its reader --------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", ["folder", "pipe", "device", "empty", "loop", "long"])
 @pytest.mark.parametrize("suffix", ["msh", "step", "vtu"])
 def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
@@ -153,9 +150,6 @@ def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
     path = tmp_path / "part.geo"
     path.write_text(BAR + 'Physical Curve(StrCat("of ", GetEnv("SECRET"))) = {1};')
     assert set(ao.read_mesh(path).groups) == {"of "}
-
-
-# --- The same mesh --------------------------------------------------------------------------------
 
 
 def test_a_file_comes_back_as_gmsh_holds_it(session):

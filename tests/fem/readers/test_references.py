@@ -84,8 +84,6 @@ def test_a_part_without_an_instance_is_told(tmp_path):
     assert any("'Q'" in text for text in deck.told)
 
 
-# --- Nastran --------------------------------------------------------------------------------------
-
 SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
 CONTROL = {
     "SPC=1\n": ("x", [2, 3]),

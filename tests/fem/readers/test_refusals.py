@@ -22,8 +22,6 @@ def read_as_model(reader, model_of, path, text: str) -> None:
     model_of(reader(path, path.name), SI, None)
 
 
-# --- Abaqus and CalculiX --------------------------------------------------------------------------
-
 NODES = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,5,6,7,8\n"
@@ -92,8 +90,6 @@ def test_abaqus(tmp_path, case):
     with refused(line, word, MeshError):
         read_as_model(abaqus_assembly.read, abaqus_model.model_of, tmp_path / "part.inp", text)
 
-
-# --- Nastran --------------------------------------------------------------------------------------
 
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,1.+9,,.3,1000.\n"

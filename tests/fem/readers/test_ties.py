@@ -38,8 +38,6 @@ def row_of(terms, count: int) -> np.ndarray:
     return row
 
 
-# --- Ties -----------------------------------------------------------------------------------------
-
 #: Places of the nodes of a face in its own coordinates.
 TRIANGLE = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
 SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0.0)])
@@ -161,8 +159,6 @@ def test_the_nearest_of_many_faces_is_taken(tmp_path):
         assert found == pytest.approx(right)
 
 
-# --- Surfaces -------------------------------------------------------------------------------------
-
 #: Nodes of the sides S1, S2, … of elements, by Abaqus' manual.
 SIDES = {
     "C3D8": "1234 5876 1562 2673 3784 4851",
@@ -209,8 +205,6 @@ def test_surfaces_of_several_kinds_and_of_nodes(tmp_path):
     assert (found["A"].nodes + 1).tolist() == [1, 2, 3, 4, 5, 7, 8, 11, 12]
     assert (found["B"].nodes + 1).tolist() == [2, 3]
 
-
-# --- Couplings ------------------------------------------------------------------------------------
 
 ANY = np.round(RNG.normal(size=(6, 3)), 3)
 SET = "*NSET,NSET=N\n1,2,3\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*SURFACE,NAME=L,TYPE=NODE\nN,\n6,\n"
