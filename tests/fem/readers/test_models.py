@@ -5,39 +5,27 @@ The parsers are called here directly; `tests/fem/assembly/test_from_deck.py` bui
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.properties import isotropic, of_stiffness
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-MM = UnitSystem.of("mm")
 
 
 @pytest.fixture
 def abaqus(tmp_path):
-    def model(text: str, density=None):
-        path = tmp_path / "part.inp"
-        path.write_text(text)
-        whole = abaqus_assembly.read(path, path.name)
-        return abaqus_model.model_of(whole, MM, density), whole.deck
-
-    return model
+    return partial(inp.read, tmp_path)
 
 
 @pytest.fixture
 def bulk(tmp_path):
-    def model(text: str, density=None):
-        path = tmp_path / "part.bdf"
-        path.write_text(text)
-        found = nastran.read(path, path.name)
-        return nastran_model.model_of(found, MM, density), found.deck
-
-    return model
+    return partial(bdf.read, tmp_path)
 
 
 def constants(E, nu, G) -> np.ndarray:

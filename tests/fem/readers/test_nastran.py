@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from antiosc.fem.platform import compat
 from antiosc_decks.nastran import mesh as nastran
 from antiosc_decks.nastran.coordinates import System
 from paths import DECKS
+from refusals import refused
 
 pytestmark = pytest.mark.fem
 
@@ -126,3 +129,27 @@ def test_an_include_beside_the_file_that_includes(tmp_path):
     path = tmp_path / "part.bdf"
     path.write_text("INCLUDE 'parts/all.inc'\n")
     assert nastran.read(path, path.name).deck.n_elements == 1
+
+
+def test_systems_by_grids_and_within_each_other(tmp_path):
+    """CORD1R, C and S by three grids, two in one card; CORD2 in another system."""
+    text = "GRID,1,,1.,2.,3.\nGRID,2,,1.,3.,3.\nGRID,3,,1.,2.,5.\n"
+    text += "CORD1R,11,1,2,3\nCORD1C,12,1,2,3,13,1,3,2\nCORD1S,14,1,2,3\n"
+    text += "CORD2R,15,11,1.,2.,3.,1.,2.,5.,\n,4.,2.,3.\n"
+    text += "GRID,21,11,1.,2.,3.\nGRID,22,12,2.,90.,3.\nGRID,23,13,2.,0.,1.\n"
+    text += "GRID,24,14,2.,90.,90.\nGRID,25,14,2.,30.,0.\nGRID,26,15,1.,2.,3.\n"
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    found = nastran.read(path, path.name)
+    # system 11: z is y of the deck, x is z, y is x; system 13: z is z, x is y, y is -x
+    expected = [(3, 5, 4), (3, 5, 3), (1, 4, 4), (3, 2, 3), (1, 2 + math.sqrt(3), 4), (5, 8, 5)]
+    np.testing.assert_allclose(found.deck.points[3:], expected, atol=1e-12)
+    for wrong, at, word in (
+        ("CORD1R,16,1,2,9\nGRID,27,16\n", 15, "GRID 9"),
+        ("CORD1R,16,1,2,27\nGRID,27,16\n", 16, "itself"),
+        ("GRID,27,19\n", 15, "no coordinate system"),
+        ("CORD2R,16,,0.,0.,0.,1.,0.,0.,\n,2.,0.,0.\nGRID,27,16\n", 15, "on one line"),
+    ):
+        path.write_text(text + wrong)
+        with refused(at, word, ao.MeshError):
+            nastran.read(path, path.name)

@@ -7,19 +7,12 @@ from __future__ import annotations
 
 import pytest
 
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from refusals import refused
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-SI = UnitSystem(1.0, 1.0)
-
-
-def read_as_model(reader, model_of, path, text: str) -> None:
-    path.write_text(text)
-    model_of(reader(path, path.name), SI, None)
 
 
 NODES = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
@@ -88,7 +81,7 @@ ABAQUS = {
 def test_abaqus(tmp_path, case):
     text, line, word = ABAQUS[case]
     with refused(line, word, MeshError):
-        read_as_model(abaqus_assembly.read, abaqus_model.model_of, tmp_path / "part.inp", text)
+        inp.read(tmp_path, text)
 
 
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
@@ -132,4 +125,38 @@ NASTRAN = {
 def test_nastran(tmp_path, case):
     text, line, word = NASTRAN[case]
     with refused(line, word, MeshError):
-        read_as_model(nastran.read, nastran_model.model_of, tmp_path / "part.bdf", text)
+        bdf.read(tmp_path, text)
+
+
+TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
+PLATE = "CQUAD4,1,7,1,2,3,4\n"
+WITH_LINES = {
+    **{f"{card} {prop}": (f"{card}{bdf.MAT1}{prop},7,1\nPARAM,7\nPELAS,7,1.\n", 9, f"as {instead}")
+       for card, prop, instead in (
+           (bdf.HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
+           (TUBE, "PWELD", "PTUBE"), (PLATE, "PLPLANE", "PSHELL or PCOMP"),
+           ("CBAR,1,7,1,2,0.,1.,0.\n", "PBCOMP", "PBAR"))},
+    "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
+    "material": (f"{bdf.HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),
+    "solid of plies": (f"{bdf.HEXA}PSOLID,7,3\nMAT8,3,9.,8.,.1,3.,,,1.\n", 12, "nine constants"),
+    "shell of a solid": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT9,3,1.\n,,,,,,,,\n,,,,,,,1.\n",
+                         11, "not a material of shells"),
+    "indefinite": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT2,3,1.,2.,,1.,,1.,1.\n", 11, "definite"),
+    "spoint": (f"SPOINT,100,THRU,10000102\n{bdf.HEXA}", 9, "SPOINT from 100"),
+    "mass of nothing": (f"{bdf.HEXA}PSOLID,7,1\nCMASS2,9,1.\n", 12, "no node"),
+    "place of a station": (f"{BEAM}PBEAM,7,1,6.,5.,3.,,4.,,\n,NO,1.5,3.,2.\n", 10, "X/XB"),
+    "place of a profile": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,1.5,.1\n", 10, "X/XB"),
+    "no end": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,.5,.1\n", 10, "no section at X/XB = 1"),
+    **{f"a bush along {k}": (
+        f"{bdf.HEXA}PSOLID,7,1\nCBUSH,9,9,1,2\nPBUSH,9,K{k * ','}1.\n", 12, "CID")
+       for k in (2, 3, 5, 6)},
+    "contact": (f"{bdf.HEXA}BCONTACT,1\n", 11, "contact"),
+    "element": (f"{bdf.HEXA}CFAST,9,9,1,2\n", 11, "CFAST"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WITH_LINES)
+def test_nastran_by_its_line(tmp_path, case):
+    text, line, word = WITH_LINES[case]
+    with refused(line, word, MeshError):
+        bdf.read(tmp_path, bdf.GRIDS + text + bdf.MAT1)
