@@ -174,7 +174,7 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
             elif card.keyword == "ROTARYINERTIA":
                 builder.mass(nodes[0], 0.0, _inertia(card, rows[0], within), card.place)
             else:
-                _link(builder, orientations, card, within, kind, nodes)
+                _link(builder, orientations, (card, within), kind, nodes)
     given["MASS"] += given.pop("ROTARYINERTIA")
     left = whole.deck.left
     for keyword, number in given.items():
@@ -207,12 +207,12 @@ def _inertia(card: Card, row: Row, within: Instance) -> list[float]:
 def _link(
     builder: ModelBuilder,
     orientations: Orientations,
-    card: Card,
-    within: Instance,
+    given: tuple[Card, Instance],
     kind: str,
     nodes: list[int],
 ) -> None:
     """A spring or a dashpot."""
+    card, within = given
     values = card.rows()
     what = BESIDE[card.keyword][0]
     if kind.endswith("A"):

@@ -11,17 +11,8 @@ from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.properties import Orientations, profile_of
+from antiosc_decks.model import geometry
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
-from antiosc_decks.model.geometry import (
-    common_direction,
-    corners_of,
-    curved,
-    everywhere,
-    normals_of,
-    side_of,
-    tangents_of,
-    top_of,
-)
 from antiosc_decks.model.properties import Material
 
 #: Sine of the angle below which a direction is normal to a shell.
@@ -139,19 +130,19 @@ class Sections:
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
         if not share:
             return {}
-        if curved(self.whole.deck, elements):
+        if geometry.curved(self.whole.deck, elements):
             self.whole.deck.told.append(
                 f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
             )
         length = self.builder.units.length
-        side = side_of(self.whole.deck, elements, length)
+        side = geometry.side_of(self.whole.deck, elements, length)
         return {"offset": -share * thickness * length, **side}
 
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row], within: Instance
     ) -> tuple[str, dict[str, Any]]:
         deck, length = self.whole.deck, self.builder.units.length
-        normals = normals_of(deck, elements)
+        normals = geometry.normals_of(deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), within)]
@@ -182,9 +173,11 @@ class Sections:
         alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
         return "Laminate", {
             "layers": layers,
-            "axis": axis[0].tolist() if alike else everywhere(deck, elements, axis, length),
+            "axis": axis[0].tolist()
+            if alike
+            else geometry.everywhere(deck, elements, axis, length),
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
-            "top": top_of(deck, elements, length),
+            "top": geometry.top_of(deck, elements, length),
         }
 
     def _directions(self, name: str, place: Place, within: Instance, elements: IntArray) -> Array:
@@ -193,11 +186,11 @@ class Sections:
         Where that about an axis is the normal of a shell, it is direction 2.
         """
         deck = self.whole.deck
-        centres = np.array([x.mean(axis=0) for x in corners_of(deck, elements)])
+        centres = np.array([x.mean(axis=0) for x in geometry.corners_of(deck, elements)])
         frames = self.orientations.at(name, place, within, centres)
         first = frames[:, 0]
         if self.orientations.cylindrical(name, within):
-            normals = normals_of(deck, elements)
+            normals = geometry.normals_of(deck, elements)
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
@@ -223,7 +216,9 @@ class Sections:
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
-            tangent = common_direction(tangents_of(self.whole.deck, elements), least=1 - 1e-9)
+            tangent = geometry.common_direction(
+                geometry.tangents_of(self.whole.deck, elements), least=1 - 1e-9
+            )
             if tangent is None:
                 raise card.place.error(
                     "OFFSET2 is read for beams in one direction only; give each "

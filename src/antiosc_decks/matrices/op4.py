@@ -23,6 +23,7 @@ from antiosc.io.matrices.formats import Entries, Labels, MatrixFormat, Source, f
 
 #: Rows from which one word does not hold length and row of a string.
 BIGMAT_ROWS = 65536
+NO_ROWS = np.zeros(0, dtype=np.int64)
 #: Form of a symmetric matrix, type of real numbers in double precision.
 SYMMETRIC_FORM, DOUBLE = 6, 2
 
@@ -53,37 +54,27 @@ def read(source: Source) -> dict[str, Entries]:
     reader = _Text(source) if is_text(source.content) else _Binary(source)
     found: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
+        label, size = f"{source.name}: the matrix {header.name}", header.rows
         if header.kind not in (1, 2):
-            raise InputError(
-                f"{source.name}: the matrix {header.name} is complex: stiffness and mass must be "
-                "real."
-            )
-        if header.rows != header.columns or header.rows < 1:
-            raise InputError(
-                f"{source.name}: the matrix {header.name} must be square; got {header.rows} rows "
-                f"and {header.columns} columns."
-            )
+            raise InputError(f"{label} is complex: stiffness and mass must be real.")
+        if size != header.columns or size < 1:
+            square = f"must be square; got {size} rows and {header.columns} columns."
+            raise InputError(f"{label} {square}")
         rows, columns, values = [], [], []
         for column, row, value in _strings(reader, header):
-            if row < 0 or row + len(value) > header.rows:
+            if row < 0 or row + len(value) > size:
                 raise InputError(
                     f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
-                    f"from row {row + 1} of {header.rows} rows."
+                    f"from row {row + 1} of {size} rows."
                 )
             some = np.flatnonzero(value)
             rows.append(row + some)
             columns.append(np.full(len(some), column))
             values.append(value[some])
-        joined = [np.concatenate([part[0][:0], *part]) if part else np.zeros(0) for part in
-                  (rows, columns, values)]  # fmt: skip
-        found[header.name] = Entries(
-            f"{source.name} ({header.name})",
-            joined[0].astype(np.int64),
-            joined[1].astype(np.int64),
-            joined[2],
-            header.rows,
-            triangle=False,
-        )
+        at, of = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
+        entries = np.concatenate([np.zeros(0), *values])
+        name = f"{source.name} ({header.name})"
+        found[header.name] = Entries(name, at, of, entries, size, triangle=False)
     return found
 
 
