@@ -11,7 +11,6 @@ import inspect
 import shutil
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -137,7 +136,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
     sorted_tags = np.asarray(tags)[by_tag]
     points = np.asarray(coordinates, dtype=float).reshape(-1, 3)
 
-    def indices(node_tags: Any, width: int) -> IntArray:
+    def indices(node_tags: IntArray, width: int) -> IntArray:
         found = np.searchsorted(sorted_tags, node_tags)
         found[found == len(sorted_tags)] = 0
         if not len(sorted_tags) or not np.array_equal(sorted_tags[found], node_tags):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
+from antiosc.io.neutral import Model
 
 IntArray = NDArray[np.int64]
 
@@ -114,7 +114,7 @@ class Deck:
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
-    model: dict[str, Any] | None = None
+    model: Model | None = None
 
     @property
     def n_elements(self) -> int:

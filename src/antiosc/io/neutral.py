@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES
 
 IntArray = NDArray[np.int64]
+#: Materials, sections, supports, masses and joints of a deck in SI units, as JSON holds them.
+Model = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class FileMesh:
     #: warnings about the file for the caller, one sentence each
     told: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
-    model: dict[str, Any] | None = None
+    model: Model | None = None
 
 
 @dataclass
@@ -100,7 +102,7 @@ class RawMesh:
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: as in `FileMesh`
     told: list[str] = field(default_factory=list)
-    model: dict[str, Any] | None = None
+    model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -21,7 +20,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.io.isolation import read_apart
 from antiosc.io.meshing import CAD, STATES_UNIT, SizeField
-from antiosc.io.neutral import FileMesh, RawMesh, kind_of, of_kind
+from antiosc.io.neutral import FileMesh, IntArray, Model, RawMesh, kind_of, of_kind
 from antiosc.io.request import ModelOptions, Refinement
 from antiosc.io.selection import Wanted, selected
 from antiosc.io.table import deck_endings, is_deck
@@ -153,11 +152,11 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     )
 
 
-def _renumbered(model: dict[str, Any], row: NDArray[Any]) -> dict[str, Any]:
+def _renumbered(model: Model, row: IntArray) -> Model:
     """The model with other numbers of its nodes; negative ones are points of no element."""
     joints = dict(model.get("joints", {}))
 
-    def new(terms: list[list[Any]]) -> list[list[Any]]:
+    def new(terms: list[tuple[int, int, float]]) -> list[list[float]]:
         return [[int(row[n]) if n >= 0 else n, motion, c] for n, motion, c in terms]
 
     if joints:

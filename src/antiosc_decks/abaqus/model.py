@@ -8,12 +8,12 @@ listed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
@@ -46,7 +46,7 @@ NAMED = {
 }
 
 
-def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
+def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     top = whole.instances[""]
     first = [(card, top) for card in (whole.steps[0] if whole.steps else [])]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.properties import Orientations, profile_of
 from antiosc_decks.model import geometry
-from antiosc_decks.model.builder import Family, ModelBuilder, Rod
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material
 
 #: Sine of the angle below which a direction is normal to a shell.
@@ -60,7 +60,7 @@ class Sections:
         name = self.whole.spelled(card.option("ELSET"), within)
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
-    def _refuse(self, card: Card, roles: set[str], types: set[str]) -> Any:
+    def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         kinds = ", ".join(sorted(types))
         if any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types):
             raise card.place.error(
@@ -79,24 +79,24 @@ class Sections:
             raise place.error(f"there is no material {name!r} (*MATERIAL, NAME=).")
         return self.materials[name.upper()]
 
-    def _isotropic(self, card: Card, what: str) -> dict[str, Any]:
+    def _isotropic(self, card: Card, what: str) -> Arguments:
         material = self._material(card.needed("MATERIAL"), card.place)
         E, nu = self.builder.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.builder.rho(material)}
 
-    def _solid(self, card: Card, within: Instance) -> tuple[str, dict[str, Any]]:
+    def _solid(self, card: Card, within: Instance) -> tuple[str, Arguments]:
         material = self._material(card.needed("MATERIAL"), card.place)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
             return "Solid", self._isotropic(card, "solids")
-        arguments: dict[str, Any] = {"stiffness": stiffness, "rho": self.builder.rho(material)}
+        arguments: Arguments = {"stiffness": stiffness, "rho": self.builder.rho(material)}
         if name := card.option("ORIENTATION"):
             arguments["axes"] = self.orientations.frame(name, card.place, within)[:2].tolist()
         else:
             within.refuse_turned(card)
         return "AnisotropicSolid", arguments
 
-    def _plane(self, card: Card, roles: set[str]) -> tuple[str, dict[str, Any]]:
+    def _plane(self, card: Card, roles: set[str]) -> tuple[str, Arguments]:
         if len(roles) > 1:
             self._refuse(card, roles, set())
         thickness = _positive(card, "thickness") * self.builder.units.length
@@ -111,9 +111,7 @@ class Sections:
         rod = Rod(E, given["nu"], area, mass, card.place)
         self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
-    def _shell(
-        self, card: Card, elements: IntArray, within: Instance
-    ) -> tuple[str, dict[str, Any]]:
+    def _shell(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
         if "COMPOSITE" in card.options:
             return self._laminate(card, elements, card.rows(), within)
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -125,7 +123,7 @@ class Sections:
         offset = self._offset(card, elements, thickness)
         return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
 
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> dict[str, Any]:
+    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Arguments:
         word = card.option("OFFSET").upper()
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
         if not share:
@@ -140,7 +138,7 @@ class Sections:
 
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row], within: Instance
-    ) -> tuple[str, dict[str, Any]]:
+    ) -> tuple[str, Arguments]:
         deck, length = self.whole.deck, self.builder.units.length
         normals = geometry.normals_of(deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
@@ -198,7 +196,7 @@ class Sections:
             first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
         return first
 
-    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, dict[str, Any]]:
+    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:

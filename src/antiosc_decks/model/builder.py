@@ -36,12 +36,16 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 LEAST_TERM = 1e-12
 
 
+#: Of a class of antiosc, as JSON holds them.
+Arguments = dict[str, Any]
+
+
 @dataclass
 class Family:
     """The section of a group of elements, as a class of antiosc and its arguments."""
 
     kind: str
-    arguments: dict[str, Any]
+    arguments: Arguments
     place: Place
 
 

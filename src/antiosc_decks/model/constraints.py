@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, Deck, IntArray, Place
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
@@ -278,7 +278,7 @@ class Constraints:
         sprung = [*self.springs, *(self.dampers if dampers else ())]
         return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
-    def finished(self, units: UnitSystem) -> dict[str, Any]:
+    def finished(self, units: UnitSystem) -> Model:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
         length = units.length
         loose = self.loose()

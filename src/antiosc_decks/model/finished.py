@@ -16,6 +16,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
+from antiosc.io.neutral import Model
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder
@@ -27,7 +28,7 @@ from antiosc_decks.model.rods import join_rods, make_truss
 JOINED = {"solid", "shell", "beam"}
 
 
-def finished(builder: ModelBuilder) -> dict[str, Any]:
+def finished(builder: ModelBuilder) -> Model:
     """The model.
 
     Raises

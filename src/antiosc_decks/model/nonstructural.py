@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place
-from antiosc_decks.model.builder import Family, ModelBuilder
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder
 from antiosc_decks.model.geometry import measures_of
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
@@ -94,7 +93,7 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
             builder.add(name, elements[mine & (density == value)], own)
 
 
-def _heavier(arguments: dict[str, Any], density: float) -> dict[str, Any]:
+def _heavier(arguments: Arguments, density: float) -> Arguments:
     """Arguments of a section with more density, kg/m³."""
     own = dict(arguments)
     if "layers" in own:

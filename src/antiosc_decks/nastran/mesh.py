@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,18 @@ from antiosc_decks.sources import Sources
 SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
 #: Elements between scalar motions, by the first letters of their names.
 SCALARS = ("CELAS", "CDAMP", "CMASS")
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam, or a piece of one."""
+
+    #: place of its middle, from 0 to 1
+    middle: float = 0.0
+    #: whether its ends are its own
+    moved: bool = False
+    #: direction of plane 1, of a piece of a curved beam
+    height: Array | None = None
 
 
 @dataclass
@@ -42,7 +53,7 @@ class NastranDeck:
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
     #: what is special about elements that are beams, by their number
-    beams: dict[int, Any] = field(default_factory=dict)
+    beams: dict[int, Beam] = field(default_factory=dict)
     #: entries that are read as others, in the deck's terms
     converted: list[str] = field(default_factory=list)
 

@@ -7,11 +7,10 @@ loads are ignored and listed.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from antiosc.io.deck import IntArray, Place
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import ModelBuilder
@@ -26,7 +25,7 @@ from antiosc_decks.nastran.properties import Properties
 from antiosc_decks.nastran.table import tell_damping
 
 
-def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
+def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     found.account.refuse()
     tell_damping(found.account, found.bulk.entries)

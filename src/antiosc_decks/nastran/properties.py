@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +12,12 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.model import geometry
-from antiosc_decks.model.builder import Family, ModelBuilder, Rod
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material, isotropic, tube
-from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
+from antiosc_decks.nastran.beams import offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.coordinates import SCOPE, label_of
-from antiosc_decks.nastran.mesh import NastranDeck, defined_once, property_of
+from antiosc_decks.nastran.mesh import Beam, NastranDeck, defined_once, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.table import CELLS, PROPERTIES
 
@@ -139,7 +138,7 @@ class Properties:
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
-        kind, arguments = "Solid", dict[str, Any](rho=self.builder.rho(material))
+        kind, arguments = "Solid", Arguments(rho=self.builder.rho(material))
         if stiffness is None:
             arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
         else:
@@ -200,7 +199,7 @@ class Properties:
         tangents = geometry.tangents_of(self.found.deck, elements)
         apart: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
-            beam = self.found.beams.get(int(element), PLAIN)
+            beam = self.found.beams.get(int(element), Beam())
             own = self.found.elements[element]
             height = orientation(self.found, own, tangent) if beam.height is None else beam.height
             offset = 0.0 if beam.moved else offset_along(self.found, own, height)
@@ -217,7 +216,7 @@ class Properties:
                 side = np.cross(tangents[some[0]], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
-            arguments: dict[str, Any] = {
+            arguments: Arguments = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),
                 "rho": density + self._beside(one.extra, profile.A),
@@ -299,7 +298,7 @@ class Properties:
             )
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
-    def _given(self, entry: Entry, thickness: float) -> dict[str, Any]:
+    def _given(self, entry: Entry, thickness: float) -> Arguments:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
         membrane, bending, across = (
@@ -369,7 +368,7 @@ class Properties:
         name: str,
         elements: IntArray,
         kind: str,
-        arguments: dict[str, Any],
+        arguments: Arguments,
         offset: float,
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
