@@ -212,7 +212,8 @@ class Properties:
             height = np.array(key[:3])
             if one.angle:
                 entry.needs(not key[3], f"{entry.name} with I12 and with offsets of its elements "
-                            "is not supported; rotate it to its principal axes.")  # fmt: skip
+                            "is not supported; rotate the section to its principal "
+                            "axes.")  # fmt: skip
                 side = np.cross(tangents[some[0]], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
