@@ -9,8 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -204,10 +202,3 @@ def test_groups_are_the_same_on_two_ranks(tmp_path):
     """
     path = str(grid(tmp_path / "many.msh", 10, 8))
     assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2
-
-
-def told(path: Path) -> list[str]:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        ao.read_mesh(path)
-    return [str(w.message) for w in caught if issubclass(w.category, ao.AntioscWarning)]
