@@ -43,9 +43,7 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
     text = RODS + "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n"
     text += "*SOLID SECTION,ELSET=C,MATERIAL=M\n*BOUNDARY\n1,1,3\n"
     model, deck = read(tmp_path, text)
-    assert deck.told == [f"the {n} T3D2 of part.inp are springs, with their mass at their ends."
-                         for n in (2, 1)] or deck.told == [
-        "the 3 T3D2 of part.inp are springs, with their mass at their ends."]  # fmt: skip
+    assert all("T3D2 of part.inp are springs" in told for told in deck.told)
     x = np.array([(0, 0, 0), (20, 0, 0), (20, 10, 10)])
     # rod 1 ends at the fixed node 1, as rod 3 does
     expected = []
@@ -105,11 +103,8 @@ def test_some_parts_of_a_deck(tmp_path):
     everything, _ = read(tmp_path, PARTS + ON)
     assert everything["ignored"] == []
     assert len(everything["joints"]["equations"]) == 2
-    with pytest.raises(MeshError) as caught:
+    with refused(None, "'ALL', 'LID', 'WING'", MeshError):
         read(tmp_path, PARTS, parts=["LID", "NONE"])
-    assert str(caught.value) == (
-        "part.inp has no elements of a part 'NONE'; it has: 'ALL', 'LID', 'WING'."
-    )
 
 
 def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):

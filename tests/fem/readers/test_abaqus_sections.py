@@ -152,10 +152,7 @@ def test_thicknesses_at_nodes(tmp_path):
         f"All of thickness 0.325 ({place})": pytest.approx((3.25e-4, -1.625e-4)),
         f"CAP of thickness 0.25 ({last})": (pytest.approx(2.5e-4), None),
     }
-    assert model["ignored"] == [
-        "the variation of the thickness within 2 elements (*NODAL THICKNESS, "
-        f"{line(text, '*NODAL')}), the mean of the corners is taken in each"
-    ]
+    assert f"within 2 elements (*NODAL THICKNESS, {line(text, '*NODAL')})" in model["ignored"][0]
     text = BENT + SHELL.format("") + STEEL + "*NODAL THICKNESS\n9,.25\n10,.25\n"
     model, deck = read(tmp_path, text)
     thin = {name.partition(" (")[0]: one["thickness"] for name, _, one, _ in model["families"]}

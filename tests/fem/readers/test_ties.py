@@ -114,9 +114,7 @@ def test_nodes_within_reach_of_a_face_are_tied(tmp_path, option, reach):
     """By default 0.05 of the mean edge of the master, as Abaqus has it."""
     tied, told, lines = tie_at(tmp_path, [0.99 * reach, 1.01 * reach, -0.99 * reach], option)
     assert tied == [0, 2]
-    assert [sentence[:40] for sentence in told] == [
-        f"line {lines + 3} of a.inp: 1 of 3 slave nodes"[:40]
-    ]
+    assert told[0].startswith(f"line {lines + 3} of a.inp: 1 of 3 slave nodes")
     with refused(lines + 2, "nothing", MeshError):
         tie_at(tmp_path, [1.01 * reach, 2.0], option)
 
