@@ -50,10 +50,6 @@ class Account:
     #: options and fields of cards that are read: what they are, the place of the card, their fate
     options: list[tuple[str, Place, Fate]] = field(default_factory=list)
 
-    def add(self, card: str, place: Place, fate: Fate) -> None:
-        """Account for one card."""
-        self.cards.append((card, place, fate))
-
     def refuse(self) -> None:
         """MeshError for the first card or option that is refused."""
         for name, place, fate in (*self.cards, *self.options):

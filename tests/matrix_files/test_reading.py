@@ -10,12 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.io.matrices.reading import read_pair
-from matrix_writers import (
-    abaqus_labels,
-    matrix_market,
-    op4_binary,
-    spring_frame,
-)
+from matrix_writers import abaqus_labels, matrix_market, op4_binary, spring_frame
 
 K, M, LABELS = spring_frame()
 

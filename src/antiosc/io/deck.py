@@ -168,12 +168,6 @@ class Numbering:
         return np.asarray(self.order[low:high][(some - first) % step == 0])
 
 
-def unique_last(labels: IntArray) -> IntArray:
-    """Index of the last entry of each label, ascending: later definitions replace earlier ones."""
-    _, first = np.unique(labels[::-1], return_index=True)
-    return np.sort(len(labels) - 1 - first)
-
-
 def whole_number(text: str, place: Place) -> int:
     """An integer of a deck; MeshError if the text is not an integer."""
     try:

@@ -13,16 +13,7 @@ from typing import Literal
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import (
-    LARGEST_NUMBER,
-    Array,
-    Block,
-    IntArray,
-    Numbering,
-    Place,
-    unique_last,
-    whole_number,
-)
+from antiosc.io.deck import LARGEST_NUMBER, Array, Block, IntArray, Numbering, Place, whole_number
 from antiosc.io.shapes import CORNERS, EDGES
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.table import GENERATORS
@@ -252,7 +243,8 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
             made.setdefault(name.upper(), []).extend(labels[start:])
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
     every = np.array(labels, dtype=np.int64)
-    last = unique_last(every)
+    # later definitions replace earlier ones
+    last = np.sort(len(every) - 1 - np.unique(every[::-1], return_index=True)[1])
     mesh.points = np.array(points, dtype=float).reshape(-1, 3)[last]
     mesh.nodes = Numbering(every[last])
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
