@@ -59,7 +59,7 @@ def free_sites(
     band: float | None,
     most: float = math.inf,
 ) -> FreeSites:
-    """The sites of a map and at most `most` free modes there; other arguments as of `impact_map`."""
+    """The sites of a map and at most `most` free modes there; the others as of `impact_map`."""
     started = time.perf_counter()
     found = sites_of(matrices, where, direction, radius)
     structure.factorize()
