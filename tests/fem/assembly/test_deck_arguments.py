@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly import deck_joints, from_deck
+from antiosc.fem.assembly import from_deck
 
 pytestmark = pytest.mark.fem
 
@@ -76,7 +76,7 @@ def test_families_of_a_deck():
 def test_masses_and_springs_at_places_and_at_points():
     model = {"masses": [[[1.0, 2.0, 3.0], 0.5, [0, 0, 0]], [-2, 0.25, [1, 2, 3]]],
              "springs": [[-1, {"x": 7.0}]]}  # fmt: skip
-    first, second, spring = deck_joints.attachments(model)
+    first, second, spring = from_deck.attachments(model)
     assert (tuple(first.where), first.mass) == ((1, 2, 3), 0.5)
     assert (second.where, second.mass) == ("point 2", 0.25)
     assert spring.where == "point 1"

@@ -10,10 +10,10 @@ import scipy.sparse
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly.arguments import checked_parts, checked_places
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, curl
+from antiosc.fem.assembly.parts import checked_parts, checked_places
 from antiosc.fem.structure.placement import Placement
 from assemblies import SOLID, box
 

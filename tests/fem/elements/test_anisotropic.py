@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements.given_sheet import GivenSheet
+from antiosc.fem.elements.shell import GivenSheet
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore:the compliance under a point")]
 E, NU, RHO = 70e9, 0.33, 2700.0

@@ -16,7 +16,7 @@ import dolfinx
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.plate_section import stacked
+from antiosc.fem.elements.sections import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 
 import antiosc as ao
-from antiosc.fem.elements.plate_section import stacked
+from antiosc.fem.elements.sections import stacked
 from laminates import uniform
 from sheets import (
     PLY,

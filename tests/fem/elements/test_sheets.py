@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.elements.weak_form import coefficient, measure
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.materials import parts_of
+from antiosc.fem.structure.of_mesh import parts_of
 from paths import MESHES
 
 pytestmark = pytest.mark.fem

@@ -16,11 +16,6 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import several
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly import motions
-from antiosc.fem.assembly.arguments import (
-    checked_parts,
-    checked_places,
-    checked_points,
-)
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
@@ -31,13 +26,29 @@ from antiosc.fem.assembly.assembled import (
     without_stiffness,
 )
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Redundant, Rows, Stiffness
+from antiosc.fem.assembly.joint import (
+    Constraints,
+    Eliminated,
+    Joint,
+    Redundant,
+    Rows,
+    Stiffness,
+    attachment,
+    superelement,
+    support_rows,
+)
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.motions import modes_of, tell_motions
-from antiosc.fem.assembly.share import Share, communicator, on_every_rank
+from antiosc.fem.assembly.parts import (
+    Share,
+    checked_parts,
+    checked_places,
+    checked_points,
+    communicator,
+    on_every_rank,
+)
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.superelement import TURN
-from antiosc.fem.assembly.supports import attachment, superelement, support_rows
 from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform.mpi import collective, on_root

@@ -13,10 +13,9 @@ import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.overlaps import Overlap, closest
+from antiosc.fem.assembly.overlaps import Facets, Overlap, closest
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 

@@ -26,10 +26,9 @@ from antiosc.base.checks import positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import NAME, Between, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse, curl
-from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
+from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, on_faces, overlap
 from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew

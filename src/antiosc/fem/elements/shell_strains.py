@@ -24,7 +24,7 @@ import ufl
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.material_axes import axes_and_sides
-from antiosc.fem.elements.plate_section import PlateSection
+from antiosc.fem.elements.sections import PlateSection
 from antiosc.fem.elements.weak_form import Parts, coefficient
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat

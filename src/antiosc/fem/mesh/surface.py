@@ -13,9 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.entities import Entities
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
 
 #: Faces whose normals differ by less than this cosine lie on one side of an edge.

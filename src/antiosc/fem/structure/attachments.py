@@ -37,7 +37,7 @@ from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree
-from antiosc.fem.structure.dissipation import Dissipation
+from antiosc.fem.structure.matrices import Dissipation
 from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.

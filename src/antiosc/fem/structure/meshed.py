@@ -26,8 +26,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.attachments import Stiffener
-from antiosc.fem.structure.dissipation import Dissipation
-from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.rigid_body_modes import about
 from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group
