@@ -206,7 +206,7 @@ def test_what_takes_no_dampers_says_so():
         with pytest.raises(InputError, match="does not take dampers"):
             call()
     assert ao.extract(part, MIDDLE, n=3, shapes=False).damping is not None
-    with pytest.raises(InputError, match="the damping of z must be"):
+    with pytest.raises(InputError, match="the damping along z must be"):
         beams(-1.0)
     with pytest.raises(InputError, match=r"needs a stiffness.*or a damping"):
         ao.Bushing("a:end", "b:end")

@@ -58,10 +58,10 @@ def test_wrong_values_are_refused():
     with pytest.raises(InputError, match="no offset"):
         ao.Bolt(A, B, replace(BEAM, offset=0.01))
     for stiffness in ({"w": 1.0}, {3: 1.0}, {"x": 0.0}, {"x": -1.0}, [("x", 1.0)], {}):
-        with pytest.raises(InputError, match=r"Bushing|stiffness of x"):
+        with pytest.raises(InputError, match=r"Bushing|stiffness along x"):
             ao.Bushing(A, B, stiffness)
     for damping in ({"w": 1.0}, {"x": -1.0}):
-        with pytest.raises(InputError, match=r"Bushing|damping of x"):
+        with pytest.raises(InputError, match=r"Bushing|damping along x"):
             ao.Bushing(A, B, {"x": 1.0}, damping=damping)
     made = ao.Bushing(A, B, damping={"x": 2})
     assert (dict(made.stiffness), dict(made.damping)) == ({}, {"x": 2.0})

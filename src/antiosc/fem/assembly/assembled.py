@@ -17,7 +17,7 @@ from antiosc.base.checks import array
 from antiosc.base.errors import InputError
 from antiosc.base.names import known
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
-from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, row_numbers
 from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.parts import Share
 from antiosc.fem.assembly.wide import rounded
@@ -107,7 +107,6 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def mass(self) -> float:
-        """Total mass in kg."""
         for name in self.layout.condensed:
             raise InputError(f"the mass of the part {name!r} is not known: it is a superelement.")
         own = sum(member.part.mass for member in self.layout.members.values())
@@ -115,7 +114,6 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def plausibility(self) -> dict[str, Any]:
-        """What was implausible of the parts, and the largest √(E/ρ), m/s."""
         known = [member.part.plausibility for member in self.layout.members.values()]
         doubts = list(dict.fromkeys(text for one in known for text in one.get("doubts", ())))
         found: dict[str, Any] = {"doubts": doubts} if doubts else {}
@@ -125,21 +123,15 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the box around the assembly, m."""
         length, width, depth = sorted(self.layout.high - self.layout.low, reverse=True)
         return float(length), float(width), float(depth)
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first part."""
         return next(iter(self.layout.members.values())).part.constants()
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
-
-        None with superelements, whose sites do not tell all of their mass.
-        """
         direction = array("direction", direction, (3,))
-        if self.layout.condensed:
+        if self.layout.condensed:  # their sites do not tell all of their mass
             return None
         moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
 
@@ -155,7 +147,6 @@ class AssembledMatrices(StructureMatrices):
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and Mr of its rigid motions r; see `Structure`."""
         if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
         point = (self.layout.low + self.layout.high) / 2
@@ -170,13 +161,11 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported assembly (rows of this rank, r)."""
         point = (self.layout.low + self.layout.high) / 2
         motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
         return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:
-        """One line: what was joined and with how many dofs."""
         names = self.layout.names
         shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
         return (
@@ -213,11 +202,9 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def lossy(self) -> bool:
-        """Whether a material of a part has a loss factor."""
         return any(member.part.lossy for member in self.layout.members.values())
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV of the materials of all parts; None where none has a loss factor."""
         parts = [member for member in self.layout.members.values() if member.part.lossy]
         if not parts:
             return None
@@ -340,10 +327,9 @@ def _projected(
 
 def _unchanged(T: Sparse) -> BoolArray:
     """Which dofs of u are dofs of q (n,)."""
-    count = T.shape[0]
-    row = np.repeat(np.arange(count), np.diff(T.indptr))
+    row = row_numbers(T)
     own = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
-    same = np.zeros(count, dtype=bool)
+    same = np.zeros(T.shape[0], dtype=bool)
     same[row[own]] = True
     return same
 

@@ -71,7 +71,7 @@ def joined(
         )
     ]
     if len(parts) > 1:
-        made.insert(0, SharedNodes(numbers, loose=True))
+        made.insert(0, SharedNodes(numbers))
     point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
     for name, part in parts.items():
         point_supports += [
@@ -236,12 +236,11 @@ def _reader(
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck: cells by their part; arguments are those of a user."""
     units = UnitSystem.of(unit)
-    if merge is not None:
-        positive("merge", merge, "m")
-    if density is not None:
-        density = positive("density", density, "kg/m³")
-    if timeout is not None:
-        positive("timeout", timeout, "s")
+    for name, value, of in (
+        ("merge", merge, "m"), ("density", density, "kg/m³"), ("timeout", timeout, "s")
+    ):  # fmt: skip
+        if value is not None:
+            positive(name, value, of)
     if parts is not None:
         named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
         if not named or not parts:

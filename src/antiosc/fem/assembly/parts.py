@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, shown
+from antiosc.base.checks import coordinates, shown
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.names import known
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh, local_groups
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree, alike
+from antiosc.fem.platform.mpi import agreed, alike
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.placement import Placement, placement
+from antiosc.fem.structure.placement import Placement, in_space, placement
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -90,69 +90,48 @@ def checked_points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
         _check_name("point", name)
         if name in members:
             raise InputError(f"{name!r} names both a part and a reference point.")
-        xs = array(f"points[{name!r}]", x, None)
-        if xs.shape not in ((2,), (3,)):
-            raise InputError(f"points[{name!r}] must be 2 or 3 numbers in m; got {shown(x)}.")
-        found[name] = np.pad(xs, (0, 3 - len(xs)))
+        found[name] = in_space(coordinates(f"points[{name!r}]", x))
     return found
 
 
 def whole(mesh: Mesh) -> Mesh:
     """A copy of `mesh` on this rank alone, with the same nodes, cells and groups on every rank.
 
-    All ranks of the mesh must call it. Nodes keep the numbers with which the mesh was made.
+    All ranks of the mesh must call it. Nodes keep the numbers with which the mesh was made, cells
+    the order in which they were given.
     """
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices, dtype=np.int64)
-    points = _points(mesh, numbers)
-    cells = _cells(mesh, numbers)
-    groups = _groups(mesh, numbers)
-    made = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
-    return Mesh(made, local_groups(made, groups), mesh.name)
-
-
-def _points(mesh: Mesh, numbers: IntArray) -> Array:
-    """Coordinates of all nodes by their numbers; zero for numbers that no cell uses."""
     found = mesh.comm.allgather((numbers, mesh.dolfinx.geometry.x[:, : mesh.gdim]))
     most = max((int(own.max()) for own, _ in found if len(own)), default=-1)
-    points = np.zeros((most + 1, mesh.gdim))
+    points = np.zeros((most + 1, mesh.gdim))  # zero for numbers that no cell uses
     for own, x in found:
         points[own] = x
-    return points
-
-
-def _cells(mesh: Mesh, numbers: IntArray) -> IntArray:
-    """Nodes of all cells, in the order in which the cells were given."""
     count = compat.cell_map(mesh.dolfinx).size_local
     given = np.asarray(mesh.dolfinx.topology.original_cell_index)[:count]
     nodes = numbers[compat.geometry_nodes(mesh.dolfinx)[:count]]
-    found = mesh.comm.allgather((given, nodes))
-    order = np.argsort(np.concatenate([own for own, _ in found]), kind="stable")
-    return np.ascontiguousarray(np.vstack([cells for _, cells in found])[order])
+    given, nodes = (
+        np.concatenate(each) for each in zip(*mesh.comm.allgather((given, nodes)), strict=True)
+    )
+    cells = np.ascontiguousarray(nodes[np.argsort(given, kind="stable")])
+    made = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
+    return Mesh(made, local_groups(made, _groups(mesh, numbers)), mesh.name)
 
 
 def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
     """The vertices of all entities of each group, by their numbers."""
-    own: dict[str, dict[int, IntArray]] = {}
-    vertices: dict[int, IntArray] = {}
-    for dim in range(mesh.tdim + 1):  # a collective call of dolfinx
-        vertices[dim] = numbers[compat.entity_vertices(mesh.dolfinx, dim)]
-    for name, parts in mesh.groups.items():
-        own[name] = {dim: vertices[dim][entities] for dim, entities in parts.items()}
+    # a collective call of dolfinx: for every dimension on all ranks
+    vertices = [numbers[compat.entity_vertices(mesh.dolfinx, d)] for d in range(mesh.tdim + 1)]
+    own = {
+        name: {dim: vertices[dim][entities] for dim, entities in parts.items()}
+        for name, parts in mesh.groups.items()
+    }
     joined: dict[str, dict[int, IntArray]] = {name: {} for name in own}
-    for name, dim in _pairs(mesh):
-        joined[name][dim] = np.zeros((0, vertices[dim].shape[1]), dtype=np.int64)
     for part in mesh.comm.allgather(own):
         for name, parts in part.items():
             for dim, entities in parts.items():
-                if len(entities):
-                    joined[name][dim] = np.vstack([joined[name][dim], entities])
+                before = joined[name].get(dim)
+                joined[name][dim] = entities if before is None else np.vstack([before, entities])
     return joined
-
-
-def _pairs(mesh: Mesh) -> list[tuple[str, int]]:
-    """(group, dimension) of all ranks."""
-    own = [(name, dim) for name, parts in mesh.groups.items() for dim in parts]
-    return list(dict.fromkeys(pair for part in mesh.comm.allgather(own) for pair in part))
 
 
 @dataclass(frozen=True)
@@ -225,16 +204,13 @@ def on_every_rank(
     if comm.size == 1:
         return dict(parts)
     made: dict[int, MeshedStructure] = {}  # one Structure may have several names
-    error: Exception | None = None
-    for part in parts.values():
-        if isinstance(part, Superelement) or part.comm.size == 1:
-            continue
-        if id(part) not in made:
-            mesh = whole(part.mesh)
-            try:
-                with without_warnings():  # they were told of the part
-                    made[id(part)] = part.again(mesh)
-            except Exception as caught:
-                error = caught
-    agree(comm, error)
+    shared = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
+    meshes = {id(part): (part, whole(part.mesh)) for part in {id(p): p for p in shared}.values()}
+
+    def work() -> None:
+        for key, (part, mesh) in meshes.items():
+            with without_warnings():  # they were told of the part
+                made[key] = part.again(mesh)
+
+    agreed(comm, work)
     return {name: made.get(id(part), part) for name, part in parts.items()}

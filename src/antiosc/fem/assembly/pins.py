@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray
-from antiosc.base.checks import array, coordinates, number, shown, store
+from antiosc.base.checks import coordinates, number, shown, store
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.placement import checked_axis, in_space
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
@@ -88,16 +89,9 @@ class Ball(_Pin):
         return np.eye(3), np.zeros((0, 3))
 
 
-def _checked_axis(name: str, value: Any) -> tuple[float, ...]:
-    axis = array(name, value, (3,))
-    if not np.linalg.norm(axis):
-        raise InputError("axis must not be the zero vector.")
-    return tuple(axis.tolist())
-
-
 @dataclass(frozen=True)
 class _Axis(_Pin):
-    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(_checked_axis))
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
 
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
@@ -155,7 +149,7 @@ def ends_at(
 ) -> tuple[Motion, Motion]:
     """The motions of two ends at one point."""
     first, second = motion(layout, a), motion(layout, b)
-    x = first.point if point is None else np.pad(np.array(point), (0, 3 - len(point)))
+    x = first.point if point is None else in_space(point)
     return carried(layout, label, a, first, x), carried(layout, label, b, second, x)
 
 
@@ -164,9 +158,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     arm = x - own.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
-        return Motion(
-            own.displacements, own.rotations, own.rotation_space, x, own.displacement_space
-        )
+        return replace(own, point=x)
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
@@ -235,9 +227,8 @@ class Equation(Joint):
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
             own = motion(layout, end, partly=True)
-            six = scipy.sparse.vstack([own.displacements, own.rotations]).tocsr()
-            row = six[(DISPLACEMENTS + ROTATIONS).index(component)]
-            if not row.nnz or (component in DISPLACEMENTS and not own.has(component)):
+            row = own.components([component])
+            if own.lacking([component]):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
                     "have no rotations, plane parts move along x and y, a site of a model along "

@@ -35,8 +35,6 @@ class SharedNodes(Joint):
 
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
-    #: whether a part may share no node with the others, for other joints join it
-    loose: bool = False
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
@@ -44,7 +42,7 @@ class SharedNodes(Joint):
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
-        _check_places(layout, cells, self.loose)
+        _check_places(layout, cells)
         return [
             rows
             for k, follower in enumerate(cells)
@@ -65,11 +63,6 @@ class _Cells:
         self.member = member
         mesh = member.part.mesh
         read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-        if read.max() >= len(numbers):
-            raise InputError(
-                f"the part {member.name!r} has {read.max() + 1} nodes, and {len(numbers)} numbers "
-                "are given for them."
-            )
         corners = len(mesh.geometry.corners)
         nodes = compat.geometry_nodes(mesh.dolfinx)[:, :corners]
         self.vertices = numbers[read[nodes]]
@@ -110,8 +103,8 @@ def _degree(member: Member) -> int:
     return int(compat.subspace(space, path).element.basix_element.degree)
 
 
-def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
-    """InputError where nodes with one number lie apart, or a part shares no node."""
+def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
+    """InputError where nodes with one number lie apart."""
     numbers = np.concatenate([c.numbers for c in cells])
     positions = np.vstack([c.positions for c in cells])
     order = np.argsort(numbers, kind="stable")
@@ -123,11 +116,6 @@ def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
         raise InputError(
             f"node {numbers[first[k]]} lies {apart[k]:.3g} m apart in two parts that share it."
         )
-    owner = np.repeat(np.arange(len(cells)), [len(c.numbers) for c in cells])
-    shared = np.unique(np.concatenate([owner[first], owner[second]]))
-    alone = [c.member.name for k, c in enumerate(cells) if k not in shared]
-    if alone and len(cells) > 1 and not loose:
-        raise InputError(f"the part {alone[0]!r} shares no node with the others.")
 
 
 def _following(layout: Layout, follower: _Cells, leaders: Sequence[_Cells]) -> list[Rows]:

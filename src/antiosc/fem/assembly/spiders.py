@@ -45,7 +45,7 @@ class Rigid(Joint):
             nodes = member.nodes_of(group)
             if len(nodes) < 2:
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
-            layout.add_point(label, member.nodes[nodes].mean(axis=0))
+            layout.points[label] = member.nodes[nodes].mean(axis=0)
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str

@@ -9,7 +9,8 @@ modes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
@@ -18,7 +19,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.structure.matrices import NodalMatrices
-from antiosc.fem.structure.placement import Placement
+from antiosc.fem.structure.placement import Placement, rigid_motions
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.reduced_matrices import reduced_matrices
 
@@ -101,13 +102,16 @@ class Condensed:
     part: Superelement
     at: Placement
     first: int
-    #: places and axes of its dofs in the assembly (n, 3)
-    positions: Array = field(init=False)
-    axes: Array = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "positions", self.at.placed(self.part.positions))
-        object.__setattr__(self, "axes", self.part.axes @ self.at.rotation.T)
+    @cached_property
+    def positions(self) -> Array:
+        """Places (n, 3) of its dofs in the assembly [m]."""
+        return self.at.placed(self.part.positions)
+
+    @cached_property
+    def axes(self) -> Array:
+        """Directions (n, 3) of its dofs in the assembly."""
+        return self.part.axes @ self.at.rotation.T
 
     @property
     def size(self) -> int:
@@ -126,12 +130,7 @@ class Condensed:
 
     def motions(self, point: Array) -> Array:
         """Six rigid motions (n, 6): translations, and rotations about `point` (3,)."""
-        result = np.zeros((self.size, 6))
-        move, turn = self.part.kind == MOVE, self.part.kind == TURN
-        result[move, :3] = self.axes[move]
-        result[move, 3:] = np.cross(self.positions[move] - point, self.axes[move])
-        result[turn, 3:] = self.axes[turn]
-        return result
+        return rigid_motions(self.positions, self.axes, self.part.kind == MOVE, point)
 
 
 def of_model(name: str, model: AntiOscillators) -> Superelement:

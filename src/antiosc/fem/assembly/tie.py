@@ -27,9 +27,9 @@ from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.assembly.joint import NAME, Between, Rows
-from antiosc.fem.assembly.layout import Layout, Sparse, curl
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, on_faces, overlap
-from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
+from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 
@@ -192,7 +192,8 @@ def _projection(
     if on_solid:
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
         led: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
-        free = follows & with_free_rotations(layout, follower, nodes, taken)
+        rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
+        free = follows & ~taken[rotations].any(axis=0)
         if free.any():
             own = projection.of(free, rotated)
             middle = projection.load[free] @ normals
@@ -275,21 +276,19 @@ def _led(
     both_turn = follower.member.has_rotations and member.has_rotations
     rotations = layout.nothing(3 * len(cell))
     if np.abs(arm).max() > CLOSED * layout.size:
-        own = (layout, member, cell, X)
-        nodal = member.has_rotations
-        rotations = layout.at_points(member, cell, X, ROTATIONS) if nodal else curl(*own)
-        displacements = displacements + _lever(arm) @ rotations
+        rotations = (
+            layout.at_points(member, cell, X, ROTATIONS)
+            if member.has_rotations
+            else layout.curl(member, cell, X)
+        )
+        lever = scipy.sparse.block_diag(list(-skew(arm)), format="csr")  # θ → θ × r
+        displacements = displacements + lever @ rotations
     elif both_turn:
         rotations = layout.at_points(member, cell, X, ROTATIONS)
     return [
         (DISPLACEMENTS, displacements.tocsr()),
         *([(ROTATIONS, rotations)] if both_turn else []),
     ]
-
-
-def _lever(arm: Array) -> Sparse:
-    """Matrix of θ → θ × r at each point (3n, 3n)."""
-    return scipy.sparse.block_diag(list(-skew(arm)), format="csr")
 
 
 def _whole(side: Facets, nodes: IntArray) -> Array:

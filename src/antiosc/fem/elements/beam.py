@@ -28,7 +28,7 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree
+from antiosc.fem.platform.mpi import agreed
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -83,11 +83,6 @@ class Beam(Isotropic):
                 "as in Beam(..., orientation=(0, 0, 1))."
             )
 
-    @property
-    def G(self) -> float:
-        """Shear modulus, Pa."""
-        return self.E / (2 * (1 + self.nu))
-
     def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
         """Shear stiffness for bending with second moment `I`, N: G κ A, or a penalty."""
         if self.shear:
@@ -109,10 +104,6 @@ class Beam(Isotropic):
                 "Beam elements are straight; read the mesh with order=1 and more elements."
             )
         return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
-
-    def half_space_compliance(self, cosine: float) -> float:
-        """0: a beam has no local indentation; Hertz's law describes it alone."""
-        return 0.0
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
         """The length of the box; width and thickness of rectangles with the sections' A and I."""
@@ -235,13 +226,12 @@ def _orientations(mesh: Mesh, parts: Parts) -> Expr:
     middle = x[nodes].mean(axis=1)
     function = compat.cellwise(mesh.dolfinx, 3)
     values = function.x.array.reshape(-1, 3)
-    error = None
-    for beam, cells in parts:
-        try:
+
+    def work() -> None:
+        for beam, cells in parts:
             values[cells] = heights(beam, axis[cells], middle[cells])
-        except InputError as caught:
-            error = caught
-    agree(mesh.comm, error)
+
+    agreed(mesh.comm, work)
     return function
 
 
@@ -317,10 +307,6 @@ class Truss(Isotropic):
             components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
             density=density,
         )
-
-    def half_space_compliance(self, cosine: float) -> float:
-        """0: a bar has no local indentation; the contact law describes it alone."""
-        return 0.0
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
         """The length of the box; width and thickness of the thickest and thinnest square bars."""

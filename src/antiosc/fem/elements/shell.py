@@ -108,9 +108,15 @@ class Sheet(Checked):
         )
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a shell does not deform through its thickness; Hertz's law describes the indentation
-        alone."""
+        """0: a shell does not deform through its thickness; the contact law describes it alone."""
         return 0.0
+
+    def constants(self) -> tuple[float, float, float]:
+        """InputError: layers have directions."""
+        raise InputError(
+            f"advise needs an isotropic material; got a {type(self).__name__}: give the "
+            "dimensions, and equivalent E, nu, rho of the part."
+        )
 
     @property
     def patch_radius(self) -> float:
@@ -153,11 +159,6 @@ class Shell(Isotropic, Sheet):
     thickness: float = field(metadata=checked_by(positive, "m"))
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
     top: Direction | None = field(default=None, metadata=DIRECTION)
-
-    @property
-    def G(self) -> float:
-        """Shear modulus, Pa."""
-        return self.E / (2 * (1 + self.nu))
 
     @cached_property
     def section(self) -> PlateSection:
@@ -220,13 +221,6 @@ class Laminate(Sheet):
         """√(E/ρ), m/s, of the mean E along the stiffer directions of the layers and mean ρ."""
         stiffness = sum(max(layer.E1, layer.E2) * layer.thickness for layer in self.layers)
         return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in self.layers))
-
-    def constants(self) -> tuple[float, float, float]:
-        """InputError: layers have directions."""
-        raise InputError(
-            "advise needs an isotropic material; got a Laminate: give the dimensions, and "
-            "equivalent E, nu, rho of the part."
-        )
 
 
 def _definite(name: str, value: ArrayLike, size: int) -> Array:
@@ -292,13 +286,6 @@ class GivenSheet(Sheet):
     def bar_speed(self) -> float:
         """√(E/ρ), m/s, along the stiffer direction."""
         return sqrt(float((1 / np.diag(np.linalg.inv(np.asarray(self.A))))[:2].max()) / self.mass)
-
-    def constants(self) -> tuple[float, float, float]:
-        """InputError: it has no material."""
-        raise InputError(
-            "advise needs an isotropic material; got a shell that is given by its stiffnesses: "
-            "give the dimensions, and equivalent E, nu, rho of the part."
-        )
 
 
 @dataclass(frozen=True, eq=False)

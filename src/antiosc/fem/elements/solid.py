@@ -72,8 +72,7 @@ class Solid(Isotropic):
     @property
     def voigt(self) -> Array:
         """Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of unit strains, (6, 6), Pa."""
-        shear = self.E / (2 * (1 + self.nu))
-        C = np.diag([2 * shear] * 3 + [shear] * 3)
+        C = np.diag([2 * self.G] * 3 + [self.G] * 3)
         C[:3, :3] += self.E * self.nu / ((1 + self.nu) * (1 - 2 * self.nu))
         return C
 
@@ -88,7 +87,7 @@ class Solid(Isotropic):
         u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = coefficient(mesh, parts, _first_lame)
         shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
-        depth = coefficient(mesh, parts, _depth)
+        depth = coefficient(mesh, parts, lambda s: 1.0 if s.plane is None else s.thickness)
         rho = coefficient(mesh, parts, lambda s: s.rho)
         strain, virtual = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
         stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
@@ -201,10 +200,6 @@ def _first_lame(solid: Solid) -> float:
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
-
-
-def _depth(solid: Solid) -> float:
-    return 1.0 if solid.plane is None else solid.thickness
 
 
 def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:

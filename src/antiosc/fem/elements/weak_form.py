@@ -157,6 +157,15 @@ class Isotropic(Checked):
         default=(), kw_only=True, metadata=checked_by(_checked_prony)
     )
 
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: no local indentation; the contact law describes it alone."""
+        return 0.0
+
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""
         return sqrt(self.E / self.rho)

@@ -244,6 +244,18 @@ def agree(comm: MPI.Comm, error: Exception | None) -> None:
     _raise_first(comm.allgather(_portable(error)), error)
 
 
+def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """The result of `work()` of each rank; the first error of any rank is raised on all."""
+    result: T | None = None
+    error: Exception | None = None
+    try:
+        result = work()
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    return result  # type: ignore[return-value]
+
+
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
     """Warn once, on rank 0; if the caller's filters turn the warning into an error, all ranks raise
     it."""

@@ -18,6 +18,7 @@ from antiosc.fem.linalg.scipy_solvers import solver_for
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.null_space import RIGID_FORCE
+from antiosc.fem.structure.placement import rigid_motions
 from antiosc.io.matrices.dof_map import DofMap
 from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
@@ -204,12 +205,10 @@ class NodalMatrices(StructureMatrices):
 
     map: DofMap = field(kw_only=True)
 
-    #: whether the node and direction of each row are known
     nodal: ClassVar[bool] = True
 
     @property
     def located(self) -> bool:
-        """Whether coordinates of nodes are known."""
         return self.map.located
 
     def nodes(self) -> tuple[Array, IntArray]:
@@ -238,14 +237,7 @@ class NodalMatrices(StructureMatrices):
         if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
-        motions = np.zeros((len(component), 6))
-        for axis in range(3):
-            along, turning = component == axis + 1, component == axis + 4
-            motions[along, axis] = 1.0
-            motions[turning, 3 + axis] = 1.0
-            for spin in range(3):
-                turn = np.cross(np.eye(3)[spin], points - point)
-                motions[along, 3 + spin] = turn[along, axis]
+        motions = rigid_motions(points, np.eye(3)[(component - 1) % 3], component <= 3, point)
         there = motions.any(axis=0)
         forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
         limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
@@ -253,7 +245,6 @@ class NodalMatrices(StructureMatrices):
 
     @property
     def mass(self) -> float:
-        """Total mass in kg; InputError where supports have left rows out."""
         known = self.rigid_inertia
         if known is None:
             raise InputError(
@@ -263,14 +254,12 @@ class NodalMatrices(StructureMatrices):
         return known[0].mass
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me for e, a unit uniform motion along `direction` (3,); None where rows are left out."""
         direction = array("direction", direction, (3,))
         known = self.rigid_inertia
         return None if known is None else np.asarray(known[1][:, :3] @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:  # type: ignore[override]
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         if self._motions is None:
             return None
         point, motions = self._motions
@@ -279,5 +268,4 @@ class NodalMatrices(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def describe(self, dofs: int) -> str:
-        """One line: what was given and with how many dofs."""
         return f"given matrices, {len(np.unique(self.map.node))} nodes, {dofs} dofs"

@@ -205,34 +205,28 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported body (rows of this rank, r)."""
         return rigid_body_modes.motions(self.form, self.K)
 
     @property
     def mass(self) -> float:
-        """Total mass in kg."""
         return self.total_mass
 
     @property
     def plausibility(self) -> dict[str, Any]:
-        """What was implausible, and the largest √(E/ρ) of its materials, m/s."""
         speed = max(material.bar_speed() for material, _ in self.parts)
         return {"wave_speed": speed, **({"doubts": list(self.doubts)} if self.doubts else {})}
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
         materials = [material for material, _ in self.parts]
         return self._material.dimensions((length, width, thickness), materials)
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
         return self._material.constants()
 
     def uniform_inertia(self, direction: Array) -> Array:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
         direction = array("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
@@ -241,7 +235,6 @@ class MeshedStructure(StructureMatrices):
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         if not self.rigid_modes.shape[1]:
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
@@ -280,11 +273,9 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def lossy(self) -> bool:
-        """Whether a material has a loss factor."""
         return any(getattr(material, "loss", 0.0) for material, _ in self.parts)
 
     def dissipation(self) -> list[Dissipation]:
-        """Its dampers, and the layers of materials that relax."""
         return [*self.dampers, *self._layers]
 
     @cached_property
@@ -300,7 +291,6 @@ class MeshedStructure(StructureMatrices):
         return self._stiffnesses("loss")
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV of the materials; None where none has a loss factor."""
         if not self.lossy:
             return None
         own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
@@ -318,7 +308,6 @@ class MeshedStructure(StructureMatrices):
         return found
 
     def describe(self, dofs: int) -> str:
-        """One line: what was modelled and with how many dofs."""
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
