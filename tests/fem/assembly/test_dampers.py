@@ -198,15 +198,3 @@ def test_a_column_on_soil_is_the_rod_of_closed_form():
         assert side.k0 == pytest.approx(8 * G * r / (2 - nu), rel=1e-9)
     with pytest.raises(InputError, match="up"):
         replace(foot, up="w")
-
-
-def test_what_takes_no_dampers_says_so():
-    part = beams(4.0, 2e4)
-    for call in (lambda: ao.full(part, MIDDLE), lambda: ao.superposition(part, MIDDLE, 3)):
-        with pytest.raises(InputError, match="does not take dampers"):
-            call()
-    assert ao.extract(part, MIDDLE, n=3, shapes=False).damping is not None
-    with pytest.raises(InputError, match="the damping along z must be"):
-        beams(-1.0)
-    with pytest.raises(InputError, match=r"needs a stiffness.*or a damping"):
-        ao.Bushing("a:end", "b:end")

@@ -84,19 +84,6 @@ def test_the_span_of_T_is_the_null_space_of_the_constraints(seed):
     np.testing.assert_allclose(S @ turned.coordinates(motions), motions, atol=1e-8)
 
 
-def test_named_dofs_are_solved_for():
-    """Where rows name dofs of their own these are dependent, whatever the coefficients."""
-    C = np.zeros((2, 5))
-    C[0, :3], C[1, 2:] = (1e-3, 2.0, 3.0), (4.0, 1.0, -1e-2)
-    rows = [Rows(scipy.sparse.csr_matrix(C), np.array([0, 4]), "two")]
-    found = eliminate(rows, np.zeros(5, dtype=bool), np.ones(5))
-    assert np.flatnonzero(found.dependent).tolist() == [0, 4]
-    np.testing.assert_allclose(found.T.toarray()[0], [0, -2e3, -3e3, 0, 0])
-    free = [Rows.free(scipy.sparse.csr_matrix(C), "two")]
-    largest = np.abs(eliminate(free, np.zeros(5, dtype=bool), np.ones(5)).T).max()
-    assert largest <= 10
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("order", [1, 2])

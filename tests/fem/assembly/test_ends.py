@@ -94,20 +94,6 @@ def test_an_end_sees_rigid_motions(layout, name):
     assert [found.has(c) for c in ("x", "ry")] == [True, has == "all"]
 
 
-def test_ends_that_are_not_there(layout):
-    for end, words in (
-        (("block", placed(0.3, 0.7, 9.0)), "6 m off the part"),
-        (("ecu", placed(0.5, 0.5, 0.5)), "has no site or node 'ecu' at"),
-        ("ecu:9", "has no site or node 'ecu:9'"),
-        ("block:up", "has no group 'up'"),
-        ("nut:up", "no part 'nut'"),
-        ("nut", "no reference point 'nut'"),
-        ("rod", 'give a group, "part:group"'),
-    ):
-        with pytest.raises(ao.InputError, match=words):
-            motion(layout, end)
-
-
 def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     """Nodes with rotations follow with them: six dofs, the beam's own mass and inertia."""
     rod = ao.Structure(whole(line((0, 0, 0), (0.6, 0, 0), 3)), BEAM)

@@ -218,21 +218,6 @@ def test_a_free_assembly_flies_as_a_rigid_body():
         assert speed == pytest.approx(own + g * t, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("point", "options", "words"),
-    [
-        ("right:y9", {}, "the part 'right' has no group 'y9'; its groups are: 'right:x0'"),
-        ("middle:x", {}, "no part 'middle'; its parts are: 'left', 'right'"),
-        ("right", {}, "a name on an assembly is \"part:group\"; got 'right'"),
-        ("right:y1", {"part": "left"}, "leave part='left' out"),
-        ("", {}, "must be a name in quotes"),
-    ],
-)
-def test_a_wrong_name_of_a_probe(point, options, words):
-    with pytest.raises(InputError, match=words):
-        ao.probe(cut(), hits()[1], point, **options)
-
-
 def test_the_largest_stress_of_one_part():
     hit = hits()[1]
     whole, of_part = (
@@ -244,12 +229,3 @@ def test_the_largest_stress_of_one_part():
     np.testing.assert_allclose(whole.values[there], of_part.values[:5], rtol=1e-9)
     with pytest.raises(InputError, match="no part 'up'"):
         ao.peak_field(cut(), hits()[1], part="up")
-
-
-def test_a_map_needs_a_surface_of_a_part():
-    with pytest.raises(InputError, match="no part 'middle'"):
-        ao.impact_map(cut(), "middle:x1")
-    with pytest.raises(InputError, match="has no group 'x9'"):
-        ao.impact_map(cut(), "left:x9")
-    with pytest.raises(InputError, match="supports fix the whole surface"):
-        ao.impact_map(cut(), "left:x0")

@@ -132,7 +132,6 @@ def model_of(folder: Path, text: str, **options) -> ao.Structure:
 
 
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
-UNWEIGHED = MATERIAL.partition("*DENSITY")[0]
 
 
 @pytest.mark.slow
@@ -168,70 +167,6 @@ CUBE = (
     "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 )
 SECTION = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
-
-
-def test_supports_follow_a_transformation(tmp_path):
-    turned = "*NSET,NSET=FACE\n1,4,5,8\n*TRANSFORM,NSET=FACE\n0,0,1,1,0,0\n"  # 1 is along z
-    foot = "*BOUNDARY\n2,1,3\n3,1\n6,PINNED\n"
-    cube = model_of(tmp_path, CUBE + SECTION + MATERIAL + turned + foot + "FACE,1\n")
-    plain = "*NSET,NSET=FACE\n1,4,5,8\n" + foot + "FACE,3\n"
-    other = model_of(tmp_path, CUBE + SECTION + MATERIAL + plain)
-    assert cube.mesh.groups.keys() == other.mesh.groups.keys()
-    np.testing.assert_array_equal(cube.fixed, other.fixed)
-
-
-REFUSED = {
-    "no section": (CUBE + MATERIAL, "1 of 1 C3D8 elements have no section"),
-    "no material": (CUBE + SECTION, "line 12 of part.inp: there is no material 'M'"),
-    "no density": (CUBE + SECTION + UNWEIGHED, "line 14 .* .M. has no density"),
-    "no elasticity": (CUBE + SECTION + "*MATERIAL,NAME=M\n*DENSITY\n1.\n", "no linear elast"),
-    "negative": (CUBE + SECTION + MATERIAL.replace("1E9", "-1E9"), "line 12 .*E must be > 0"),
-    "contact": (CUBE + "*CONTACT PAIR,INTERACTION=I\nA,B\n", r"line 12 .*\*CONTACTPAIR is a con"),
-    "membrane": (CUBE.replace("C3D8", "SC8R") + SECTION + MATERIAL, "SC8R"),
-    "heat": (CUBE.replace("C3D8", "DC3D8") + SECTION + MATERIAL, "DC3D8"),
-    "offset": (
-        CUBE.replace("C3D8", "S8").replace("\n1,1,2", "\n1,1,2")
-        + "*SHELL SECTION,ELSET=ALL,MATERIAL=M,OFFSET=EDGE\n.1\n"
-        + MATERIAL,
-        "not a number",
-    ),
-    "dashpot": (CUBE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n" + SECTION + MATERIAL, "1 DASHPOTA"),
-    "no mass": (CUBE + "*ELEMENT,TYPE=MASS,ELSET=Q\n2,1\n" + SECTION + MATERIAL, "1 MASS"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_would_change_the_answer_is_refused(tmp_path, case):
-    text, message = REFUSED[case]
-    with pytest.raises(ao.InputError, match=message) as caught:
-        model_of(tmp_path, text)
-    assert "\n" not in str(caught.value)
-
-
-SHEET = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n"
-    "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,2,5,6,3\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n"
-)
-
-
-@pytest.mark.slow
-def test_thicknesses_at_nodes_are_those_of_the_elements(tmp_path):
-    nodal = "*NSET,NSET=N,GENERATE\n1,4\n*NODAL THICKNESS\nN,.02\n5,.04\n6,.04\n"
-    match = "the variation of the thickness within 1 elements"
-    with pytest.warns(ao.AntioscWarning, match=match):
-        sheet = model_of(tmp_path, SHEET + MATERIAL + nodal + "*BOUNDARY\n1,1,6\n4,1,6\n")
-    assert sheet.mass == pytest.approx(1000 * (0.02 + 0.03), rel=1e-12)
-    supports = [ao.Support(lambda x: np.isclose(x[0], 0))]
-    thin, thick = (ao.Shell(1e9, 0.3, 1000.0, t) for t in (0.02, 0.03))
-    names = sorted(name for name in sheet.mesh.groups if "of thickness" in name)
-    by_hand = ao.Structure(sheet.mesh, dict(zip(names, (thin, thick), strict=True)), supports)
-    site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
-    assert stiffness(sheet, site) == pytest.approx(stiffness(by_hand, site), rel=1e-9)
-
-
-def test_a_density_may_be_given_to_materials_without_one(tmp_path):
-    cube = model_of(tmp_path, CUBE + SECTION + UNWEIGHED, density=500.0)
-    assert cube.mass == pytest.approx(500, rel=1e-12)
 
 
 @pytest.mark.mpi

@@ -93,21 +93,6 @@ def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
     assert k0(part, (L, e, 0), (1, 0, 0)) == pytest.approx(1 / compliance, rel=1e-8)
 
 
-def test_a_bar_longer_than_the_distance_of_its_nodes(tmp_path):
-    """An offset along the axis at one end; the spring acts through a rigid arm."""
-    k = 1e7
-    own = line(1, ",,\n,,,0.,0.,0.,1.,0.,0.") + BAR + f"CELAS2,9,{k},2,3\nSPC1,1,123456,1\n"
-    part = read(tmp_path, own)
-    assert part.mass == pytest.approx(RHO * A * 2 * L, rel=1e-12)
-    a, b = 2 * L, L
-    tip = a**3 / (3 * E * I) + a / GA
-    slope, turn = a**2 / (2 * E * I), a / (E * I)
-    both = tip - b * slope  # of the arm's end under a force at the tip
-    arm = tip - 2 * b * slope + b**2 * turn
-    compliance = tip - both**2 / (1 / k + arm)
-    assert k0(part, (2 * L, 0, 0), (0, 0, 1)) == pytest.approx(1 / compliance, rel=1e-8)
-
-
 def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
     """∫ (L − x)²/EI + 1/kGA dx of A, I linear from the root to the tip."""
     own = f"PBEAM,1,1,{A},{I},{I},,{2 * I},,\n,,,,,,,,,\n,NO,1.,{A / 2},{I / 4},{I / 4},,{I / 2}\n"
@@ -186,30 +171,6 @@ def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
 # --- Rods -----------------------------------------------------------------------------------------
 
 ROD = 2e-4
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("kind", ["CROD", "CONROD", "CTUBE"])
-@pytest.mark.filterwarnings("ignore:the 2 C.* are springs")
-@pytest.mark.filterwarnings("ignore:of part.bdf are not taken. a mass on a held node")
-def test_rods_are_springs_along_their_lines(tmp_path, kind):
-    """The tip of a beam hangs on two rods askew, one over a node of no other element."""
-    root = line(1) + BAR + "SPC1,1,123456,1,5\nGRID,4,,2.,0.,1.\nGRID,5,,3.,0.,2.\nSPC1,1,2,4\n"
-    d = 2 * np.sqrt(ROD / np.pi)
-    section = {"CROD": f"PROD,7,1,{ROD}\n", "CTUBE": f"PTUBE,7,1,{d}\n", "CONROD": ""}[kind]
-    rods = "".join(
-        f"CONROD,{k},{a},{b},1,{ROD}\n" if kind == "CONROD" else f"{kind},{k},7,{a},{b}\n"
-        for k, a, b in ((8, 2, 4), (9, 4, 5))
-    )
-    part = read(tmp_path, root + section + rods + "SPC1,1,3,4\nSPC1,1,1,4\n")
-    length = np.sqrt(2) * L
-    mass = RHO * (A * L + ROD * length)  # half of each rod hangs on held nodes
-    assert part.mass == pytest.approx(mass - RHO * ROD * length / 2, rel=1e-9)
-    k = E * ROD / length / 2
-    assert k0(part, (L, 0, 0), (0, 1, 0)) == pytest.approx(1 / TIP, rel=1e-8)
-    bending, axial = 1 / TIP + k, E * A / L + k
-    expected = bending - k**2 / axial
-    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.sample

@@ -41,16 +41,6 @@ def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     assert other.mass == pytest.approx(plain.mass, rel=1e-12)
 
 
-@pytest.mark.parametrize("along", [0, 1, 2])
-def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
-    """Its end moves as one and it may contract: E_i A / L."""
-    material = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), along, 1))
-    # rows rolled: direction 1 + k of the material lies along x + along + k
-    own = np.linalg.inv(material.voigt)
-    modulus = WOOD["E"][-along % 3]
-    assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
-
-
 @pytest.mark.slow
 def test_a_turned_body_of_a_turned_material_is_the_same(tmp_path):
     R = turn(1.1)
@@ -93,49 +83,6 @@ def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
     assert part.mass == pytest.approx(1000, rel=1e-12)
     stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
     assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)
-
-
-def test_twenty_one_constants_are_read_in_abaqus_order(tmp_path):
-    from antiosc_decks.abaqus import assembly as abaqus_assembly
-    from antiosc_decks.abaqus.properties import materials_of
-
-    path = tmp_path / "a.inp"
-    rows = "1,2,3,4,5,6,7,8\n9,10,11,12,13,14,15,16\n17,18,19,20,21"
-    path.write_text(f"*NODE\n1,0,0,0\n*MATERIAL,NAME=A\n*ELASTIC,TYPE=ANISOTROPIC\n{rows}\n")
-    whole = abaqus_assembly.read(path, "a.inp")
-    found, _ = materials_of([card for card, _ in whole.cards])
-    C = found["A"].stiffness
-    # D1111, D1122, D3333, then D1112 and D1212, D2323
-    assert [C[0, 0], C[0, 1], C[2, 2], C[0, 5], C[5, 5], C[3, 3]] == [1, 2, 6, 7, 10, 21]
-    np.testing.assert_array_equal(C, C.T)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"E": (1e9, -1, 1)}, "each of E must be > 0"),
-        ({"nu": (4, 4, 4)}, "strain energy of these constants is not positive"),
-        ({"axes": [(1, 0, 0), (1, 1, 0)]}, "perpendicular"),
-        ({"axes": [(1, 0, 0), (0, 1, 0), (0, 0, -1)]}, "right-handed"),
-        ({"axes": [(0, 0, 0), (1, 1, 0)]}, "zero vector"),
-        ({"rho": 0}, "rho must be > 0"),
-    ],
-)
-def test_bad_constants_are_refused(change, message):
-    with pytest.raises(ao.InputError, match=message):
-        ao.AnisotropicSolid.orthotropic(**{**WOOD, "rho": 500.0, **change})
-    with pytest.raises(ao.InputError, match="must be symmetric"):
-        ao.AnisotropicSolid(np.triu(np.ones((6, 6))), 1.0)
-    with pytest.raises(ao.InputError, match="positive definite"):
-        ao.AnisotropicSolid(-np.eye(6), 1.0)
-
-
-@pytest.mark.slow
-def test_a_patch_on_it_is_refused():
-    part = ao.Structure(parts.box(), ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0))
-    tip = part.mesh.dolfinx.geometry.x.max(axis=0) * [1, 0.5, 0.5]
-    with pytest.raises(ao.InputError, match="leave radius=None"):
-        ao.extract(part, ao.Site(tip, (-1, 0, 0), radius=0.02), n=2)
 
 
 def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():

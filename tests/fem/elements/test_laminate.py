@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -16,7 +14,6 @@ import dolfinx
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.sections import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
@@ -92,13 +89,6 @@ def test_navier_of_one_isotropic_layer_is_mindlins():
     assert thin[-1] == pytest.approx(shear, rel=1e-4)
 
 
-def test_navier_of_thin_coupled_plates():
-    """ω/h has a limit, which rounding of the thickness-shear modes must not drown."""
-    for angles in ((0, 90), (45, -45)):
-        thick, thin = (navier(stack(angles, h)).frequencies(1, 1)[0] / h for h in (1e-3, 1e-4))
-        assert thin == pytest.approx(thick, rel=2e-4)
-
-
 def plate_error(n, cell, angles, h, supports):
     """Of the fundamental frequency, relative.
 
@@ -142,13 +132,6 @@ def test_a_soft_core_leaves_no_spurious_mode():
     assert found[0] == pytest.approx(found[1], rel=5e-3)
 
 
-def test_an_isotropic_section_stands_for_its_own_thickness():
-    for nu in (0.0, 0.3, -0.5):
-        section = stacked([ao.Layer.isotropic(E, nu, RHO, 3e-3)] * 2)
-        assert section.t2_of_shear == pytest.approx(36e-6, rel=1e-12)
-        assert section.t2_of_stretch == pytest.approx(36e-6, rel=1e-12)
-
-
 # --- axes, angles and sides -------------------------------------------------------------------
 
 
@@ -159,23 +142,6 @@ def test_isotropic_layers_are_a_shell(cell):
     mesh = sheet(3, lambda s, v: (s, np.sin(1.2 * v), np.cos(1.2 * v)), cell)
     one = ao.Structure(mesh, ao.Laminate(thirds, axis=(0.4, 1, 0.2)))
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cell", CELLS)
-def test_angles_count_from_the_axis_about_the_normal(cell):
-    """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
-    mesh = rectangle(3, 1.0, 1.0, cell)
-    rotated = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.7)  # its part off the sheet does not count
-    here = ao.Structure(mesh, ao.Laminate([PLY.rotated(30)], axis=(2, 0, 0)))
-    for same in (
-        ao.Laminate([PLY], axis=rotated),
-        ao.Laminate([PLY.rotated(-30)], top=(0.5, 0, -1)),
-        ao.Laminate([PLY.rotated(-60)], axis=(0, 1, 0)),
-    ):
-        assert max(differ(ao.Structure(mesh, same), here)) < 1e-12
-    other = ao.Structure(mesh, ao.Laminate([PLY.rotated(-30)]))
-    assert differ(other, here)[0] > 1e-3
 
 
 @pytest.mark.slow
@@ -236,31 +202,6 @@ def test_the_top_of_a_plane_mesh_is_up():
     assert frequencies(here, 2) == pytest.approx(frequencies(there, 2), rel=1e-9)
     with pytest.raises(InputError, match="opposite normals"):
         ao.Structure(space, ao.Laminate(layers))
-
-
-@pytest.mark.slow
-def test_sides_end_where_three_sheets_meet():
-    """A blade on a plate: the common edge has no side to keep, each sheet has its own."""
-    x = np.array(
-        [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 0, 1], [1, 1, 1.0]]
-    )
-    cells = np.array([[0, 1, 3, 4], [1, 4, 2, 5], [1, 4, 6, 7]])  # all go along it the same way
-    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "quadrilateral", 1))
-    part = ao.Structure(mesh, ao.Laminate(unsymmetric(0.01), axis=(1, 1, 0)))
-    assert part.rigid_modes.shape[1] == 6
-
-
-@pytest.mark.slow
-def test_an_axis_as_a_function():
-    """Around a cylinder, which no vector is, 0° is what 90° (or −90°) is from the axis along it."""
-    mesh = sheet((2, 6), lambda s, v: (s, np.sin(2 * v), np.cos(2 * v)))
-    layers = stack([10, 60], 0.02)
-    hoop = ao.Laminate(layers, axis=lambda x: np.stack([0 * x[0], -x[2], x[1]]))
-    along = ao.Laminate([p.rotated(p.angle - 90) for p in layers])
-    outward = {"top": lambda x: x * [[0], [1], [1]]}
-    one, other = (ao.Structure(mesh, replace(lam, **outward)) for lam in (hoop, along))
-    # S belongs to the axes: bending to a cylinder along 0° and along 90°
-    assert max(differ(one, other)) < 1e-9
 
 
 @pytest.mark.slow

@@ -15,8 +15,6 @@ import dolfinx
 import antiosc as ao
 import parts
 from antiosc.fem.platform import compat
-from marks import FREE_ON_PURPOSE
-from mesh_files import write
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -152,27 +150,6 @@ TRIANGLE = """*NODE
 """
 
 
-def test_bars_of_the_plane(tmp_path):
-    """Two bars hold a node: K by hand; across the plane nothing moves."""
-    path = tmp_path / "two.inp"
-    path.write_text(TRIANGLE)
-    part = ao.read_model(path)
-    assert part.dofs == 2
-    EA, t = 2e11 * 1e-3, np.array([3, -4]) / 5
-    K = EA / 3 * np.diag([1, 0]) + EA / 5 * np.outer(t, t)
-    b = np.array([0.6, 0.8])
-    model = ao.extract(part, ao.Site((3, 0, 0), (0.6, 0.8, 0)), n=1)
-    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(K, b)), rel=1e-10)
-    assert part.mass == pytest.approx(7800 * 1e-3 * 8, rel=1e-12)
-
-
-def test_rods_without_an_area_above_zero_are_refused(tmp_path):
-    path = tmp_path / "two.inp"
-    path.write_text(TRIANGLE.replace("\n1e-3\n", "\n-1e-3\n"))
-    with pytest.raises(ao.MeshError, match=r"area of rods must be above 0; it is -0\.001"):
-        ao.read_model(path)
-
-
 def test_a_mass_and_a_rigid_link_on_a_truss(tmp_path):
     """They make an assembly; the linked node moves as its fellow."""
     path = tmp_path / "two.inp"
@@ -207,13 +184,3 @@ def test_motions_without_stiffness_are_held_as_by_nastran(tmp_path):
     path.write_text("SPC = 1\n" + FLAT + "PARAM,AUTOSPC,NO\n")
     with pytest.warns(ao.AntioscWarning, match="rotation"):
         assert ao.read_model(path).dofs == 3
-
-
-@FREE_ON_PURPOSE
-def test_what_is_no_truss_is_refused(tmp_path):
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0.0)])
-    faces = ao.read_mesh(write(tmp_path / "f.vtu", points, ("quad", np.array([[0, 1, 2, 3]]))))
-    with pytest.raises(ao.InputError, match="Truss"):
-        ao.Structure(faces, ao.Truss(E, 0.3, RHO, 1e-3))
-    with pytest.raises(ao.InputError, match="area must be > 0"):
-        ao.Truss(E, 0.3, RHO, 0.0)

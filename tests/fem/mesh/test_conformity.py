@@ -41,13 +41,6 @@ def test_a_cell_inside_another_overlaps_it_wherever_it_is(name):
             assert count or not len(found)
 
 
-def test_points_of_faces_are_inside_them_and_on_no_line_of_symmetry():
-    for count, weights in conformity._ASKEW.items():
-        assert len(weights) == count == len(set(weights))
-        assert min(weights) > 0
-        assert sum(weights) == pytest.approx(1.0, abs=1e-15)
-
-
 @pytest.mark.parametrize("name", ["quad", "hexahedron"])
 def test_two_cells_with_two_sides_in_common_are_found(name):
     """A node of two cells alone: the side between the ends of both has a bend."""

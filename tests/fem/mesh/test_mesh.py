@@ -62,15 +62,6 @@ def test_gmsh_files_of_every_kind_keep_shape_and_groups(tmp_path, cell, order, v
     np.testing.assert_allclose(corner, np.zeros((1, 1, 3)), atol=1e-12)
 
 
-def test_order_1_drops_the_mid_side_nodes(tmp_path):
-    path = parts.gmsh_cube(tmp_path / "cube.msh", "hexahedron", 2)
-    mesh = ao.read_mesh(path, order=1)
-    assert mesh.order == 1
-    assert len(mesh.dolfinx.geometry.x) == 27
-    np.testing.assert_allclose(moments(mesh), expected_moments(3, False), rtol=1e-12)
-    assert len(mesh.group("clamp")[2]) == 4
-
-
 def written_by_meshio(path, cell: str, order: int, tmp_path, **sets):
     """The cube of parts.gmsh_cube in another format; node numbers and coordinates by meshio."""
     source = meshio.read(parts.gmsh_cube(tmp_path / "source.msh", cell, order, bent=order == 2))
@@ -94,29 +85,6 @@ def test_vtk_files_of_every_kind_keep_shape(tmp_path, cell, order, suffix):
     np.testing.assert_allclose(moments(mesh), expected, rtol=1e-12, atol=1e-14)
 
 
-def test_med_families_name_groups(tmp_path):
-    pytest.importorskip("h5py")
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -2]], dtype=float)
-    source = meshio.Mesh(
-        points,
-        [("tetra", np.array([[0, 1, 2, 3], [1, 0, 2, 4]])), ("triangle", np.array([[0, 2, 3]]))],
-        cell_data={"cell_tags": [np.array([-6, -7]), np.array([-8])]},
-        point_data={"point_tags": np.array([0, 2, 0, 0, 0])},
-    )
-    source.cell_tags = {-6: ["upper", "all"], -7: ["lower", "all"], -8: ["wall"]}
-    source.point_tags = {2: ["tip"]}
-    source.write(tmp_path / "pair.med")
-    mesh = ao.read_mesh(tmp_path / "pair.med")
-    assert moments(mesh)[0] == pytest.approx(1 / 2, rel=1e-14)
-    sizes = {name: {d: len(e) for d, e in g.items()} for name, g in mesh.groups.items()}
-    assert sizes == {
-        "upper": {3: 1}, "lower": {3: 1}, "all": {3: 2}, "wall": {2: 1}, "tip": {0: 1}
-    }  # fmt: skip
-    assert parts.group_points(mesh, "lower", 3)[..., 2].min() == -2
-    np.testing.assert_allclose(parts.group_points(mesh, "wall", 2)[..., 0], [[0, 0, 0]])
-    np.testing.assert_allclose(parts.group_points(mesh, "tip", 0), [[[1, 0, 0]]])
-
-
 def test_a_dolfinx_mesh_with_tags():
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 4, 4)
     left = dolfinx.mesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0))
@@ -131,14 +99,6 @@ def test_a_dolfinx_mesh_with_tags():
 
 
 # --- Ranks ----------------------------------------------------------------------------------------
-
-
-def test_a_mesh_is_shown_in_a_few_lines():
-    text = repr(
-        ao.read_mesh(dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, 0], [1, 1, 1]], [2, 1, 1]))
-    )
-    assert "12 of kind tetrahedron" in text
-    assert len(text.splitlines()) <= 4
 
 
 @pytest.mark.mpi

@@ -91,14 +91,3 @@ def test_a_penalty_holds_from_where_it_hides_its_row():
             for k in (0, 5):
                 np.testing.assert_array_equal(matrix[k], value * np.eye(N)[k])
                 np.testing.assert_array_equal(matrix[:, k], value * np.eye(N)[k])
-
-
-def test_matrices_that_are_none():
-    for K, M, words in (
-        (np.zeros((2, 2)), np.eye(2), "K is zero"),
-        (np.eye(2), np.zeros((2, 2)), "M is zero"),
-        (np.eye(2), np.eye(3), "of one size; got"),
-        (np.diag([1.0, 0, 0]), np.diag([1.0, 0, 1]), "1 dofs .* the first is 1"),
-    ):
-        with pytest.raises(ao.InputError, match=words):
-            held(K, M)

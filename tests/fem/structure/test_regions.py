@@ -58,14 +58,6 @@ def test_what_lies_outside_by_a_millionth_belongs_to_it(x):
                     fixed(**where)
 
 
-@pytest.mark.filterwarnings("ignore:the supports leave the structure free")
-def test_components_and_two_coordinates_are_taken():
-    mesh = parts.box()
-    roller = ao.Structure(mesh, SOLID, ao.Support(fix="x", plane=((0, 0), (1, 0))))
-    named = ao.Structure(mesh, SOLID, ao.Support("left", "x"))
-    np.testing.assert_array_equal(roller.fixed, named.fixed)
-
-
 @pytest.mark.parametrize(
     ("where", "message"),
     [

@@ -13,7 +13,6 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.base import memory
 from antiosc.fem.linalg import scipy_solvers
-from antiosc.fem.structure import structure as structures
 
 #: scikit-sparse is optional
 LIBRARIES = ["superlu"] if scipy_solvers.cholmod is None else ["superlu", "cholmod"]
@@ -148,18 +147,6 @@ def test_factors_of_matrices_that_are_not_positive_definite(direct):
                 scipy_solvers.factorize(scipy.sparse.csr_matrix(A))
 
 
-@pytest.mark.parametrize("matrix", [[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[0.0]]])
-def test_superlu_refuses_zero_pivots(matrix, monkeypatch):
-    monkeypatch.setattr(scipy_solvers, "cholmod", None)
-    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-        scipy_solvers.factorize(scipy.sparse.csr_matrix(matrix))
-
-
-def test_the_back_end_is_one_of_three():
-    with pytest.raises(ao.InputError, match="backend must be 'auto', 'petsc' or 'scipy'"):
-        ao.Structure.from_matrices(*chain(3), backend="numpy")
-
-
 # -- without the packages, and on other systems
 
 
@@ -246,14 +233,6 @@ def test_both_back_ends_agree(supported):
         )
 
 
-@pytest.mark.fem
-def test_a_structure_of_scipy_matrices_is_one_of_one_rank():
-    part = scipy_structure(*chain(5))
-    assert isinstance(part, structures.Structure)
-    assert part.comm.size == 1
-    assert part.comm.allgather(part.rows) == [part.size]
-
-
 def lattice(n: int, dofs: int):
     """A definite matrix on a cube of n³ nodes with some dofs each."""
     line = scipy.sparse.diags([-1.0, 2.5, -1.0], [-1, 0, 1], shape=(n, n))
@@ -282,12 +261,3 @@ def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
     ):
         scipy_solvers.factorize(A)
-
-
-def test_a_factor_that_breaks_off_for_memory_is_one_sentence(monkeypatch):
-    def full(*args, **options):
-        raise MemoryError
-
-    monkeypatch.setattr(scipy.sparse.linalg, "splu", full)
-    with pytest.raises(ao.OutOfMemoryError, match="factor of 54 dofs ran out"):
-        scipy_solvers.SuperLU(lattice(3, 2))

@@ -12,7 +12,6 @@ from petsc4py import PETSc
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
@@ -52,29 +51,6 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
     np.testing.assert_array_equal(K[fixed][:, fixed].toarray(), np.eye(75))
     assert csr(structure.M)[fixed].nnz == 0 or not csr(structure.M)[fixed].data.any()
     assert abs(K[fixed]).sum() == 75
-
-
-def test_function_and_group_hold_the_same():
-    mesh = parts.box()
-    by_name = ao.Structure(mesh, SOLID, [ao.Support("left", "y"), ao.Support("right", ("x", "z"))])
-    by_place = ao.Structure(
-        mesh,
-        SOLID,
-        [
-            ao.Support(lambda x: np.isclose(x[0], 0), fix="y"),
-            ao.Support(lambda x: x[0] > 0.2 - 1e-9, fix=["x", "z"]),
-        ],
-    )
-    np.testing.assert_array_equal(by_name.fixed, by_place.fixed)
-    np.testing.assert_allclose(held(by_name, "y")[:, 0], 0, atol=1e-15)
-    np.testing.assert_allclose(held(by_name, "x")[:, 0], 0.2)
-    assert (csr(by_name.K) != csr(by_place.K)).nnz == 0
-
-
-def test_one_support_needs_no_list():
-    one = ao.Structure(parts.box(), SOLID, ao.Support("left"))
-    listed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-    np.testing.assert_array_equal(one.fixed, listed.fixed)
 
 
 def test_a_node_set_holds_the_mid_sides_between_its_nodes(tmp_path):
@@ -167,11 +143,6 @@ def test_reading_a_supported_structure_factors_nothing():
     assert structure.seconds["factorization"] > 0
 
 
-def test_describe_names_what_was_modelled():
-    text = ao.Structure(parts.box(), SOLID).describe()
-    assert "16 hexahedron cells, Solid, 675 dofs, 6 rigid-body modes" in text
-
-
 # --- Foreign matrices -----------------------------------------------------------------------------
 
 
@@ -257,25 +228,6 @@ def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
 
 
 # --- Families -------------------------------------------------------------------------------------
-
-BAR = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.01))
-SKIN = ao.Layer(E1=140e9, E2=10e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3)
-
-
-@pytest.mark.parametrize("material", [SOLID, BAR, ao.Shell(**parts.STEEL, thickness=1e-3)])
-def test_materials_without_directions_tell_their_constants(material):
-    assert isinstance(material, Family)
-    assert material.constants() == (material.E, material.nu, material.rho)
-    assert material.bar_speed() == pytest.approx((material.E / material.rho) ** 0.5)
-
-
-def test_a_laminate_has_directions():
-    stack = ao.Laminate([SKIN, SKIN])
-    assert isinstance(stack, Family)
-    assert stack.kind is ao.Shell(**parts.STEEL, thickness=1e-3).kind
-    assert stack.patch_radius == pytest.approx(2e-3)
-    with pytest.raises(ao.InputError, match="got a Laminate"):
-        stack.constants()
 
 
 class Rubbery:
