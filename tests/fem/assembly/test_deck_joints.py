@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from paths import DECKS
 
 pytestmark = [
     pytest.mark.fem,
@@ -218,16 +217,3 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     b = null.T @ functional(free, site).b
     exact = 1 / (b @ np.linalg.solve(null.T @ K @ null, b))
     assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-def test_a_rod_on_a_middle_node_is_in_series_with_the_solid(tmp_path):
-    """Its end is a vertex of the rod and the middle of an edge of the brick."""
-    bar = (DECKS / "c3d20.inp").read_text().partition("*NSET, NSET=TIPS")[0]
-    alone = k0(read(tmp_path, bar), (0.5, 0, 2))
-    rod = "*NODE\n100,.5,0.,3.\n*ELEMENT,TYPE=B31,ELSET=ROD\n100,25,100\n"
-    rod += "*BEAM SECTION,ELSET=ROD,MATERIAL=M,SECTION=RECT\n.1,.1\n1.,0.,0.\n"
-    rod += "*BOUNDARY\n100,4,6\n"  # free to follow the solid across
-    both = k0(read(tmp_path, bar + rod), (0.5, 0, 3))
-    assert 1 / both == pytest.approx(1 / alone + 1 / (2e11 * 0.01), rel=1e-9)

@@ -10,7 +10,8 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.assembly.assemble import joined_at_nodes
+from antiosc.fem.assembly.assemble import put_together
+from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
@@ -25,6 +26,10 @@ pytestmark = [
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 SHELL = ao.Shell(70e9, 0.3, 2700.0, 0.01)
+
+
+def joined_at_nodes(parts, numbers) -> ao.Structure:
+    return put_together(parts, [SharedNodes(numbers)])
 
 
 def made(x: np.ndarray, cells: np.ndarray, cell: str) -> tuple[Mesh, np.ndarray]:

@@ -163,24 +163,3 @@ def test_a_mass_and_a_rigid_link_on_a_truss(tmp_path):
     mass = 7800 * 1e-3 * 4 + 5
     exact = np.sqrt(np.linalg.eigvalsh(K / mass))
     np.testing.assert_allclose(ao.natural_modes(part, 2).omega, exact, rtol=1e-9)
-
-
-FLAT = """BEGIN BULK
-GRID,1,,0.,0.,0.
-GRID,2,,3.,0.,0.
-GRID,3,,0.,4.,0.
-CONROD,1,1,2,1,1.-3
-CONROD,2,2,3,1,1.-3
-MAT1,1,2.+11,,.3,7800.
-SPC1,1,123,1,3
-"""
-
-
-def test_motions_without_stiffness_are_held_as_by_nastran(tmp_path):
-    path = tmp_path / "flat.bdf"
-    path.write_text("SPC = 1\n" + FLAT)
-    with pytest.warns(ao.AntioscWarning, match=r"1 motions of nodes of flat.bdf .* \(AUTOSPC\)"):
-        assert ao.read_model(path).dofs == 2
-    path.write_text("SPC = 1\n" + FLAT + "PARAM,AUTOSPC,NO\n")
-    with pytest.warns(ao.AntioscWarning, match="rotation"):
-        assert ao.read_model(path).dofs == 3

@@ -51,21 +51,6 @@ def test_a_free_body_thrown_at_an_obstacle():
     assert hit.energy.drift < 1e-3
 
 
-def test_gravity_pulls_the_whole_body():
-    """In free fall nothing touches and the site falls g t²/2: participation is the whole mass."""
-    make, site = CASES["block"]
-    structure = make()
-    model = extract(structure, site, 6, "modes")
-    point, d = site_vectors(site)
-    assert model.participation.sum() == pytest.approx(
-        (rigid_field(structure, d, np.zeros(3), point) @ (csr(structure.M) @ model.shapes[:, 0])),
-        rel=1e-10,
-    )
-    # a uniform acceleration moves the site along d by g t²/2, so φ_CRᵀMe = m_CR
-    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
-    np.testing.assert_allclose(model.participation[1:], model.m, rtol=1e-4, atol=1e-9 * model.m_st)
-
-
 ROUND = ao.Section.circle(0.03)
 BAR = ao.Beam(**parts.STEEL, section=ROUND)
 
@@ -234,15 +219,3 @@ def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
     assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
     with pytest.raises(ao.InputError, match="asked of a supported body"):
         ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)
-
-
-def test_a_free_mesh_that_turns_far_is_told():
-    """The bar that is struck near its end, and the same motion started as a spin."""
-    structure, site = CASES["block"][0](), CASES["block"][1]
-    model = extract(structure, site, 4, "krylov")
-    for spin, far in ((60.0, True), (20.0, False)):
-        motion = ao.Motion(velocity=-np.array(site.direction), spin=(0, 0, spin))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            ao.simulate(model, ao.Obstacle(1.0), ao.Hertz(1e9), 2e-3, initial_velocity=motion)
-        assert any("turned by 0.12 rad" in str(w.message) for w in caught) == far

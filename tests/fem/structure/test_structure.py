@@ -135,14 +135,6 @@ def test_reading_never_changes_the_shift(monkeypatch):
         bar.shift = 2 * before
 
 
-def test_reading_a_supported_structure_factors_nothing():
-    structure = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-    assert structure.shift == 0
-    assert "factorization" not in structure.seconds
-    structure.factorize()
-    assert structure.seconds["factorization"] > 0
-
-
 # --- Foreign matrices -----------------------------------------------------------------------------
 
 
@@ -183,18 +175,6 @@ def test_matrices_give_the_model_of_the_mesh(kind, supports):
         np.testing.assert_allclose(model.m, expected.m, rtol=1e-7)
         assert model.k0 == pytest.approx(expected.k0, rel=1e-8)
         assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
-
-
-def test_given_rigid_modes_are_used():
-    mesh = parts.plate((4, 2), (0.2, 0.05))
-    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01))
-    (K, M), _ = handed_over(meshed, "csr")
-    mixed = meshed.rigid_modes @ np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 5.0], [3.0, 0.0, 1.0]])
-    foreign = ao.Structure.from_matrices(K, M, rigid_modes=mixed)
-    R = foreign.rigid_modes
-    np.testing.assert_allclose(R.T @ (M @ R), np.eye(3), atol=1e-10)
-    with pytest.raises(ao.InputError, match="2 columns but K has 3 null vectors"):
-        ao.Structure.from_matrices(K, M, rigid_modes=mixed[:, :2])
 
 
 def test_matrices_of_which_one_part_slides():
