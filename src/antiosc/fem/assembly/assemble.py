@@ -53,6 +53,7 @@ from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.meshed import ROTATIONS
+from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -62,7 +63,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 def assemble(
     parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint] = (),
-    at: Mapping[str, Any] | None = None,
+    at: Mapping[str, Placement | Sequence[float]] | None = None,
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
@@ -127,7 +128,7 @@ def assemble(
 def put_together(
     parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint],
-    at: Mapping[str, Any] | None = None,
+    at: Mapping[str, Placement | Sequence[float]] | None = None,
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),

@@ -248,7 +248,7 @@ class AssembledMatrices(StructureMatrices):
         """The rows of this rank of what `decided` work has found whole."""
         return self.share.own(rows)
 
-    def joined(self, member: Member, loads: Any) -> Any:
+    def joined(self, member: Member, loads: Sparse) -> Sparse:
         """Loads (rows, …) on the dofs of a part as loads on q, whole."""
         return self.T[member.rows].T @ loads
 

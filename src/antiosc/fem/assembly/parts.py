@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -28,7 +28,7 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 
 
-def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:
+def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
     """Name -> the part."""
     if not isinstance(parts, Mapping) or not parts:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
@@ -40,7 +40,7 @@ def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:
     return found
 
 
-def _check_name(what: str, name: Any) -> None:
+def _check_name(what: str, name: object) -> None:
     """InputError for what no joint can name."""
     if not isinstance(name, str) or not name.strip() or not name.isprintable() or ":" in name:
         raise InputError(
@@ -49,7 +49,7 @@ def _check_name(what: str, name: Any) -> None:
         )
 
 
-def _part(name: str, part: Any) -> MeshedStructure | Superelement:
+def _part(name: str, part: object) -> MeshedStructure | Superelement:
     if isinstance(part, AntiOscillators):
         return of_model(name, part)
     if not isinstance(part, Structure):
@@ -68,7 +68,7 @@ def _part(name: str, part: Any) -> MeshedStructure | Superelement:
     return on_mesh(part, text.format(name))
 
 
-def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
+def checked_places(members: Mapping[str, object], at: object) -> dict[str, Placement]:
     """Name -> placement of the part."""
     given = {} if at is None else at
     if not isinstance(given, Mapping):
@@ -80,7 +80,7 @@ def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
     return {name: placement(name, given.get(name)) for name in members}
 
 
-def checked_points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
+def checked_points(members: Mapping[str, object], points: object) -> dict[str, Array]:
     """Name -> coordinates (3,) of a reference point [m]."""
     given = {} if points is None else points
     if not isinstance(given, Mapping):
@@ -134,6 +134,9 @@ def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
     return joined
 
 
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
 @dataclass(frozen=True)
 class Share:
     """Rows `first` to `last` of an assembly, which this rank of `comm` has."""
@@ -153,7 +156,7 @@ class Share:
         """The rows of this rank."""
         return slice(self.first, self.last)
 
-    def own(self, q: NDArray[Any]) -> NDArray[Any]:
+    def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
         """The rows of this rank of vectors that every rank has whole."""
         return q if self.comm.size == 1 else q[self.first : self.last]
 

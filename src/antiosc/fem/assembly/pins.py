@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse
@@ -242,7 +242,7 @@ class Equation(Joint):
         return [Rows(total, np.full(1, -1), label)]
 
 
-def _checked_term(term: Any) -> tuple[End, str, float]:
+def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
         raise InputError(
             f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import basix
 import numpy as np
 import scipy.sparse
+from numpy.typing import ArrayLike
 
 from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import InputError
@@ -209,7 +209,7 @@ class NodeConstraints(Joint):
     springs: Sequence[tuple[Sequence[Term], float]]
     points: Sequence[str]
     numbers: Mapping[str, IntArray]
-    masses: Sequence[tuple[Sequence[Sequence[Term]], Any, float]] = ()
+    masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
     dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"

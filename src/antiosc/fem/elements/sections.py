@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from antiosc.base.strengths import Strengths
 ON_CIRCLE = 32
 
 
-def _points(name: str, value: Any) -> tuple[tuple[float, float], ...]:
+def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """Points (y, z), or InputError."""
     if isinstance(value, Sequence) and not len(value):
         return ()

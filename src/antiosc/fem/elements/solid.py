@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import ufl
@@ -17,6 +17,7 @@ from antiosc.base.checks import array, choice, kept, positive, store, within_ran
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import (
+    Family,
     Isotropic,
     Kind,
     Parts,
@@ -26,6 +27,9 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 #: Ratio of the edges of a cell, and of the part to its shortest edge, from which K is taken by its
 #: strains; and the number of cells up to which the memory for these is small.
@@ -175,13 +179,13 @@ def _is_thin(mesh: Mesh) -> bool:
     return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * least)
 
 
-def _strains(mesh: Mesh, parts: Parts, u: Any, degree: int) -> tuple[Any, int]:
+def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
     """Strains times √stiffness, and the degree of K's quadrature."""
     root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
     return root * _voigt_strain(u), degree
 
 
-def _voigt_strain(u: Any) -> Any:
+def _voigt_strain(u: Expr) -> Expr:
     """(ε11, ε22, ε33, γ23, γ13, γ12)."""
     e = ufl.sym(ufl.grad(u))
     shear = [2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]]
@@ -319,7 +323,7 @@ class AnisotropicSolid(Given):
             "site a Solid."
         )
 
-    def dimensions(self, box: Box, materials: Sequence[Any]) -> Box:
+    def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:
         """The box."""
         return box
 
@@ -336,7 +340,7 @@ class AnisotropicSolid(Given):
         )
 
 
-def _axes(given: Any) -> Array:
+def _axes(given: ArrayLike | None) -> Array:
     """Three perpendicular unit vectors as rows."""
     if given is None:
         return np.eye(3)

@@ -124,7 +124,7 @@ class Family(Protocol):
 Parts = Sequence[tuple[Any, IntArray]]
 
 
-def _checked_prony(name: str, value: Any) -> tuple[tuple[float, float], ...]:
+def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """Pairs (ratio, relaxation time) > 0."""
     pairs = array(name, list(value) if isinstance(value, list | tuple) else value, None)
     if not pairs.size:

@@ -201,7 +201,7 @@ def _check(
         positive("a size of refine", local, "m")
 
 
-def _check_choice(cells: Any, trust: Any, timeout: Any) -> None:
+def _check_choice(cells: object, trust: object, timeout: object) -> None:
     if isinstance(cells, list | tuple):
         if not cells or not all(isinstance(c, str) and c for c in cells):
             raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")

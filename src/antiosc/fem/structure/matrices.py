@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from antiosc.io.matrices.dof_map import DofMap
 from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 #: Eigenvalues of a projected matrix over the largest that are rounding.
 ROUNDING = 1e-14
 
@@ -39,13 +42,13 @@ class Dissipation:
     matrix : of all dofs, times `factor`.
     """
 
-    G: Any = None
+    G: Matrix = None
     c: Array | None = None
     tau: float | None = None
     matrix: Matrix | None = None
     factor: float = 1.0
 
-    def projected(self, comm: Any, V: Array) -> Array:
+    def projected(self, comm: MPI.Comm, V: Array) -> Array:
         """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""
         if self.matrix is None:
             assert self.c is not None
@@ -69,7 +72,7 @@ def ends(terms: Sequence[Dissipation]) -> Array | None:
     return np.hstack(loads) if loads else None
 
 
-def projected(comm: Any, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
+def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
     """All damping of the motions V (rows of this rank, k)."""
     none = np.zeros((0, V.shape[1]))
     found = [(one.projected(comm, V), one.tau) for one in terms]
@@ -160,7 +163,11 @@ class StructureMatrices:
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
+        """Length, width and thickness of the part, m.
+
+        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
+        thickness are those of the rectangle with its section's A and I.
+        """
         raise InputError("matrices have no dimensions: give length, width and thickness.")
 
     def constants(self) -> tuple[float, float, float]:
@@ -168,13 +175,20 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None for matrices, which do not tell where e points.
+        """
         array("direction", direction, (3,))
         return None
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
+        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
+
+        With them any shape's momentum is its product with M r. None for matrices, which have no
+        coordinates, and where no rigid-body mode is left.
+        """
         return None
 
     def dissipation(self) -> list[Dissipation]:

@@ -150,7 +150,7 @@ class MeshedStructure(StructureMatrices):
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
     doubts: tuple[str, ...] = field(default=(), kw_only=True)
     dampers: Sequence[Dissipation] = field(default=(), kw_only=True)
-    conditions: Any = field(default_factory=dict, kw_only=True)
+    conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict, kw_only=True)
 
     meshed: ClassVar[bool] = True
 

@@ -57,7 +57,7 @@ def divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntAr
     return cells, found
 
 
-def parts_of(mesh: Mesh, material: Any) -> Parts:
+def parts_of(mesh: Mesh, material: object) -> Parts:
     """[(material, cells of this rank)], each cell once."""
     imap = compat.cell_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
@@ -89,7 +89,7 @@ def parts_of(mesh: Mesh, material: Any) -> Parts:
     return parts
 
 
-def _family(material: Any) -> Family:
+def _family(material: object) -> Family:
     """`material`, or InputError for anything else."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
