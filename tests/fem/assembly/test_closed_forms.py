@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 import every_joint
 from antiosc.closed_form.plates import SupportedPlate
 from assemblies import box, line
 from paths import ROOT
-
-pytest.importorskip("dolfinx")
 
 pytestmark = [
     pytest.mark.fem,

@@ -109,23 +109,6 @@ def test_a_branch_and_dampers_of_points_of_a_structure():
     np.testing.assert_allclose(found.modal().receptance(omega), exact, rtol=1e-5)
 
 
-def test_a_damper_brakes_a_rigid_body_motion():
-    free = ao.Structure(line((0, 0, 0), (1, 0, 0), 8), BEAM)
-    part = ao.assemble(
-        {"a": free},
-        [ao.Bushing("a:end", "ground", damping={"z": 3.0})],
-        points={"ground": (1, 0, 0)},
-        supports=[ao.Support("ground")],
-    )
-    model = ao.extract(part, MIDDLE, n=12)
-    K, M = dense(part)
-    rows = free_dofs(part)
-    b, end = (functional(part, one).b[rows] for one in (MIDDLE, TIP))
-    omega = np.geomspace(1.0, 2e3, 20)
-    exact = [b @ np.linalg.solve(K - w**2 * M + 3j * w * np.outer(end, end), b) for w in omega]
-    np.testing.assert_allclose(model.modal().receptance(omega), exact, rtol=1e-5)
-
-
 def braked(c: float) -> ao.Structure:
     """A cantilever with a damper at its tip."""
     return ao.assemble(

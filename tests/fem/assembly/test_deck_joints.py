@@ -73,37 +73,6 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
 
 
-@pytest.mark.slow
-def test_tied_tetrahedra_are_those_with_common_nodes(tmp_path):
-    """Second order: all nodes of the face are tied, so that nothing differs."""
-    tied, merged = (read(tmp_path, _two_wedges(joined), merge=merge) for joined, merge in (
-        (True, None), (False, 1e-9)
-    ))  # fmt: skip
-    site = (0.2, 0.2, 1.0), (1, 2, 3)
-    assert tied.mass == pytest.approx(merged.mass, rel=1e-12)
-    assert k0(tied, *site) == pytest.approx(k0(merged, *site), rel=1e-9)
-
-
-def _two_wedges(tied: bool) -> str:
-    """Two straight wedges of 15 nodes on top of each other, each with nodes of its own."""
-    flat = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
-    text = "*NODE\n"
-    for k in (0, 1):
-        z = [k, k, k, k + 1, k + 1, k + 1]
-        corners = [(*flat[n % 3], z[n]) for n in range(6)]
-        mids = [(*flat[3 + n], h) for h in (k, k + 1) for n in range(3)]
-        upright = [(*flat[n], k + 0.5) for n in range(3)]
-        for n, x in enumerate([*corners, *mids, *upright]):
-            text += f"{100 * k + n + 1},{x[0] * 0.4},{x[1] * 0.4},{x[2] * 0.5}\n"
-    text += "*ELEMENT, TYPE=C3D15, ELSET=ALL\n"
-    for k in (0, 1):
-        text += f"{k + 1}," + ",".join(str(100 * k + n + 1) for n in range(15)) + "\n"
-    text += "*NSET, NSET=FOOT\n1,2,3,7,8,9\n*BOUNDARY\nFOOT,1,3\n" + SOLID + MATERIAL
-    if tied:
-        text += "*SURFACE, NAME=LOW\n1, S2\n*SURFACE, NAME=HIGH\n2, S1\n*TIE, NAME=T\nHIGH, LOW\n"
-    return text
-
-
 def test_supports_along_directions_of_their_own(tmp_path):
     """A column turned by 30° on rollers of a *TRANSFORM is the one that stands straight."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)

@@ -7,6 +7,8 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 from antiosc.fem.assembly import wide
 from antiosc.fem.assembly.elimination import eliminate
@@ -17,8 +19,6 @@ from antiosc.fem.assembly.parts import checked_parts, checked_places
 from antiosc.fem.structure.placement import Placement
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
-
-pytest.importorskip("dolfinx")
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.ends import motion
@@ -16,8 +18,6 @@ from antiosc.fem.platform import compat
 from antiosc.fem.structure.placement import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from sheets import sheet
-
-pytest.importorskip("dolfinx")
 
 pytestmark = pytest.mark.fem
 

@@ -146,26 +146,6 @@ def test_a_support_holds_what_lies_between_its_nodes(tmp_path, name):
     assert tube.mass == pytest.approx(1000 * np.pi / 8 * 3, rel=2e-4)
 
 
-def test_a_cut_through_a_face_is_held_with_the_face_alone(tmp_path):
-    """A roof of hexahedron and wedge: 1 and 3 end a cut, 1 and 2 a side, 1 to 4 a face."""
-    wedge = CUBE + "*ELEMENT,TYPE=C3D6,ELSET=ALL\n2,5,6,9,8,7,10\n*NODE\n9,.5,0,2\n10,.5,1,2\n"
-    text = wedge + SECTION + MATERIAL + "*BOUNDARY\n"
-    counts = {}
-    for name, nodes in {"1": (1,), "1 3": (1, 3), "1 2": (1, 2), "1-4": (1, 2, 3, 4)}.items():
-        rows = "".join(f"{node},PINNED\n" for node in nodes) + "9,PINNED\n10,PINNED\n"
-        part = model_of(tmp_path, text + rows)
-        counts[name] = len(part.fixed)
-    # displacements are quadratic: 3 dofs for a node or the middle of an edge
-    assert counts["1 3"] - counts["1"] == 3
-    assert counts["1 2"] - counts["1"] == 6
-    # 3 more nodes, 4 sides and one cut
-    assert counts["1-4"] - counts["1"] == 3 * (3 + 4 + 1)
-
-
-CUBE = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
-    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
-)
 SECTION = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
 
 

@@ -68,18 +68,6 @@ def test_a_hinge_between_two_bars(tmp_path, pins):
     assert k0(part, (L, 0, 0), (1, 0, 0)) == pytest.approx(2 * E * A / L, rel=1e-8)
 
 
-def test_a_pin_releases_one_plane_alone(tmp_path):
-    """Flag 6 turns about z, the axis across plane 1 where that is x-y."""
-    text = line(2).replace("0.,0.,1.", "0.,1.,0.")
-    own = text.replace("CBAR,2,1,2,3,0.,1.,0.", "CBAR,2,1,2,3,0.,1.,0.,,\n,6")
-    part = read(tmp_path, own + BAR + CLAMPED)
-    assert k0(part, (L, 0, 0), (0, 1, 0)) == pytest.approx(2 / TIP, rel=1e-8)
-    stiff = 192 * E * I / (2 * L) ** 3
-    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(
-        1 / (1 / stiff + 2 * L / (4 * GA)), rel=1e-8
-    )
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("name", ["CBAR", "CBEAM"])
 def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):

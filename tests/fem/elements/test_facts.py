@@ -15,7 +15,6 @@ from sheets import PLY
 
 pytestmark = pytest.mark.fem
 
-CONSTANTS = tuple(STEEL.values())
 ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
 
 
@@ -47,25 +46,6 @@ def test_boxes_and_thicknesses():
     sheet = halves(plate((2, 1), (0.2, 0.3), "triangle"), 0.1)
     part = ao.Structure(sheet, {"one": thick, "two": thin})
     assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
-
-
-@pytest.mark.slow
-def test_constants_are_those_of_the_first_material():
-    soft = ao.Solid(1e9, 0.4, 1000.0)
-    mesh = halves(box((2, 1, 1), (0.2, 0.1, 0.1)), 0.1)
-    assert ao.Structure(mesh, {"one": ao.Solid(**STEEL), "two": soft}).constants() == CONSTANTS
-    blocks = {name: ao.Structure(box((1, 1, 1), (0.1, 0.2, 0.3)), m, order=1)
-              for name, m in (("a", soft), ("b", ao.Solid(**STEEL)))}  # fmt: skip
-    joint = ao.Weld("a:right", "b:left")
-    both = ao.assemble(blocks, [joint], {"b": (0.5, 0.0, 0.1)})
-    assert both.constants() == (1e9, 0.4, 1000.0)
-    assert both.dimensions == pytest.approx((0.6, 0.4, 0.2))
-    beam = ao.Beam(**STEEL, section=ao.Section.circle(0.01))
-    assert ao.Structure(line(1.0, 2), beam).constants() == CONSTANTS
-    assert pytest.approx(210e9 / 2.6) == beam.G
-    shell = ao.Shell(**STEEL, thickness=0.01)
-    assert pytest.approx(210e9 / 2.6) == shell.G
-    assert ao.Structure(plate((1, 1), (1, 1), "triangle"), shell).constants() == CONSTANTS
 
 
 def test_local_indentation_is_that_of_a_half_space_or_none():

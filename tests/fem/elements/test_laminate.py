@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.sections import stacked
@@ -30,8 +32,6 @@ from sheets import (
     stack,
     unsymmetric,
 )
-
-pytest.importorskip("dolfinx")
 
 pytestmark = pytest.mark.fem
 

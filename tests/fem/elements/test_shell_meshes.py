@@ -15,7 +15,6 @@ from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from sheets import (
@@ -30,7 +29,6 @@ from sheets import (
     interpolated,
     loaded,
     plate,
-    rectangle,
     sheet,
 )
 
@@ -111,25 +109,6 @@ def test_a_free_shell_has_six_zero_modes_and_its_mass(cell, order, t):
     assert push @ M @ push == pytest.approx(structure.mass, rel=1e-6 if order == 2 else 1e-12)
     area = 1.2 if order == 2 else 3 * 2 * np.sin(0.2)
     assert structure.mass == pytest.approx(RHO * t * area, rel=1e-4 if order == 2 else 1e-12)
-
-
-def test_two_thicknesses_by_group():
-    """A stepped cantilever strip against beam theory, ν = 0."""
-    mesh = rectangle((8, 1), 2.0, 0.1)
-    middle = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)[:, 0]
-    groups = {
-        "root": {2: np.flatnonzero(middle < 1).astype(np.int32)},
-        "tip": {2: np.flatnonzero(middle > 1).astype(np.int32)},
-    }
-    mesh = Mesh(mesh.dolfinx, groups, "the strip")
-    thin, thick = ao.Shell(E, 0.0, RHO, 0.01), ao.Shell(E, 0.0, 2 * RHO, 0.02)
-    structure = ao.Structure(mesh, {"root": thick, "tip": thin}, [ao.Support(at(0, 0.0))])
-    assert structure.mass == pytest.approx(RHO * 0.1 * (0.01 + 2 * 0.02), rel=1e-12)
-    y = loaded(structure, {dof(structure, (2, v, 0), "z"): 0.5 for v in (0, 0.1)})
-    I_tip, I_root = 0.1 * 0.01**3 / 12, 0.1 * 0.02**3 / 12
-    bending = 1 / (3 * E * I_tip) + (8 - 1) / (3 * E * I_root)
-    shear = (1 / 0.01 + 1 / 0.02) / (5 / 6 * E / 2 * 0.1)
-    assert y[dof(structure, (2, 0, 0), "z")] == pytest.approx(bending + shear, rel=1e-4)
 
 
 def test_a_fold_carries_bending_across():

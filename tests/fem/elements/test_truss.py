@@ -128,38 +128,3 @@ def test_seventy_two_bars_have_the_frequencies_of_nastran(tmp_path):
     part = ao.read_model(path, unit="in")
     assert part.dofs == 48
     np.testing.assert_allclose(ao.natural_modes(part, 10).omega, NASTRAN, rtol=3e-7)
-
-
-TRIANGLE = """*NODE
-1,0.,0.
-2,3.,0.
-3,0.,4.
-*ELEMENT, TYPE=T2D2, ELSET=BARS
-1,1,2
-2,2,3
-*SOLID SECTION, ELSET=BARS, MATERIAL=M
-1e-3
-*MATERIAL, NAME=M
-*ELASTIC
-2e11, .3
-*DENSITY
-7800.
-*BOUNDARY
-1,1,2
-3,1,2
-"""
-
-
-def test_a_mass_and_a_rigid_link_on_a_truss(tmp_path):
-    """They make an assembly; the linked node moves as its fellow."""
-    path = tmp_path / "two.inp"
-    more = "*NODE\n9,3.,0.\n*EQUATION\n2\n9,1,1.,2,1,-1.\n2\n9,2,1.,2,2,-1.\n"
-    more += "*ELEMENT, TYPE=MASS, ELSET=P\n8,9\n*MASS, ELSET=P\n5.\n"
-    path.write_text(TRIANGLE.replace("*BOUNDARY\n", more + "*BOUNDARY\n9,3\n"))
-    part = ao.read_model(path)
-    assert part.mass == pytest.approx(7800 * 1e-3 * 8 + 5, rel=1e-12)
-    EA, t = 2e11 * 1e-3, np.array([3, -4]) / 5
-    K = EA / 3 * np.diag([1, 0]) + EA / 5 * np.outer(t, t)
-    mass = 7800 * 1e-3 * 4 + 5
-    exact = np.sqrt(np.linalg.eigvalsh(K / mass))
-    np.testing.assert_allclose(ao.natural_modes(part, 2).omega, exact, rtol=1e-9)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+pytest.importorskip("dolfinx")
+
 from antiosc.fem.mesh import conformity
 from antiosc.fem.mesh.entities import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
 from assemblies import box
-
-pytest.importorskip("dolfinx")
 
 pytestmark = pytest.mark.fem
 

@@ -7,14 +7,14 @@ import json
 import numpy as np
 import pytest
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 from antiosc import PointMass, Spring
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
-
-pytest.importorskip("dolfinx")
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 

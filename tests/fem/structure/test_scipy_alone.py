@@ -85,22 +85,6 @@ def test_sparse_modes_are_those_of_lapack(free, direct):
     assert pair[0].k0 == pytest.approx(model.k0, rel=1e-10)
 
 
-def test_repeated_frequencies_are_all_found():
-    """Two equal chains beside the site's: each antiresonance twice, once in the model."""
-    n = 320
-    K, M = chain(n)
-    K, M = scipy.sparse.block_diag([K, K, K]).tolil(), scipy.sparse.block_diag([M, M, M])
-    for one in (n, 2 * n):  # coupled to the middle chain by one soft spring each
-        K[one, one] += 1e3
-        K[one - n, one - n] += 1e3
-        K[one, one - n] = K[one - n, one] = -1e3
-    structure = scipy_structure(K.tocsr(), M)
-    model = ao.extract(structure, ao.Site(dof=n), n=12, method="modes", tol=1e-14)
-    krylov = ao.extract(structure, ao.Site(dof=n), n=12, tol=1e-14)
-    np.testing.assert_allclose(model.omega[:4], krylov.omega[:4], rtol=1e-7)
-    np.testing.assert_allclose(model.m[:4], krylov.m[:4], rtol=1e-6)
-
-
 # -- what is no stiffness
 
 
@@ -112,17 +96,6 @@ def test_an_indefinite_stiffness_is_refused(size, direct):
     lowest = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
     with pytest.raises(ao.InputError, match="K must be positive semidefinite"):
         scipy_structure(K - (lowest[0] + lowest[1]) / 2 * M, M)
-
-
-@DIRECT
-def test_a_massless_free_dof_is_refused(direct):
-    K, M = chain(6, free=True)
-    M = M.tolil()
-    M[:, :] = 0.0
-    M[0, 0] = 1.0
-    loose = scipy.sparse.block_diag([K, K]).tocsr()
-    with pytest.raises(ao.AntioscError):
-        scipy_structure(loose, scipy.sparse.block_diag([M, 0 * M]).tocsr())
 
 
 @DIRECT

@@ -87,30 +87,6 @@ def test_a_point_group_holds_a_node():
     np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    ("supports", "left"),
-    [
-        ([], 6),
-        ([("left", "x")], 3),
-        ([("left", "y")], 4),
-        ([("left", ("x", "y"))], 1),
-        ([("left", ("y", "z"))], 3),
-        ([("left", "x"), ("right", "y")], 1),
-        ([("left", "x"), ("right", ("y", "z"))], 0),
-        ([("left", "all")], 0),
-    ],
-)
-def test_supports_leave_the_right_rigid_motions(supports, left):
-    structure = ao.Structure(parts.box(), SOLID, [ao.Support(*s) for s in supports])
-    R, K = structure.rigid_modes, csr(structure.K)
-    assert R.shape[1] == left
-    assert (structure.shift > 0) == (left > 0)
-    assert not R[structure.fixed].any()
-    if left:
-        assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
-
-
 def test_reading_never_changes_the_shift(monkeypatch):
     """A first estimate of the shift that is far too high is brought closer before it is read."""
     of_mesh = rigid_body_modes.of_mesh

@@ -29,6 +29,7 @@ from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import (
     Constraints,
     Eliminated,
+    Held,
     Joint,
     Redundant,
     Rows,
@@ -179,22 +180,14 @@ def put_together(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """What rank 0 finds of an assembly.
+    """What rank 0 finds of an assembly."""
 
-    Attributes
-    ----------
-    points : all reference points, those that joints bring included.
-    modes : M-orthonormal motions without strain (n, r).
-    shift : first shift, rad²/s².
-    rigid : whether nothing but a rigid body is left.
-    """
-
-    points: dict[str, Array]
+    points: dict[str, Array]  # all reference points, those that joints bring included
     eliminated: Eliminated
     added: Added
-    modes: Array
-    shift: float
-    rigid: bool
+    modes: Array  # M-orthonormal motions without strain (n, r)
+    shift: float  # first shift, rad²/s²
+    rigid: bool  # whether nothing but a rigid body is left
 
 
 def _joined(
@@ -213,7 +206,7 @@ def _joined(
     rows = [Rows.free(one, "") for one in support_rows(layout, supports)]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
-        rows += joint.constraints(layout, rows, fixed, label)
+        rows += joint.constraints(layout, Held(rows, fixed), label)
         elastic += joint.elastic(layout, label)
     for one in attached:
         elastic += attachment(layout, one)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -77,21 +77,16 @@ class AssembledMatrices(StructureMatrices):
     """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with the block-diagonal matrices K_b and M_b.
 
     Dependent dofs keep their rows, as fixed ones do: 1 on K's diagonal, 0 in M.
-
-    Attributes
-    ----------
-    layout : the parts in their places.
-    eliminated : T and the dofs that depend on others.
-    added : what joints and attachments add.
-    share : the rows of this rank. What is said of all dofs (layout, T) every rank has whole.
-    constraints : from which T was made, the supports of the assembly first; on rank 0 alone.
     """
 
-    layout: Layout = field(kw_only=True)
-    eliminated: Eliminated = field(kw_only=True)
-    added: Added = field(kw_only=True)
-    share: Share = field(kw_only=True)
-    constraints: Constraints | None = field(kw_only=True)
+    _: KW_ONLY
+    layout: Layout  # the parts in their places
+    eliminated: Eliminated  # T and the dofs that depend on others
+    added: Added  # what joints and attachments add
+    #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
+    share: Share
+    #: from which T was made, the supports of the assembly first; on rank 0 alone
+    constraints: Constraints | None
 
     assembled: ClassVar[bool] = True
 

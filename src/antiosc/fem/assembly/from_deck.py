@@ -188,7 +188,10 @@ def read_model(
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    read = _reader(file, unit, density, merge, parts, piece, root, timeout)
+    read = _reader(
+        file, unit, density=density, merge=merge, parts=parts, piece=piece, root=root,
+        timeout=timeout,
+    )  # fmt: skip
     more = several("supports", supports, Support, "Support objects")
     added = attachments_of(attached)
     raws = on_root(comm, read)
@@ -215,8 +218,8 @@ def outline_of_deck(
     are not looked at.
     """
     needed = ("density", "merge", "parts", "piece", "root", "timeout")
-    file = checked_path("path", path)
-    raws = _reader(file, unit, *(options.get(name) for name in needed))()
+    known = {name: options[name] for name in needed if name in options}
+    raws = _reader(checked_path("path", path), unit, **known)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
     if _model(next(iter(raws.values())))["joined"]:
         inner = [f"{name}:{group}" for name, raw in raws.items() for group in raw.groups]
@@ -226,13 +229,14 @@ def outline_of_deck(
 
 def _reader(
     file: Path,
-    unit: Any,
-    density: Any,
-    merge: Any,
-    parts: Any,
-    piece: Any,
-    root: Any,
-    timeout: Any,
+    unit: str | float,
+    *,
+    density: float | None = None,
+    merge: float | None = None,
+    parts: Sequence[str] | None = None,
+    piece: int | None = None,
+    root: str | Path | None = None,
+    timeout: float | None = None,
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck: cells by their part; arguments are those of a user."""
     units = UnitSystem.of(unit)

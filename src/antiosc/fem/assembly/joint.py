@@ -29,23 +29,24 @@ Redundant = tuple[str, list[str], int]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Homogeneous constraints of one joint.
+    """Homogeneous constraints of one joint."""
 
-    Attributes
-    ----------
-    matrix : (m, n), each row a functional of u that is zero.
-    pivot : (m,) the dof for which each row is solved if possible; -1: any.
-    label : the joint's name for messages; empty for supports.
-    """
-
-    matrix: Sparse
-    pivot: IntArray
-    label: str
+    matrix: Sparse  # (m, n), each row a functional of u that is zero
+    pivot: IntArray  # (m,) the dof for which each row is solved if possible; -1: any
+    label: str  # the joint's name for messages; empty for supports
 
     @classmethod
     def free(cls, matrix: Sparse, label: str) -> Rows:
         """Rows that may be solved for any of their dofs."""
         return cls(matrix, np.full(matrix.shape[0], -1), label)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What is held before the constraints of a joint are made."""
+
+    rows: Sequence[Rows]  # of the supports and of earlier joints
+    fixed: BoolArray  # (n,) dofs that are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,21 +61,13 @@ class Constraints:
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """The result of an elimination.
+    """The result of an elimination."""
 
-    Attributes
-    ----------
-    T : (n, n), u = T q; the columns of dependent dofs are empty.
-    dependent : (n,) which dofs are not in q, those that are fixed included.
-    redundant : joints with rows that follow from those of other joints.
-    basis : the orthogonal change of basis in T, if any.
-    particular : (n, k) motions that satisfy the constraints with prescribed values, if any.
-    """
-
-    T: Sparse
-    dependent: BoolArray
-    redundant: list[Redundant]
-    basis: Sparse | None = None
+    T: Sparse  # (n, n), u = T q; the columns of dependent dofs are empty
+    dependent: BoolArray  # (n,) which dofs are not in q, those that are fixed included
+    redundant: list[Redundant]  # joints with rows that follow from those of other joints
+    basis: Sparse | None = None  # the orthogonal change of basis in T, if any
+    #: (n, k) motions that satisfy the constraints with prescribed values, if any
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
@@ -86,25 +79,17 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
-    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to K_b and M_b.
+    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to K_b and M_b."""
 
-    Attributes
-    ----------
-    G : (j, n) functionals of u.
-    k, m : (j, j) stiffness and mass of these.
-    mass : kg.
-    rigid : (j, r) orthonormal values of the functionals that are without strain, where they are
-        known.
-    c : (j, j) damping of the functionals.
-    branches : stiffnesses (j, j) and relaxation times [s] of Maxwell branches.
-    """
-
-    G: Sparse
+    G: Sparse  # (j, n) functionals of u
+    #: k, m: (j, j) stiffness and mass of these
     k: Array
     m: Array
-    mass: float = 0.0
+    mass: float = 0.0  # kg
+    #: (j, r) orthonormal values of the functionals that are without strain, where they are known
     rigid: Array | None = None
-    c: Array | None = None
+    c: Array | None = None  # (j, j) damping of the functionals
+    #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
     branches: Sequence[tuple[Array, float]] = ()
 
     @property
@@ -137,17 +122,8 @@ class Joint(Checked):
     def prepare(self, layout: Layout, label: str) -> None:
         """Add the reference points that the joint brings with it to the layout."""
 
-    def constraints(
-        self,
-        layout: Layout,
-        before: Sequence[Rows],
-        fixed: BoolArray,
-        label: str,
-    ) -> list[Rows]:
-        """Constraints of the joint.
-
-        `before` are those of the supports and of earlier joints, `fixed` the dofs that are zero.
-        """
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+        """Constraints of the joint."""
         return []
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:

@@ -37,21 +37,13 @@ STILL = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Loose:
-    """A piece of a part, or a reference point, that moves by itself before it is joined.
+    """A piece of a part, or a reference point, that moves by itself before it is joined."""
 
-    Attributes
-    ----------
-    name : for messages.
-    rows : its dofs in u.
-    centre : (3,) [m]; size: half of its extent [m].
-    motions : (rows, 6) unit translations and rotations (about the centre, by 1/size).
-    """
-
-    name: str
-    rows: IntArray
-    centre: Array
-    size: float
-    motions: Array
+    name: str  # for messages
+    rows: IntArray  # its dofs in u
+    centre: Array  # (3,) [m]
+    size: float  # half of its extent [m]
+    motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
 
 
 def rigid_motions(layout: Layout, point: Array) -> Array:

@@ -129,20 +129,12 @@ OUTSIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Points of a rule on what two surfaces have in common, n of them.
+    """Points of a rule on what two surfaces have in common, n of them."""
 
-    Attributes
-    ----------
-    face : (n,), (n,) face of the first and of the second side.
-    xi : (n, dim), (n, dim) coordinates in these.
-    x : (n, 3), (n, 3) points of both sides [m].
-    weight : (n,) [m or m²].
-    """
-
-    face: tuple[IntArray, IntArray]
-    xi: tuple[Array, Array]
-    x: tuple[Array, Array]
-    weight: Array
+    face: tuple[IntArray, IntArray]  # (n,), (n,) face of the first and of the second side
+    xi: tuple[Array, Array]  # (n, dim), (n, dim) coordinates in these
+    x: tuple[Array, Array]  # (n, 3), (n, 3) points of both sides [m]
+    weight: Array  # (n,) [m or m²]
 
     def exchanged(self) -> Overlap:
         """The same with the sides exchanged."""

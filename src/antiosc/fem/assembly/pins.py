@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, BoolArray
+from antiosc.base._types import Array
 from antiosc.base.checks import coordinates, number, shown, store
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
+from antiosc.fem.assembly.joint import NAME, Between, Held, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import checked_axis, in_space
@@ -30,9 +30,7 @@ class _Pin(Between):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         a, b = ends_at(layout, label, self.a, self.b, self.point)
         displacements, rotations = self._constrained()
@@ -96,9 +94,7 @@ class _Axis(_Pin):
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """As of every pin; in a plane the axis must be one about or along which parts move."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         across = self._turns_about_axis
@@ -107,7 +103,7 @@ class _Axis(_Pin):
                 f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
-        return super().constraints(layout, before, fixed, label)
+        return super().constraints(layout, held, label)
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) across the axis."""
@@ -220,9 +216,7 @@ class Equation(Joint):
         store(self, terms=terms)
         super().__post_init__()
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The one row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:

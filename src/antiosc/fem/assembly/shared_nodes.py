@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike
 
-from antiosc.base._types import BoolArray, IntArray
+from antiosc.base._types import IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
-from antiosc.fem.assembly.joint import Joint, Rows, Stiffness
+from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.mesh import projected
 from antiosc.fem.platform import compat
@@ -26,19 +26,13 @@ SAME_PLACE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SharedNodes(Joint):
-    """A joint of all parts at the nodes that have the same number.
+    """A joint of all parts at the nodes that have the same number."""
 
-    Attributes
-    ----------
-    numbers : part -> number of each node of its mesh, in the order in which they were read.
-    """
-
+    #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
@@ -192,39 +186,32 @@ def _tied(
 
 @dataclass(frozen=True, eq=False)
 class NodeConstraints(Joint):
-    """Constraints Σ coefficient × motion = 0, springs and dampers of nodes and reference points.
+    """Constraints Σ coefficient × motion = 0, springs and dampers of nodes and reference points."""
 
-    Attributes
-    ----------
-    equations : terms of each constraint; the first is the dependent motion.
-    springs : (terms of a relative motion, stiffness in N/m).
-    masses : (terms of each of k motions, their mass matrix (k, k), kg).
-    points : names of the reference points in the order of their numbers.
-    numbers : part -> number of each node of its mesh, in the order in which they were read.
-    among : node that the deck does not have, in the middle of a face -> (node, weight) of its own.
-    dampers : (terms of a relative motion, damping in N s/m).
-    """
-
+    #: terms of each constraint; the first is the dependent motion
     equations: Sequence[Sequence[Term]]
+    #: (terms of a relative motion, stiffness in N/m)
     springs: Sequence[tuple[Sequence[Term], float]]
-    points: Sequence[str]
+    points: Sequence[str]  # names of the reference points in the order of their numbers
+    #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
+    #: (terms of each of k motions, their mass matrix (k, k), kg)
     masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
+    #: node that the deck does not have, in the middle of a face -> (node, weight) of its own
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    #: (terms of a relative motion, damping in N s/m)
     dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """One row for each constraint, those between its nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         own = nodes.functionals(self.equations)
         nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
         dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
         rows = [Rows(own, dependent, label)] if own.shape[0] else []
-        nodes.fixed = fixed.copy()
-        for one in before:
+        nodes.fixed = held.fixed.copy()
+        for one in held.rows:
             alone = np.diff(one.matrix.indptr) == 1
             nodes.fixed[one.matrix[alone].indices] = True
         between = between_nodes(nodes, self.equations, own, self.among)

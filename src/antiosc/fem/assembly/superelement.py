@@ -37,48 +37,33 @@ NODE_DOFS = 6
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """A site or a node of a superelement, in its own axes.
+    """A site or a node of a superelement, in its own axes."""
 
-    Attributes
-    ----------
-    point : (3,) [m].
-    displacements, rotations : (3, n) functionals of the displacement and the rotation.
-    displacement_space, rotation_space : (3, 3) projections on those that it has.
-    radius : of the patch of a site [m]; None for a point.
-    local_compliance : half-space compliance of the patch [m/N], which 1/K contains.
-    """
-
-    point: Array
+    point: Array  # (3,) [m]
+    #: displacements, rotations: (3, n) functionals of the displacement and the rotation
     displacements: Array
     rotations: Array
+    #: displacement_space, rotation_space: (3, 3) projections on those that it has
     displacement_space: Array
     rotation_space: Array
-    radius: float | None = None
-    local_compliance: float = 0.0
+    radius: float | None = None  # of the patch of a site [m]; None for a point
+    local_compliance: float = 0.0  # half-space compliance of the patch [m/N], which 1/K contains
 
 
 @dataclass(frozen=True, eq=False)
 class Superelement:
-    """K and M of n dofs, and what each of these is.
+    """K and M of n dofs, and what each of these is."""
 
-    Attributes
-    ----------
-    K, M : (n, n).
-    kind : (n,) AMPLITUDE, MOVE or TURN.
-    positions, axes : (n, 3) where each displacement or rotation is [m], and its direction.
-    ends : name of a site, or number of a node -> its motion.
-    fixed : (n,) dofs that are zero.
-    rigid : (n, r) orthonormal rigid motions, on which K is exactly zero.
-    """
-
+    #: K, M: (n, n)
     K: Array
     M: Array
-    kind: IntArray
+    kind: IntArray  # (n,) AMPLITUDE, MOVE or TURN
+    #: positions, axes: (n, 3) where each displacement or rotation is [m], and its direction
     positions: Array
     axes: Array
-    ends: Mapping[str, Interface]
-    fixed: BoolArray
-    rigid: Array
+    ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
+    fixed: BoolArray  # (n,) dofs that are zero
+    rigid: Array  # (n, r) orthonormal rigid motions, on which K is exactly zero
 
     @property
     def size(self) -> int:
@@ -88,20 +73,12 @@ class Superelement:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A superelement in its place.
+    """A superelement in its place."""
 
-    Attributes
-    ----------
-    name : of the part in the assembly.
-    part : the superelement.
-    at : where it stands.
-    first : number of its first dof in u.
-    """
-
-    name: str
-    part: Superelement
-    at: Placement
-    first: int
+    name: str  # of the part in the assembly
+    part: Superelement  # the superelement
+    at: Placement  # where it stands
+    first: int  # number of its first dof in u
 
     @cached_property
     def positions(self) -> Array:

@@ -26,7 +26,7 @@ from antiosc.base.checks import positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.assembly.joint import NAME, Between, Rows
+from antiosc.fem.assembly.joint import NAME, Between, Held, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, on_faces, overlap
 from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows
@@ -70,22 +70,20 @@ class Tie(Between):
 
     late: ClassVar[bool] = True
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """Every dof of the follower that is free follows the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(sides, label)
         self._tell_overlap(sides, common, label)
-        taken = fixed.copy()
-        for rows in before:
+        taken = held.fixed.copy()
+        for rows in held.rows:
             taken[rows.pivot[rows.pivot >= 0]] = True
         leads = _leader(sides, common)
         movable = [_movable(layout, side, common, k, taken) for k, side in enumerate(sides)]
         if not any(movable):
-            taken = fixed  # both follow other joints: what is said twice is found later
+            taken = held.fixed  # both follow other joints: what is said twice is found later
         elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
             leads = 1 - leads
         follower, leader = sides[1 - leads], sides[leads]
@@ -221,16 +219,10 @@ def _projection(
 
 @dataclass(frozen=True, eq=False)
 class _Projection:
-    """The L2 projection onto the functions of the follower's nodes.
+    """The L2 projection onto the functions of the follower's nodes."""
 
-    Attributes
-    ----------
-    D : (nodes, nodes) ∫ φ φᵀ.
-    load : (nodes, points) φ times the weights of the points.
-    """
-
-    D: Sparse
-    load: Sparse
+    D: Sparse  # (nodes, nodes) ∫ φ φᵀ
+    load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
         """What one component of the free nodes follows; `motion` (points, n) is that of the leader.

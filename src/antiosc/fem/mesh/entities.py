@@ -19,21 +19,14 @@ DEGREE = 6
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Weighted points in cells of a mesh, n of them.
+    """Weighted points in cells of a mesh, n of them."""
 
-    Attributes
-    ----------
-    entity : (n,) number of the entity of each.
-    cell, X : (n,) cell and (n, tdim) reference coordinates in it.
-    x : (n, 3) coordinates [m].
-    weight : (n,) [m, m² or m³; 1 for points].
-    """
-
-    entity: IntArray
+    entity: IntArray  # (n,) number of the entity of each
+    #: cell, X: (n,) cell and (n, tdim) reference coordinates in it
     cell: IntArray
     X: Array
-    x: Array
-    weight: Array
+    x: Array  # (n, 3) coordinates [m]
+    weight: Array  # (n,) [m, m² or m³; 1 for points]
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:

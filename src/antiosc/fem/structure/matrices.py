@@ -32,20 +32,12 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Dissipation:
-    """One term.
+    """One term."""
 
-    Attributes
-    ----------
-    G : (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G.
-    c : (j, j) [N s/m], or of a branch [N/m].
-    tau : relaxation time [s] of a branch; None: dashpots.
-    matrix : of all dofs, times `factor`.
-    """
-
-    G: Matrix = None
-    c: Array | None = None
-    tau: float | None = None
-    matrix: Matrix | None = None
+    G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
+    c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
+    tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
+    matrix: Matrix | None = None  # of all dofs, times `factor`
     factor: float = 1.0
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
@@ -86,26 +78,18 @@ CLOSER = 6
 
 @dataclass(eq=False)
 class StructureMatrices:
-    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest.
+    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest."""
 
-    Attributes
-    ----------
-    K, M : PETSc.Mat or scipy.sparse.csr_matrix
-        Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
-    fixed : dofs of this rank that the supports hold; of a mesh, ghosts included.
-    rigid_modes : M-orthonormal rigid-body modes that the supports leave (rows of this rank, r).
-    first_shift : first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes.
-    solver : choice of the solver.
-    C : damping, of given matrices.
-    """
-
+    #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix
     M: Matrix
-    fixed: IntArray
+    fixed: IntArray  # dofs of this rank that the supports hold; of a mesh, ghosts included
+    #: M-orthonormal rigid-body modes that the supports leave (rows of this rank, r)
     rigid_modes: Array
+    #: first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes
     first_shift: float
     solver: Choice = "auto"
-    C: Matrix | None = field(default=None, kw_only=True)
+    C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
 
     #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
@@ -210,12 +194,7 @@ FILE_DIGITS = 1e-4
 
 @dataclass(eq=False)
 class NodalMatrices(StructureMatrices):
-    """K and M of another program with the node and direction of each row.
-
-    Attributes
-    ----------
-    map : DofMap
-    """
+    """K and M of another program with the node and direction of each row."""
 
     map: DofMap = field(kw_only=True)
 

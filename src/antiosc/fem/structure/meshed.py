@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -39,20 +39,12 @@ DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A part of an assembly in its position.
+    """A part of an assembly in its position."""
 
-    Attributes
-    ----------
-    name : of the part in the assembly.
-    part : the structure.
-    at : its placement.
-    first : number of its first dof in u.
-    """
-
-    name: str
-    part: MeshedStructure
-    at: Placement
-    first: int
+    name: str  # of the part in the assembly
+    part: MeshedStructure  # the structure
+    at: Placement  # its placement
+    first: int  # number of its first dof in u
 
     @property
     def size(self) -> int:
@@ -121,36 +113,26 @@ class Member:
 
 @dataclass(eq=False)
 class MeshedStructure(StructureMatrices):
-    """K and M of a mesh, and the mesh.
+    """K and M of a mesh, and the mesh."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-    form : WeakForm
-        That was assembled on it.
-    parts : sequence of (material, cells of this rank)
-    total_mass : kg
-    attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
-        this rank, 3).
-    again : gives the same structure of a copy of its mesh, for instance on other ranks, or with
-        other supports.
-    supports : what holds it.
-    stiffeners : the beams on the edges of a sheet, by group.
-    dampers : of its attachments; conditions : its fixed dofs, as its forms are assembled with.
-    doubts : sentences on what is implausible of its size and its materials.
-    """
-
-    mesh: Mesh = field(kw_only=True)
-    form: WeakForm = field(kw_only=True)
-    parts: Parts = field(kw_only=True)
-    total_mass: float = field(kw_only=True)
-    attached_inertia: Array = field(kw_only=True)
-    again: Callable[..., MeshedStructure] = field(kw_only=True)
-    supports: Sequence[Support] = field(default=(), kw_only=True)
-    stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
-    doubts: tuple[str, ...] = field(default=(), kw_only=True)
-    dampers: Sequence[Dissipation] = field(default=(), kw_only=True)
-    conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict, kw_only=True)
+    _: KW_ONLY
+    mesh: Mesh
+    form: WeakForm  # that was assembled on it
+    parts: Parts  # (material, cells of this rank)
+    total_mass: float  # kg
+    #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
+    attached_inertia: Array
+    #: gives the same structure of a copy of its mesh, for instance on other ranks, or with other
+    #: supports
+    again: Callable[..., MeshedStructure]
+    supports: Sequence[Support] = ()
+    #: the beams on the edges of a sheet, by group
+    stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
+    #: sentences on what is implausible of its size and its materials
+    doubts: tuple[str, ...] = ()
+    dampers: Sequence[Dissipation] = ()  # of its attachments
+    #: its fixed dofs, as its forms are assembled with
+    conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
 
     meshed: ClassVar[bool] = True
 

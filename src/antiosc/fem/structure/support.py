@@ -162,16 +162,10 @@ AT_FACE = 1e-6
 
 @dataclass(frozen=True)
 class Region:
-    """Points selected by their coordinates.
+    """Points selected by their coordinates."""
 
-    Attributes
-    ----------
-    words : where it is, in a sentence.
-    outside : how far points x (3, n) lie outside of it [m] (n,).
-    """
-
-    words: str
-    outside: Callable[[Array], Array]
+    words: str  # where it is, in a sentence
+    outside: Callable[[Array], Array]  # how far points x (3, n) lie outside of it [m] (n,)
 
     def __call__(self, x: Array, size: float | None = None) -> BoolArray:
         """Which points x (3, n) belong to it; `size`: of the mesh, m."""
