@@ -107,19 +107,6 @@ def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     assert every.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
 
 
-def test_a_map_at_points_of_several_parts_keeps_their_order():
-    points = [(0.15, 0.01, 0.02), (0.05, 0.01, 0.02), (0.01, 0.02, 0.0), (0.19, 0.0, 0.02)]
-    options = {"direction": (0, 0.2, -1), "n": 4, "modes": 12}
-    own, found = (ao.impact_map(part, points, **options) for part in (uncut(), cut()))
-    np.testing.assert_allclose(found.points, own.points, atol=1e-12)
-    assert list(found.names) == ["right", "left", "left", "right"]
-    assert not len(found.elements)
-    assert len(found.alone) == 4
-    for name in ("k0", "m_st"):
-        values, reference = (getattr(m.models, name) for m in (found, own))
-        np.testing.assert_allclose(values, reference, rtol=1e-6)
-
-
 def test_a_group_names_the_point_of_a_probe():
     """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
     one, two = hits()

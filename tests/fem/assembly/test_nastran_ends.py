@@ -113,29 +113,6 @@ def test_a_mass_in_a_system_of_its_own(tmp_path, system):
 
 
 @pytest.mark.slow
-def test_scalar_masses_and_points(tmp_path):
-    """Three CMASS2 are one CONM2; a mass on a spring from a scalar point is an absorber."""
-    root = line(2) + BAR + "SPC1,1,123456,1\n"
-    masses = "".join(f"CMASS2,{20 + c},50.,3,{c}\n" for c in (1, 2, 3))
-    matrix = "CONM1,9,3,,50.,,50.,,,\n,50.\n"
-    expected = omegas(read(tmp_path, root + "CONM2,9,3,,50.\n"))
-    for own in (masses, matrix):
-        part = read(tmp_path, root + own)
-        assert part.mass == pytest.approx(RHO * A * 2 * L + 50, rel=1e-12)
-        assert omegas(part) == pytest.approx(expected, rel=1e-9)
-    k, m = 1e5, 2.0
-    absorber = f"SPOINT,100\nCELAS2,30,{k},3,3,100\nCMASS4,31,{m},100\n"
-    part = read(tmp_path, root + absorber)
-    held = read(tmp_path, root + absorber + "SPC1,1,,100\n")
-    assert k0(held, (2 * L, 0, 0), (0, 0, 1)) == pytest.approx(
-        k + k0(read(tmp_path, root), (2 * L, 0, 0), (0, 0, 1)), rel=1e-9
-    )
-    # far above the beam's first frequency the absorber hangs on a fixed point
-    low = omegas(part, 3)
-    assert abs(low - k / m).min() < 0.1 * k / m
-
-
-@pytest.mark.slow
 def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
     """One direction of a node's own, askew to the axes: held there, the tip is a roller."""
     system = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,.8,.6,0.\n"

@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-import meshio
 from petsc4py import PETSc
 
 import antiosc as ao
@@ -51,21 +50,6 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
     np.testing.assert_array_equal(K[fixed][:, fixed].toarray(), np.eye(75))
     assert csr(structure.M)[fixed].nnz == 0 or not csr(structure.M)[fixed].data.any()
     assert abs(K[fixed]).sum() == 75
-
-
-def test_a_node_set_holds_the_mid_sides_between_its_nodes(tmp_path):
-    """A file's node set names vertices; quadratic displacements on its facets must stand too."""
-    cube = meshio.read(parts.gmsh_cube(tmp_path / "cube.msh", "hexahedron", 1))
-    hexes = np.vstack([b.data for b in cube.cells if b.type == "hexahedron"])
-    foot = np.flatnonzero(np.isclose(cube.points[:, 2], 0))
-    meshio.Mesh(cube.points, [("hexahedron", hexes)], point_sets={"foot": foot}).write(
-        tmp_path / "cube.inp"
-    )
-    structure = ao.Structure(ao.read_mesh(tmp_path / "cube.inp"), SOLID, [ao.Support("foot")])
-    x = held(structure, "x")
-    assert len(x) == 25
-    np.testing.assert_allclose(x[:, 2], 0, atol=1e-15)
-    assert structure.rigid_modes.shape[1] == 0
 
 
 def test_a_point_group_holds_a_node():

@@ -34,17 +34,6 @@ class Facets(Entities):
         self.corners = corners if self.simplex else corners[:, [0, 1, 3, 2]]
 
     @cached_property
-    def centres(self) -> Array:
-        """Middles of the corners (F, 3) [m]."""
-        return np.asarray(self.corners.mean(axis=1))
-
-    @cached_property
-    def sizes(self) -> Array:
-        """Radius (F,) of a ball around the middle that holds the face [m]."""
-        ball = np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1)
-        return np.asarray(ball * (1.0 if self.affine else 1.3))
-
-    @cached_property
     def normals(self) -> Array:
         """Unit normals (F, 3) of faces, unit tangents of edges, at the middle."""
         _, J = self.at(np.arange(len(self)), self.middle)
@@ -153,8 +142,8 @@ class Overlap:
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     """What two sets of faces, or of edges, have in common, at most `gap` [m] apart."""
-    mine, theirs = near(second.centres, second.sizes + first.sizes.max() + gap, first.centres)[::-1]
-    reach = first.sizes[mine] + second.sizes[theirs] + gap
+    mine, theirs = near(second.centres, second.radii + first.radii.max() + gap, first.centres)[::-1]
+    reach = first.radii[mine] + second.radii[theirs] + gap
     close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
     facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > FACING
     mine, theirs = mine[close & facing], theirs[close & facing]
@@ -187,7 +176,7 @@ def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
 
 def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
     """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
-    item, point = near(faces.centres, faces.sizes + reach, points)
+    item, point = near(faces.centres, faces.radii + reach, points)
     xi = projected(
         lambda k, xi: faces.at(item[k], xi), points[point], faces.middle[item], affine=faces.affine
     )

@@ -99,7 +99,7 @@ class Tie(Between):
                 f"{label} ties {kinds[dims[0]]} ({self.a!r}) to {kinds[dims[1]]} ({self.b!r}): "
                 "a Tie takes groups of faces and of edges."
             )
-        size = min(float(side.sizes.mean()) for side in sides)
+        size = min(float(side.radii.mean()) for side in sides)
         gap = GAP * size if self.gap is None else self.gap
         if dims[0] == dims[1]:
             common = overlap(sides[0], sides[1], gap)
@@ -148,7 +148,7 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
         )
     if abs(covered[0] - covered[1]) > EQUAL:
         return int(np.argmin(covered))
-    return int(np.argmax([side.sizes.mean() for side in sides]))
+    return int(np.argmax([side.radii.mean() for side in sides]))
 
 
 def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
