@@ -110,6 +110,11 @@ class PointMass(Checked):
         if self.mass == 0 and not np.any(self.inertia):
             raise InputError("a PointMass needs a mass or an inertia; both are 0.")
 
+    def values(self) -> dict[str, float]:
+        """Component -> mass or inertia."""
+        inertia = np.broadcast_to(self.inertia, (3,)).tolist()
+        return dict(zip(COMPONENTS, [*[self.mass] * 3, *inertia], strict=True))
+
 
 @dataclass(frozen=True)
 class Spring(Checked):
@@ -150,6 +155,11 @@ class Damper(Checked):
     damping: Mapping[str, float] = field(metadata=checked_by(_some_components, "Damper"))
     to: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Component -> damping, or stiffness of what relaxes."""
+        return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
 
 
 @dataclass(frozen=True)
@@ -223,11 +233,9 @@ def values_of(one: PointMass | Spring | Damper, plane: bool) -> dict[str, float]
     if isinstance(one, Spring):
         return dict(one.stiffness)
     if isinstance(one, Damper):
-        return {name: c / (one.tau or 1.0) for name, c in one.damping.items()}
-    inertia = np.broadcast_to(one.inertia, (3,)).tolist()
-    found = dict(zip(COMPONENTS, [*[one.mass] * 3, *inertia], strict=True))
+        return one.values
     names = ("x", "y", "rz") if plane else COMPONENTS
-    return {name: found[name] for name in names if found[name]}
+    return {name: value for name, value in one.values().items() if value and name in names}
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
@@ -92,8 +92,6 @@ class Structure(Brief):
     # of the matrices, by `__getattr__`; their docstrings stand there
     mass: float
     dimensions: Box
-    constants: Callable[[], tuple[float, float, float]]
-    uniform_inertia: Callable[[Array], Array | None]
     rigid_inertia: tuple[Inertia, Array] | None
 
     seconds: dict[str, float]
@@ -281,6 +279,17 @@ class Structure(Brief):
         self.factorize()
         assert self._factored is not None
         return self._factored[1]
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
+        return self.matrices.constants()
+
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None for matrices, which do not tell where e points.
+        """
+        return self.matrices.uniform_inertia(direction)
 
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
