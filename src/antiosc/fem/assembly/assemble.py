@@ -23,7 +23,6 @@ from antiosc.fem.assembly.assembled import (
     reduced,
     stacked,
     take_by_strains,
-    without_stiffness,
 )
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import (
@@ -50,6 +49,7 @@ from antiosc.fem.assembly.parts import (
 )
 from antiosc.fem.assembly.superelement import TURN
 from antiosc.fem.assembly.wide import nested_basis
+from antiosc.fem.linalg.petsc_algebra import from_csr
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
@@ -203,7 +203,8 @@ def _joined(
         joint.prepare(layout, label)
     fixed = _fixed(layout)
     scale = _scale(layout)
-    rows = [Rows.free(one, "") for one in support_rows(layout, supports)]
+    held = several("supports", supports, Support, "Support(where, fix)")
+    rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, Held(rows, fixed), label)
@@ -229,9 +230,9 @@ def _joined(
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     tell_motions(layout, *strainless, supported=supported)
     modes, shift = modes_of(layout, K, M, eliminated, *strainless)
-    rigid = modes.shape[1] == free  # its K is rounding
+    rigid = modes.shape[1] == free  # its K is rounding, but for the dependent dofs
     if rigid:
-        K = without_stiffness(eliminated)
+        K = from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
     return _Joined(layout.points, eliminated, added, modes, shift, rigid), constraints, K, M
 
 

@@ -289,11 +289,6 @@ def take_by_strains(
         K.setAttr(PRODUCT, _product(layout, eliminated, added, share))
 
 
-def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
-    """K of a rigid body: zero but for the diagonal of the dependent dofs."""
-    return from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
-
-
 def _projected(
     layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
 ) -> Sparse:

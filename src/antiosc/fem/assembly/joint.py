@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import several, text
+from antiosc.base.checks import text
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, motion
@@ -152,13 +152,8 @@ class Between(Joint):
 NAME = checked_by(text)
 
 
-def support_rows(layout: Layout, supports: Sequence[Support]) -> list[Sparse]:
-    """Functionals that the supports hold at zero."""
-    items = several("supports", supports, Support, "Support(where, fix)")
-    return [_rows(layout, support) for support in items]
-
-
-def _rows(layout: Layout, support: Support) -> Sparse:
+def support_rows(layout: Layout, support: Support) -> Sparse:
+    """Functionals that a support holds at zero."""
     names = support.components(["x", "y", "rz"] if layout.plane else COMPONENTS)
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed

@@ -132,12 +132,9 @@ class Overlap:
 
     def only(self, keep: BoolArray) -> Overlap:
         """Some of the points."""
-        return Overlap(
-            (self.face[0][keep], self.face[1][keep]),
-            (self.xi[0][keep], self.xi[1][keep]),
-            (self.x[0][keep], self.x[1][keep]),
-            self.weight[keep],
-        )
+        (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
+        sides = (f[keep], g[keep]), (xi[keep], eta[keep]), (x[keep], y[keep])
+        return Overlap(*sides, self.weight[keep])
 
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:

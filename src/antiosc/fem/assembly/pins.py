@@ -32,7 +32,12 @@ class _Pin(Between):
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
-        a, b = ends_at(layout, label, self.a, self.b, self.point)
+        ends = motion(layout, self.a), motion(layout, self.b)
+        x = ends[0].point if self.point is None else in_space(self.point)
+        a, b = (
+            carried(layout, label, end, one, x)
+            for end, one in zip((self.a, self.b), ends, strict=True)
+        )
         displacements, rotations = self._constrained()
         if layout.plane:
             displacements, rotations = (
@@ -138,15 +143,6 @@ class Slider(_Axis):
 
     def _constrained(self) -> tuple[Array, Array]:
         return self._across(), np.eye(3)
-
-
-def ends_at(
-    layout: Layout, label: str, a: End, b: End, point: Sequence[float] | None
-) -> tuple[Motion, Motion]:
-    """The motions of two ends at one point."""
-    first, second = motion(layout, a), motion(layout, b)
-    x = first.point if point is None else in_space(point)
-    return carried(layout, label, a, first, x), carried(layout, label, b, second, x)
 
 
 def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:

@@ -139,7 +139,10 @@ def assembled(
         raise InputError("the supports fix every dof of the structure: nothing can move.")
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains.
-    rest = K if form.strains is None else _zeros_like(K)
+    rest = K
+    if form.strains is not None:
+        rest = K.duplicate()
+        rest.zeroEntries()
     to = Matrices(mesh, form, rest, M, fixed)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
@@ -195,12 +198,6 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
         rest.setValue(first + dof, first + dof, 1.0)
     rest.assemble()
     attach(K, S, rest)
-
-
-def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
-    result = matrix.duplicate()
-    result.zeroEntries()
-    return result
 
 
 def _of_section(material: Family, extent: float) -> str:
