@@ -167,3 +167,13 @@ def test_ranks_share_the_structure_of_a_deck():
     one, two = run_ranks(1, script, str(DECKS)), run_ranks(2, script, str(DECKS))
     assert two == [*one, *one]
     assert "have no section" in one[0]
+
+
+WRONG = [("unit", "km"), ("merge", 0.0), ("density", -1.0), ("timeout", 0.0), ("comm", 3)]
+WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", "A"), ("root", "none")]
+
+
+@pytest.mark.parametrize(("option", "value"), WRONG)
+def test_wrong_arguments_are_named_before_a_deck_is_looked_for(tmp_path, option, value):
+    with pytest.raises(ao.InputError, match=f"{option} must be"):
+        ao.read_model(tmp_path / "part.inp", **{option: value})

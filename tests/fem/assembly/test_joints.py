@@ -10,6 +10,7 @@ import scipy.optimize
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.assembly.bushing import element
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 
@@ -143,3 +144,20 @@ def test_a_bolt_is_a_beam():
     assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
     assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
     assert ours.omega[:3] == pytest.approx(theirs.omega[:3], rel=1e-4)
+
+
+def test_the_matrices_of_a_bolt_know_rigid_motions():
+    k, m = element(BEAM, 0.3)
+    motions = np.zeros((12, 6))
+    for axis in range(3):
+        motions[[axis, 6 + axis], axis] = 1.0
+    arms = np.array([[0.0, 0, 0], [0.3, 0, 0]])
+    for axis, turn in enumerate(np.eye(3)):
+        for end in (0, 1):
+            motions[6 * end : 6 * end + 3, 3 + axis] = np.cross(turn, arms[end])
+            motions[6 * end + 3 + axis, 3 + axis] = 1.0
+    assert np.abs(k @ motions).max() < 1e-9 * np.abs(k).max()
+    mass = 2700.0 * BEAM.section.A * 0.3
+    total = motions.T @ m @ motions
+    assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
+    assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)

@@ -269,3 +269,10 @@ def test_a_flipped_section_is_that_of_its_flipped_stack():
         one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
         assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
         assert name == "S" or np.abs(other).min() > 0
+
+
+def test_which_stacks_have_sides():
+    sides = {(0, 90): True, (45,): True, (45, -45, -45, 45): True}
+    none = {(0, 90, 90, 0): False, (45, -45): False, (30, -30, 30, -30): False, (0,): False}
+    for angles, expected in (sides | none).items():
+        assert stacked(stack(angles, 1e-3)).has_sides is expected, angles

@@ -280,3 +280,13 @@ def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
     t = 2e-3
     sheet = GivenSheet(t * plane, t**3 / 12 * plane, 1e7 * np.eye(2), RHO * t, RHO * t**3 / 12, t)
     assert sheet.bar_speed() == pytest.approx(np.sqrt(E / RHO), rel=1e-12)
+
+
+@pytest.mark.parametrize("along", [0, 1, 2])
+def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
+    """Its end moves as one and it may contract: E_i A / L."""
+    material = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), along, 1))
+    # rows rolled: direction 1 + k of the material lies along x + along + k
+    own = np.linalg.inv(material.voigt)
+    modulus = WOOD["E"][-along % 3]
+    assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
