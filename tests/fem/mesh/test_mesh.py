@@ -11,7 +11,6 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import dolfinx
-import meshio
 from mpi4py import MPI
 
 import antiosc as ao
@@ -64,29 +63,6 @@ def test_gmsh_files_of_every_kind_keep_shape_and_groups(tmp_path, cell, order, v
         np.testing.assert_allclose(clamp[..., 0], 0, atol=1e-12)
     corner = parts.group_points(mesh, "corner", 0)
     np.testing.assert_allclose(corner, np.zeros((1, 1, 3)), atol=1e-12)
-
-
-def written_by_meshio(path, cell: str, order: int, tmp_path, **sets):
-    """The cube of parts.gmsh_cube in another format; node numbers and coordinates by meshio."""
-    source = meshio.read(parts.gmsh_cube(tmp_path / "source.msh", cell, order, bent=order == 2))
-    body = [b for b in source.cells if b.dim == source.cells[-1].dim]
-    body = [b for b in body if b.type == source.cells[-1].type]
-    cells = [(body[0].type, np.vstack([b.data for b in body]))]
-    meshio.Mesh(source.points, cells, **sets).write(path)
-    return path
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("cell", parts.CELLS)
-@pytest.mark.parametrize("suffix", ["vtu", "vtk"])
-def test_vtk_files_of_every_kind_keep_shape(tmp_path, cell, order, suffix):
-    path = written_by_meshio(tmp_path / f"cube.{suffix}", cell, order, tmp_path)
-    mesh = ao.read_mesh(path)
-    dim = 3 if cell in ("tetrahedron", "hexahedron") else 2
-    assert (mesh.cell, mesh.order) == (cell, order)
-    expected = expected_moments(dim, order == 2)
-    np.testing.assert_allclose(moments(mesh), expected, rtol=1e-12, atol=1e-14)
 
 
 def test_a_dolfinx_mesh_with_tags():

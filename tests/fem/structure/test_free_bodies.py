@@ -38,19 +38,6 @@ def test_mass_felt_at_the_site(name):
     assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
 
 
-def test_a_free_body_thrown_at_an_obstacle():
-    """It translates at v0, of which the site stops: J = m_CR v0 (1 + e), energy m v0²/2."""
-    make, site = CASES["plane frame"]
-    structure = make()
-    model = extract(structure, site, 10, "modes")
-    hit = ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), duration=60e-3, initial_velocity=1.5)
-    felt = effective_mass(structure, site)
-    assert hit.restitution is not None
-    assert hit.impulse == pytest.approx(felt * 1.5 * (1 + hit.restitution), rel=1e-4)
-    assert hit.energy.kinetic[0] == pytest.approx(0.5 * structure.mass * 1.5**2, rel=1e-9)
-    assert hit.energy.drift < 1e-3
-
-
 ROUND = ao.Section.circle(0.03)
 BAR = ao.Beam(**parts.STEEL, section=ROUND)
 
