@@ -322,7 +322,7 @@ def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
             f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
             f"components of this structure are {', '.join(to.form.components)}."
         )
-    matrix = {PointMass: to.M, Spring: to.K}.get(type(one))
+    matrix = to.M if isinstance(one, PointMass) else to.K if isinstance(one, Spring) else None
     points = _attachment_points(to.mesh, one.where)
     rows = compat.local_size(to.form.space)
     mass, inertia, springs = 0.0, np.zeros((rows, 3)), np.zeros((rows, 0))
