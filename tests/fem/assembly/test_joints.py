@@ -161,3 +161,13 @@ def test_the_matrices_of_a_bolt_know_rigid_motions():
     total = motions.T @ m @ motions
     assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
     assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
+
+
+def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():
+    mesh, beam = line((0, 0), (1, 0), 4), ao.Beam(E, NU, 2700.0, BEAM.section)
+    own = ao.Structure(mesh, beam, [CLAMP], attached=[ao.PointMass("end", 2.0, 0.1)])
+    bare = ao.Structure(mesh, beam, [CLAMP])
+    joined = ao.assemble({"a": bare}, attached=[ao.PointMass("a:end", 2.0, 0.1)])
+    low, same, without = (eigenfrequencies(part, 3) for part in (own, joined, bare))
+    assert low == pytest.approx(same, rel=1e-9)
+    assert (low < 0.8 * without).any()
