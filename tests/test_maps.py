@@ -20,7 +20,7 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error
-from antiosc.simulation.impact_band import RigidWall
+from antiosc.simulation.problem.two_bodies import RigidWall
 from antiosc.studies import maps
 from antiosc.studies.map_results import hardest
 from paths import MESHES

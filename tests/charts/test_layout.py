@@ -11,7 +11,7 @@ import pytest
 
 from antiosc import plotting
 from antiosc.base.charts import surfaces
-from antiosc.base.charts.deformed import Deformed, deformed_figure
+from antiosc.base.charts.surfaces import Deformed, deformed_figure
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

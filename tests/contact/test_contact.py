@@ -10,7 +10,7 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
-from antiosc.simulation.histories.contact_energy import replay
+from antiosc.simulation.histories.energy import replay
 from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution
 

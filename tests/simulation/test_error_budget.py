@@ -15,8 +15,7 @@ from antiosc.simulation.errors.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.simulation.errors.quantities import FLOOR, differences
-from antiosc.simulation.histories.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.histories.error_bars import CAUSES, FLOOR, QUANTITIES, differences
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.expected import deepest, stiffness_at
+from antiosc.simulation.problem.scales import deepest, stiffness_at
 from antiosc.simulation.problem.two_bodies import pose
 from laws import laws
 

@@ -12,7 +12,7 @@ import antiosc as ao
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.modal_response import responses
-from antiosc.simulation.problem.scene_scales import mass_behind
+from antiosc.simulation.problem.scales import mass_behind
 from rates import observed_order
 
 methods = pytest.mark.parametrize("method", ["exact", *SCENE_STEPS])

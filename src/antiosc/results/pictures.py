@@ -11,9 +11,15 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts.deformed import Deformed, draw_deformed
 from antiosc.base.charts.figures import finished
-from antiosc.base.charts.surfaces import colour_scale, draw_faces, frame, space
+from antiosc.base.charts.surfaces import (
+    Deformed,
+    colour_scale,
+    draw_deformed,
+    draw_faces,
+    frame,
+    space,
+)
 from antiosc.base.errors import InputError
 from antiosc.simulation.histories.history import History, SceneHistory
 

@@ -152,7 +152,7 @@ class SavedFields(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.charts.deformed import Deformed, draw_deformed
+        from antiosc.base.charts.surfaces import Deformed, draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)

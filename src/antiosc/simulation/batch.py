@@ -19,10 +19,10 @@ from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of
-from antiosc.simulation.errors.left_out import too_few
+from antiosc.simulation.errors.truncation import too_few
 from antiosc.simulation.executors import check_executor, returned
+from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.history import History
-from antiosc.simulation.histories.scene_energy import GAIN
 from antiosc.simulation.histories.verdict import (
     COMPLETED,
     STOPPED,

@@ -11,9 +11,9 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.contact import ContactLaw
-from antiosc.simulation.errors.left_out import too_few
+from antiosc.simulation.errors.truncation import too_few
+from antiosc.simulation.histories.energy import GAIN, gained
 from antiosc.simulation.histories.history import History, SceneHistory
-from antiosc.simulation.histories.scene_energy import GAIN, gained
 from antiosc.simulation.histories.verdict import Verdict, judge, tell_rotation
 from antiosc.simulation.integrators.comparison import METHODS, compared
 from antiosc.simulation.integrators.scene_ivp import IVP_METHODS
@@ -21,7 +21,7 @@ from antiosc.simulation.march.convergence import Converged, converge, stopped
 from antiosc.simulation.march.equilibrium import closed, settle
 from antiosc.simulation.march.given_step import checked_step, stepped
 from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.expected import stiffness_at
+from antiosc.simulation.problem.scales import stiffness_at
 from antiosc.simulation.problem.scene_parts import SceneParts
 from antiosc.simulation.problem.scene_states import touching
 

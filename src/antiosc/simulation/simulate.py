@@ -28,9 +28,8 @@ from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
 from antiosc.simulation.errors.error_budget import error_budget
-from antiosc.simulation.errors.left_out import too_few
-from antiosc.simulation.errors.measured_errors import warn_low_band
-from antiosc.simulation.errors.truncation import Run, choose_n
+from antiosc.simulation.errors.model_errors import warn_low_band
+from antiosc.simulation.errors.truncation import Run, choose_n, too_few
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.histories.verdict import Verdict, tell_rotation
@@ -121,7 +120,7 @@ def simulate(
     -----
     AccuracyWarning
         If the run did not end as requested, or the anti-oscillators that a model was extracted with
-        are too few for the contact (`antiosc.simulation.errors.left_out`).
+        are too few for the contact (`antiosc.simulation.errors.truncation`).
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)

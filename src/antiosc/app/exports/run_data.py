@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.simulation.bodies.bodies import Placed, place
 from antiosc.simulation.bodies.impactors import Impactor, Obstacle, RigidMass, Sphere
-from antiosc.simulation.histories.scene_energy import gained
+from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
 from antiosc.simulation.problem.assembly import Assembly, assemble

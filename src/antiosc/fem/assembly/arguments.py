@@ -9,8 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.checks import array, shown
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.meshed import MeshedStructure

@@ -26,7 +26,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import instance, number, poisson, positive, shown, within_range
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.base.strengths import Strengths
+from antiosc.base.stresses import Strengths
 
 #: Share of a stiffness below which terms that should cancel are rounding error.
 STIFFNESS_ROUNDING = 1e-12

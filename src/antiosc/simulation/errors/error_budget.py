@@ -21,12 +21,15 @@ import numpy as np
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
-from antiosc.simulation.errors.left_out import ENOUGH, left_out
-from antiosc.simulation.errors.measured_errors import low_band, measured_errors
-from antiosc.simulation.errors.model_errors import model_errors
-from antiosc.simulation.errors.quantities import differences, floored
-from antiosc.simulation.errors.truncation import Run, truncation_error
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.errors.model_errors import low_band, measured_errors, model_errors
+from antiosc.simulation.errors.truncation import ENOUGH, Run, left_out, truncation_error
+from antiosc.simulation.histories.error_bars import (
+    QUANTITIES,
+    ErrorBar,
+    ErrorBudget,
+    differences,
+    floored,
+)
 from antiosc.simulation.histories.history import History
 
 #: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the

@@ -1,4 +1,4 @@
-"""`ErrorBudget`: the bars of an impact's three quantities, by cause."""
+"""`ErrorBudget`: the bars of an impact's three quantities by cause, and differences of impacts."""
 
 from __future__ import annotations
 
@@ -115,3 +115,22 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             value = engineering(bar.value, QUANTITIES[name], 4)
             lines.append(f"{name.replace('_', ' ')} {value} ± {percent(bar.total)}: {causes}")
         return "\n".join([*lines, *self.notes])
+
+
+#: Each error is at least this share of the largest of the three.
+FLOOR = 0.5
+
+
+def differences(one: object, other: object) -> dict[str, float]:
+    """Relative differences of the three quantities."""
+    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+
+
+def floored(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the three quantities, each at least `FLOOR` times the largest."""
+    worst = max(errors.values())
+    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+
+
+def _relative(a: float, b: float) -> float:
+    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0

@@ -14,17 +14,18 @@ from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.simulation.bodies.bodies import Placed, first_order_of, may_turn, place
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.contact_rows import (
+from antiosc.simulation.problem.rows import (
+    acting,
     along,
+    axes_of,
     find,
     give_axes,
     order_notes,
     row_of,
     tangents_of,
 )
-from antiosc.simulation.problem.scene_loads import acting, axes_of
+from antiosc.simulation.problem.scales import MINDLIN, STIFFEST, mass_behind, scales
 from antiosc.simulation.problem.scene_parts import SceneParts
-from antiosc.simulation.problem.scene_scales import MINDLIN, STIFFEST, mass_behind, scales
 from antiosc.simulation.problem.scene_states import between
 
 Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]

@@ -13,7 +13,7 @@ from antiosc.base import checks, march, memory
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.contact import ContactLaw
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.impactors import RigidMass, Sphere

@@ -22,7 +22,7 @@ from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.bodies import first_order_of, may_turn, of_one_site
 from antiosc.simulation.march.system import System
 from antiosc.simulation.problem.assembly import Assembly, Parts, freed
-from antiosc.simulation.problem.expected import expected_impact
+from antiosc.simulation.problem.scales import expected_impact
 from antiosc.simulation.problem.scene_parts import of_two
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
@@ -237,3 +237,32 @@ def _falling(body: ModalBody, load: Array) -> Array:
     equilibrium."""
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
+
+
+#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
+#: T has its first zero there
+BAND_OVER_PULSE = 3.0
+
+
+@checks.within_range
+def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+    """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
+
+    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
+    the structure can have. Raises InputError for an impactor at rest.
+    """
+    velocity = checked_body("impactor", impactor).velocity
+    if not checks.number("velocity", velocity, "m/s") > 0:
+        raise InputError(
+            "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
+            "give the band as a number."
+        )
+    endless = 1e6  # s
+    return BAND_OVER_PULSE * np.pi / pose(RigidWall(), impactor, contact, endless).lasting
+
+
+class RigidWall(Body):
+    """A body that does not move."""
+
+    def modal(self) -> ModalBody:
+        return ModalBody(np.zeros(0), np.zeros(0))
