@@ -195,7 +195,6 @@ from antiosc.results.spectra import (
 from antiosc.simulation.batch import (
     Batch as Batch,
     simulate_many as simulate_many,
-    sweep as sweep,
 )
 from antiosc.simulation.bodies.bodies import (
     RigidBody as RigidBody,
@@ -246,6 +245,7 @@ from antiosc.simulation.scene import (
 from antiosc.simulation.simulate import (
     simulate as simulate,
 )
+from antiosc.simulation.sweep import sweep as sweep
 from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
