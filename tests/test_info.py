@@ -113,14 +113,6 @@ def test_version_option(capsys):
     assert capsys.readouterr().out == f"antiosc {importlib.metadata.version('antiosc')}\n"
 
 
-def test_no_command_prints_the_help(capsys):
-    assert cli.main([]) == 0
-    printed = capsys.readouterr()
-    assert printed.err == ""
-    for command in ("new", "check", "run", "sweep", "map", "schema", "info"):
-        assert f"\n    {command} " in printed.out
-
-
 def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     def fail() -> str:
         raise InputError("the number must be > 0; got -1.")

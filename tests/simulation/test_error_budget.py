@@ -142,21 +142,6 @@ def test_no_contact_no_bar():
     assert "did not touch" in str(budget)
 
 
-def test_it_reads_as_a_table():
-    budget = struck(model()).error_budget
-    lines = str(budget).splitlines()
-    named = [name.replace("_", " ") for name in QUANTITIES]
-    assert [line.startswith(name) for name, line in zip(named, lines, strict=True)] == [True] * 3
-    assert "± " in lines[0]
-    assert all(cause in lines[0] for cause in budget.causes)
-
-
-def test_refused_without_an_estimate():
-    hand = ao.AntiOscillators(m0=0.05, k0=2e6, m=[0.5], omega=[4e3])
-    with pytest.raises(ao.InputError, match="error='estimate'"):
-        _ = struck(hand).error_budget
-
-
 @pytest.mark.parametrize("share", [0.04, 0.06])
 def test_the_bar_of_a_shell_is_the_larger_of_two_differences(share):
     """To the model softened with and without its misfit; coarse ones hold the errors' share."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,8 +12,8 @@ from antiosc.simulation.march.engine import run
 from antiosc.simulation.problem.assembly import assemble
 from antiosc.simulation.problem.scene_states import forces, located
 from direct import force_error, physical
-from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
-from scenes import HERTZ, case_two, hertz_impact
+from scene_cases import CORNERS, LAWS, plate, rod_between_walls, stops
+from scenes import hertz_impact
 
 Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
@@ -107,21 +105,6 @@ def test_two_contacts_at_one_site_are_one_site_with_two_rows() -> None:
     assert hit["right", "tip"].peak_force > 0
     assert hit["tip", "left"].peak_force > 0
     assert force_error(hit, t, force) < 1e-3
-
-
-def test_a_scene_of_one_contact_is_simulate() -> None:
-    model, mass = case_two(9)
-    law = ao.Hertz(HERTZ)
-    one = ao.simulate(model, mass, law, 4e-3, tol=1e-5)
-    hit = ao.Scene({"beam": model, "mass": mass}, [ao.Contact("beam", "mass", law)]).run(
-        4e-3, tol=1e-4
-    )
-    contact = hit["beam", "mass"]
-    assert contact.peak_force == pytest.approx(one.peak_force, rel=1e-4)
-    assert contact.impulse == pytest.approx(one.impulse, rel=1e-5)
-    np.testing.assert_allclose(contact.contacts, one.contacts, atol=1e-7)
-    end = hit.bodies["mass"].velocity()[-1]
-    assert end == pytest.approx(one.impactor_velocity[-1], rel=1e-5)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -248,14 +231,6 @@ def test_preload_of_a_site_without_mass() -> None:
     np.testing.assert_allclose(force, -share * load, rtol=1e-8)
 
 
-def test_preload_without_equilibrium_is_refused() -> None:
-    body = ao.RigidBody(1.0, (1, 1, 1), {"c": ((0, 0, 0), UP)})
-    contact = ao.Contact("b:c", "floor", ao.Linear(1e5))
-    bodies = {"b": body, "floor": ao.Obstacle()}
-    with pytest.raises(ao.InputError, match="no static equilibrium"):
-        ao.Scene(bodies, [contact], gravity=(0, 0, 9.81), preload=True).run(0.01)
-
-
 def test_order_of_the_march() -> None:
     """Third-order forces: an eighth of the share of error, half the step."""
 
@@ -268,12 +243,6 @@ def test_order_of_the_march() -> None:
     steps = [r.steps for r in runs[:4]]
     order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
     assert order > 1.7
-
-
-def test_scenes_and_histories_pickle() -> None:
-    scene = bounce()
-    hit = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(scene)).run(1e-2)))
-    assert hit["w", "m"].peak_force == pytest.approx(np.sqrt(1e6), rel=1e-4)
 
 
 def test_one_model_may_be_two_bodies():

@@ -156,21 +156,6 @@ def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) 
         assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)
 
 
-def test_sites_of_one_direction_tell_that_their_order_counts() -> None:
-    sites = {"side": ((0, 0, 0), (0, 0, 1.0))}
-    bodies = {name: ao.RigidBody(1.0, (1e-3,) * 3, sites) for name in ("low", "high")}
-    contact = ao.Contact("low:side", "high:side", ao.Hertz(1e8))
-    message = ao.Scene(bodies, [contact]).run(1e-3).message
-    assert "pushes 'high:side' against the direction of its site" in message
-    assert "Never touched: nothing moves" in message
-
-
-def test_a_body_that_moves_away_is_told() -> None:
-    bodies = {"mass": ao.RigidMass(1.0, 2.0), "floor": ao.Obstacle()}
-    hit = ao.Scene(bodies, [ao.Contact("mass", "floor", ao.Hertz(1e8))]).run(1e-3)
-    assert "'mass', 'floor' opens at 2 m/s" in hit.message
-
-
 @pytest.mark.slow
 def test_a_damped_contact_that_begins_at_rest() -> None:
     """Its damping is defined by the closing speed that is expected, for all integrators."""
