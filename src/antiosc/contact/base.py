@@ -29,7 +29,7 @@ from abc import ABC, abstractmethod
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -162,7 +162,7 @@ class Compiled(Checked, ContactLaw):
         return [getattr(self, one.name) for one in fields(self)]
 
     @cached_property
-    def kernel(self) -> tuple[march.Law, Any]:
+    def kernel(self) -> tuple[march.Law, Array]:
         """The law as the library takes it, and the numbers that it points to."""
         numbers = np.array(self.parameters(), dtype=float)
         return march.Law(self.kind, numbers.size, march.address(numbers), None), numbers
@@ -171,7 +171,7 @@ class Compiled(Checked, ContactLaw):
     def _at(self) -> int:
         return addressof(self.kernel[0])
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
 
     def force(self, delta: float, rate: float, state: State) -> float:

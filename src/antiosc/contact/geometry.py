@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sqrt
-from typing import Any
 
 import numpy as np
 from scipy.special import ellipkm1, elliprd
@@ -120,7 +119,7 @@ class ContactStress(Brief):
 
 @checks.within_range
 def contact_stress(
-    impactor: Any, force: float, E: float, nu: float, radius: float = np.inf
+    impactor: object, force: float, E: float, nu: float, radius: float = np.inf
 ) -> ContactStress:
     """Hertz's stresses where a sphere or a spherical tip presses on an elastic surface.
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import pi, sqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,7 +121,7 @@ class YangSun(_Laminate):
     kind: ClassVar[int] = march.YANG_SUN
 
 
-def _checked_slope(name: str, value: Any) -> float:
+def _checked_slope(name: str, value: object) -> float:
     slope = checks.number(name, value)
     if not 0 < slope < 1:
         raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
@@ -224,7 +224,7 @@ def _knots(x: Array, y: Array) -> list[float]:
     return np.concatenate(rows).tolist()  # type: ignore[no-any-return]
 
 
-def _unloading(unloading: Any, x: Array, F: Array) -> tuple[Array, Array]:
+def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tuple[Array, Array]:
     """The unloading curve, which must end where the loading curve (x, F) does."""
     if not isinstance(unloading, list | tuple) or len(unloading) != 2:
         raise InputError(

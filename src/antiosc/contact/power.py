@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from math import inf, log1p, sqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from antiosc.base import checks, march
 from antiosc.base.declared import checked_by
@@ -22,7 +22,7 @@ from antiosc.contact.base import Compiled, State
 from antiosc.contact.geometry import Radii, effective_modulus, hertz_stiffness, relative_curvatures
 
 
-def checked_exponent(name: str, value: Any) -> float:
+def checked_exponent(name: str, value: object) -> float:
     """n of a force that grows as delta^n, 1 <= n <= 10, or InputError."""
     n = checks.number(name, value)
     if not 1 <= n <= 10:
@@ -192,7 +192,7 @@ class Hertz(Compiled):
         )
 
 
-def _checked_restitution(name: str, value: Any) -> float:
+def _checked_restitution(name: str, value: object) -> float:
     e = checks.number(name, value)
     if not 0 < e <= 1:
         raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")

@@ -25,7 +25,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
 from antiosc.fem.recovery.place import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories.body_motion import amplitudes
+from antiosc.simulation.histories.body_motion import Motions, amplitudes
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -193,7 +193,7 @@ def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
     return NodeTensors(*arrays, found.origins if any(known) else [])
 
 
-def _knows(strength: Any, criterion: str) -> bool:
+def _knows(strength: object, criterion: str) -> bool:
     """Whether a strength serves a criterion."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
@@ -292,7 +292,7 @@ RE_ENTRANT = 215.0
 
 
 def mesh_error(
-    structure: Structure, shapes: Array, part: str | None, history: Any, times: Array, body: str
+    structure: Structure, shapes: Array, part: str | None, history: Motions, times: Array, body: str
 ) -> Array | None:
     """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
     from antiosc.fem.fields.stress_errors import stress_jumps  # needs dolfinx

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -327,7 +327,7 @@ def peak_field(
     return result
 
 
-def _motion(history: Any, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
+def _motion(history: History, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
     """The motion of a body over the run, by its modes."""
     return peak_search.Motion(
         nodes,
@@ -370,7 +370,9 @@ def _resolved(
     return replace(found, mesh_error=own)
 
 
-def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
+def _places(
+    surface: str | Sequence[float] | None, layer: int | None, fibre: Sequence[float] | None
+) -> list[Place]:
     """Where in the thickness or section the quantity is recovered; both sides by default."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(each, layer, fibre, "global") for each in surfaces]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class SurfaceMap(Protocol):
     @property
     def alone(self) -> IntArray: ...
     @property
-    def info(self) -> dict[str, Any]: ...
+    def info(self) -> dict[str, object]: ...
     @property
     def doubtful(self) -> BoolArray: ...
 

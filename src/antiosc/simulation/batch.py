@@ -36,7 +36,13 @@ from antiosc.simulation.problem.impacts import Impact, Rows
 from antiosc.simulation.problem.two_bodies import Pair, pose
 from antiosc.simulation.scene import beyond_law, check_range
 from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
-from antiosc.simulation.sweep import check_earlier, check_executor, common_length, is_many, returned
+from antiosc.simulation.sweep import (
+    check_earlier,
+    check_executor,
+    common_length,
+    is_many,
+    returned,
+)
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 4096  # scenes that are solved at once without one
@@ -157,7 +163,7 @@ def simulate_many(
     ]
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
-            found: Iterable[Any] = (
+            found: Iterable[list[_Row] | AntioscError] = (
                 _solved(some, own, limits, partial(_further, ready, k * chunk))
                 for k, ((some, own, _), _) in enumerate(calls)
             )
@@ -178,7 +184,10 @@ def simulate_many(
 
 
 def _tell_too_few(
-    scenes: Sequence[Impact], steps: Sequence[Any], rows: Sequence[_Row], limits: dict[str, Any]
+    scenes: Sequence[Impact],
+    steps: Sequence[float | None],
+    rows: Sequence[_Row],
+    limits: dict[str, Any],
 ) -> None:
     """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
     if limits["n"] == "auto":
@@ -222,14 +231,14 @@ class _Row:
 
 def _solved(
     scenes: Sequence[Impact],
-    steps: Sequence[Any],
+    steps: Sequence[float | None],
     limits: dict[str, Any],
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
     """The rows of scenes: those that the march takes as arrays together, the others by
     themselves."""
     rows: dict[int, _Row] = {}
-    groups: dict[Any, list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     together = limits["method"] == "exact" and limits["n"] is None
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         key = scene.group() if together and step is None else None
@@ -307,7 +316,7 @@ def _doubts(scene: Impact) -> list[str]:
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 
 
-def _alone(scene: Impact, step: Any, limits: dict[str, Any]) -> _Row:
+def _alone(scene: Impact, step: float | None, limits: dict[str, Any]) -> _Row:
     try:
         return _row(*_impact(scene, step, limits))
     except AntioscError as error:
@@ -319,7 +328,7 @@ def _failed(error: AntioscError) -> _Row:
 
 
 @checks.within_range
-def _impact(scene: Impact, step: Any, limits: dict[str, Any]) -> tuple[History, Verdict]:
+def _impact(scene: Impact, step: float | None, limits: dict[str, Any]) -> tuple[History, Verdict]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     given = scene._asdict() | {"duration": checks.positive("duration", scene.duration, "s")}
     history, verdict = impact(**given, step=step, **limits)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from typing import Any
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
+
+T = TypeVar("T")
+#: Positional arguments and keywords of a call.
+Call = tuple[tuple[object, ...], dict[str, object]]
 
 EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
@@ -60,7 +64,7 @@ def sweep(
         for i in todo:
             results[i] = make(**each[i])
         return results
-    calls = [((), each[i]) for i in todo]
+    calls: list[Call] = [((), each[i]) for i in todo]
     for i, result in zip(todo, returned(executor, make, calls), strict=True):
         results[i] = result
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
@@ -72,48 +76,48 @@ def sweep(
     return results
 
 
-def check_executor(executor: Any) -> None:
+def check_executor(executor: object) -> None:
     """InputError unless `executor` is None or has a `submit`."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
 
 
 def returned(
-    executor: Executor, function: Callable[..., Any], calls: Sequence[tuple[Any, dict[str, Any]]]
-) -> Iterator[Any]:
-    """What each call (positional arguments, keywords) returns, in order; its error if it failed."""
-    for _, future in _submitted(executor, function, calls):
-        yield _result(future)
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> Iterator[T | AntioscError]:
+    """What each call returns, in order; its error if it failed."""
+    return map(_result, _submitted(executor, function, calls))
 
 
 def as_they_come(
-    executor: Executor, function: Callable[..., Any], calls: Sequence[tuple[Any, dict[str, Any]]]
-) -> Iterator[tuple[int, Any]]:
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> Iterator[tuple[int, T | AntioscError]]:
     """The same with the numbers of the calls, those first that are finished first."""
     waiting = {}
-    for k, future in _submitted(executor, function, calls):
+    for k, future in enumerate(_submitted(executor, function, calls)):
         if isinstance(future, Future):
             waiting[future] = k
         else:  # lost, or of a package that has futures of its own
             yield k, _result(future)
     for future in as_completed(waiting):
-        yield waiting.pop(future), _result(future)
+        result = _result(future)
+        yield waiting.pop(future), result
 
 
 def _submitted(
-    executor: Executor, function: Callable[..., Any], calls: Sequence[tuple[Any, dict[str, Any]]]
-) -> list[tuple[int, Any]]:
-    """The future of each call with its number, or the error of one that was not accepted."""
-    futures: list[tuple[int, Any]] = []
-    for k, (given, keywords) in enumerate(calls):
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> list[Future[T] | AntioscError]:
+    """The future of each call, or the error of one that was not accepted."""
+    futures: list[Future[T] | AntioscError] = []
+    for given, keywords in calls:
         try:
-            futures.append((k, executor.submit(function, *given, **keywords)))
+            futures.append(executor.submit(function, *given, **keywords))
         except Exception as error:  # executors of any package
-            futures.append((k, _lost(error)))
+            futures.append(_lost(error))
     return futures
 
 
-def _result(future: Any) -> Any:
+def _result(future: Future[T] | AntioscError) -> T | AntioscError:
     try:
         return future if isinstance(future, AntioscError) else future.result()
     except AntioscError as error:
@@ -138,7 +142,7 @@ def check_earlier(length: int, size: int) -> None:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
 
-def is_many(value: Any) -> bool:
+def is_many(value: object) -> TypeGuard[Sequence[Any]]:
     if isinstance(value, np.ndarray):
         return value.ndim == 1
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)

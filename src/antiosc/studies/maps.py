@@ -38,7 +38,7 @@ from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.histories.deflection import peak_deflections
+from antiosc.simulation.histories.body_motion import peak_deflections
 from antiosc.simulation.problem.two_bodies import RigidWall, impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.free_sites import FreeSites, free_sites
