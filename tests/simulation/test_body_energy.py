@@ -25,16 +25,6 @@ def test_bodies_sum_to_the_energy_of_the_run(m0):
     np.testing.assert_array_equal(own[0].rigid, 0)
 
 
-def test_a_scene_has_the_same_bodies():
-    scene = ao.Scene({"plate": PLATE, "ball": BALL}, [ao.Contact("plate", "ball", ao.Hertz(1e9))])
-    hit = scene.run(2e-3)
-    own = [ao.body_energy(hit, name) for name in ("plate", "ball")]
-    np.testing.assert_allclose(sum(e.total for e in own), hit.energy.kinetic + hit.energy.strain,
-                               atol=1e-12)  # fmt: skip
-    with pytest.raises(ao.InputError, match="name one of plate, ball"):
-        ao.body_energy(hit, "floor")
-
-
 def test_what_vibrates_is_what_the_rebound_lacks():
     """Without losses in the contact, 1 − e² of the ball's energy is in the plate."""
     hit = ao.simulate(PLATE, BALL, ao.Hertz(1e9), 2e-3, tol=1e-6)

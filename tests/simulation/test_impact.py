@@ -127,13 +127,6 @@ class TestTwoModels:
             law_force = 1e8 * np.clip(one.indentation, 0, None) ** 1.5
             assert one.force == pytest.approx(law_force, abs=1e-9 * one.peak_force)
 
-    def test_a_striker_without_oscillators_is_a_rigid_mass(self, rng):
-        model = random_model(rng, 3)
-        law = ao.Hertz(1e8)
-        one = ao.simulate(model, ao.RigidMass(0.2, 1.0), law, 2e-3, step=1e-6)
-        two = ao.simulate(model, ao.Impactor(rigid(0.2), 1.0), law, 2e-3, step=1e-6)
-        assert one.force == pytest.approx(two.force)
-
     def test_supported_striker_may_be_touched(self, rng):
         a, b = random_model(rng, 3, supported=False), random_model(rng, 3)
         hit = ao.simulate(a, b, ao.Hertz(1e8), 5e-3, initial_velocity=1.0, gap=1e-4)

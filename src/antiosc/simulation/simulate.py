@@ -34,7 +34,8 @@ from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.histories.verdict import Verdict, tell_rotation
 from antiosc.simulation.integrators.comparison import METHODS
-from antiosc.simulation.problem.two_bodies import LAW, pose
+from antiosc.simulation.problem.scene_parts import LAW
+from antiosc.simulation.problem.two_bodies import pose
 from antiosc.simulation.scene import check_range, solved
 
 Budget = Callable[[History], ErrorBudget]

@@ -15,6 +15,7 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base.brief import Given
+from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.contact import Gonthier, Hertz
 from antiosc.models.body import Body, LinearBody, checked_body
@@ -23,7 +24,7 @@ from antiosc.models.motion import Motion
 
 
 @dataclass(frozen=True)
-class RigidMass(Given, Body):
+class RigidMass(Checked, Body):
     """A rigid mass that moves along the direction of impact.
 
     Parameters
@@ -37,23 +38,15 @@ class RigidMass(Given, Body):
         `hertz` needs all three.
     """
 
-    mass: float
-    velocity: float = 0.0
-    tip_radius: float | None = field(default=None, kw_only=True)
-    E: float | None = field(default=None, kw_only=True)
-    nu: float | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            mass=checks.positive("mass", self.mass, "kg"),
-            velocity=checks.number("velocity", self.velocity, "m/s"),
-        )
-        for name, unit in (("tip_radius", "m"), ("E", "Pa")):
-            if getattr(self, name) is not None:
-                checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
-        if self.nu is not None:
-            checks.store(self, nu=checks.poisson(self.nu))
+    mass: float = field(metadata=checked_by(checks.positive, "kg"))
+    velocity: float = field(default=0.0, metadata=checked_by(checks.number, "m/s"))
+    tip_radius: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(checks.positive, "m")
+    )
+    E: float | None = field(default=None, kw_only=True, metadata=checked_by(checks.positive, "Pa"))
+    nu: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(lambda _, nu: checks.poisson(nu))
+    )
 
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0

@@ -17,8 +17,9 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.problem.assembly import freed
-from antiosc.simulation.problem.two_bodies import LAW, Pair, pair
+from antiosc.simulation.problem.scales import freed
+from antiosc.simulation.problem.scene_parts import LAW
+from antiosc.simulation.problem.two_bodies import Pair, pair
 
 IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))

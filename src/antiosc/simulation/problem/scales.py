@@ -1,4 +1,4 @@
-"""What is expected of contacts, roughly: depth, speed, duration and stiffness.
+"""What is expected of contacts, roughly: depth, speed, duration and stiffness; their laws freed.
 
 These estimates start the choice of the step; no result depends on them, but for the tangential
 stiffness of friction that is not given, for which the depth is found accurately.
@@ -13,7 +13,7 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.contact import ContactLaw, State
+from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.problem.scene_parts import SceneParts
 
@@ -160,3 +160,20 @@ def _felt(beta: Array, modal: Array) -> Array:
     else:
         direct, parts = direct[0], parts[0]
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
+
+
+def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
+    if local == 0.0:
+        return law, []
+    if not isinstance(law, Hertz):
+        return law, [
+            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
+            f" {type(law).__name__} is not Hertz's law."
+        ]
+    if law.compliance > 0.0:
+        return law, []
+    return law.without(local), [
+        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from Hertz's law"
+        f" of {a!r} - {b!r}, so that the indentation is counted once."
+    ]

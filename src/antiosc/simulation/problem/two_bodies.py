@@ -21,13 +21,12 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.bodies import first_order_of, may_turn, of_one_site
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.assembly import Assembly, Parts, freed
-from antiosc.simulation.problem.scales import expected_impact
-from antiosc.simulation.problem.scene_parts import of_two
+from antiosc.simulation.problem.assembly import Assembly, Parts
+from antiosc.simulation.problem.scales import expected_impact, freed
+from antiosc.simulation.problem.scene_parts import LAW, of_two
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
-LAW = "a ContactLaw such as Hertz(stiffness)"
 #: The row of the one contact in the displacements of both bodies along their pushes.
 _ROW = np.array([[-1.0, -1.0]])
 _NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
