@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.simulation.march.engine import run
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scene_states import forces, located
 from direct import force_error, physical
 from scene_cases import CORNERS, LAWS, plate, rod_between_walls, stops
 from scenes import hertz_impact
@@ -78,33 +75,6 @@ def test_chatter_against_nine_stops_converges_with_the_tolerance() -> None:
     assert errors[0] < 1e-2
     assert errors[1] < 1e-3
     assert errors[2] < 1e-4
-
-
-@pytest.mark.slow
-def test_two_contacts_at_one_site_are_one_site_with_two_rows() -> None:
-    omega, b = np.array([500.0]), np.array([[2.0]])
-    body = ao.SiteModes(omega, b, ("tip",))
-    contacts = [
-        ao.Contact("right", "tip", ao.Linear(1e6), gap=1e-4),
-        ao.Contact("tip", "left", ao.Linear(1e6), gap=1e-4),
-    ]
-    loads = [ao.Load("tip", [0, 2e-3, 4e-3], [100, 100, -100])]
-    bodies = {"tip": body, "right": ao.Obstacle(), "left": ao.Obstacle()}
-    hit = ao.Scene(bodies, contacts, loads=loads).run(1e-2)
-
-    def slope(t: float, y: Array) -> Array:
-        u = 2.0 * y[0]
-        F = 1e6 * max(u - 1e-4, 0) - 1e6 * max(-u - 1e-4, 0)
-        push = np.interp(t, [0, 2e-3, 4e-3], [100, 100, -100])
-        return np.array([y[1], 2 * (push - F) - 500.0**2 * y[0]])
-
-    t = np.linspace(0, 1e-2, 2000)
-    s = solve_ivp(slope, (0, 1e-2), [0, 0], "DOP853", t, rtol=1e-9, atol=1e-14, max_step=1e-5)
-    u = 2.0 * s.y[0]
-    force = 1e6 * np.maximum(np.column_stack((u, -u)) - 1e-4, 0)
-    assert hit["right", "tip"].peak_force > 0
-    assert hit["tip", "left"].peak_force > 0
-    assert force_error(hit, t, force) < 1e-3
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -229,20 +199,6 @@ def test_preload_of_a_site_without_mass() -> None:
     force = scene.run(0.01)["part:tip", "stop"].force
     share = stiffness * compliance / (1 + stiffness * compliance)
     np.testing.assert_allclose(force, -share * load, rtol=1e-8)
-
-
-def test_order_of_the_march() -> None:
-    """Third-order forces: an eighth of the share of error, half the step."""
-
-    scene, _ = plate(ao.Linear(1e6), 1e-3)
-    made = assemble(scene, 0.012)
-    runs = [run(made.system, 0.012, 1e-2 / 8**i, scale=1e3, fine=1e-6) for i in range(6)]
-    t = np.linspace(0, 0.012, 5000)
-    exact = forces(runs[-1], *located(runs[-1], t))[:, :4]
-    errors = [np.linalg.norm(forces(r, *located(r, t))[:, :4] - exact) for r in runs[:4]]
-    steps = [r.steps for r in runs[:4]]
-    order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
-    assert order > 1.7
 
 
 def test_one_model_may_be_two_bodies():
