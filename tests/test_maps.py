@@ -20,7 +20,6 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error
-from antiosc.simulation.problem.two_bodies import RigidWall
 from antiosc.studies import maps
 from antiosc.studies.map_results import hardest
 from paths import MESHES
@@ -314,7 +313,7 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
 def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
     """A half-space that is taken out where it is not there makes a contact harder than rigid."""
     ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
-    wall = ao.simulate(RigidWall(), ball, law, 4e-4).peak_force
+    wall = ao.simulate(ao.Obstacle(), ball, law, 4e-4).peak_force
     forces = np.array([0.5, 1.2]) * wall
     batch = SimpleNamespace(
         peak_force=forces, contact_time=forces, restitution=forces, impulse=forces, force=None

@@ -35,7 +35,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import BeamSection, info_of
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences, floored
+from antiosc.simulation.histories.error_bars import NO_SHARE, QUANTITIES, differences, floored
 from antiosc.simulation.histories.history import History
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
@@ -50,11 +50,10 @@ def model_errors(
     The model's info tells what is needed ("model"), or why there is no figure.
     """
     facts = model.info.model
-    none = dict.fromkeys(QUANTITIES, 0.0)
     if isinstance(facts, str):
-        return none, [facts]
+        return NO_SHARE, [facts]
     if facts is None:
-        return none, []
+        return NO_SHARE, []
     softer, stiffer = (differences(raw, again(each, tol)) for each in _changed(model, facts))
     return floored({name: SAFETY * max(softer[name], stiffer[name]) for name in softer}), []
 
@@ -92,9 +91,8 @@ def measured_errors(
 ) -> tuple[Shares, Shares]:
     """The shares of noise and band of peak force, impulse and contact time."""
     facts = info_of(model).measured
-    none = dict.fromkeys(differences(raw, raw), 0.0)
     if facts is None:
-        return none, none
+        return NO_SHARE, NO_SHARE
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
         differences(raw, again(InModes(ModalBody(omega, b, float(r), decay)), tol))
@@ -102,7 +100,10 @@ def measured_errors(
     ]
     drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
     noise, band = (
-        {name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part]))) for name in none}
+        {
+            name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part])))
+            for name in QUANTITIES
+        }
         for part in (drawn, others)
     )
     return floored(noise), floored(band)

@@ -10,6 +10,8 @@ from antiosc.base.engineering import engineering, percent
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
+#: What a cause adds that does not apply.
+NO_SHARE = dict.fromkeys(QUANTITIES, 0.0)
 #: Causes of error, in the order in which they are told.
 CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
 #: Those that are told only of models that were measured.

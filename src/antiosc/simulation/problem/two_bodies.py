@@ -20,6 +20,7 @@ from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.bodies import first_order_of, may_turn, of_one_site
+from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.march.system import System
 from antiosc.simulation.problem.assembly import Assembly, Parts
 from antiosc.simulation.problem.scales import expected_impact, freed
@@ -257,11 +258,4 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
             "give the band as a number."
         )
     endless = 1e6  # s
-    return BAND_OVER_PULSE * np.pi / pose(RigidWall(), impactor, contact, endless).lasting
-
-
-class RigidWall(Body):
-    """A body that does not move."""
-
-    def modal(self) -> ModalBody:
-        return ModalBody(np.zeros(0), np.zeros(0))
+    return BAND_OVER_PULSE * np.pi / pose(Obstacle(), impactor, contact, endless).lasting
