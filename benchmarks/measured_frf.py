@@ -28,7 +28,7 @@ import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.models.body import Body, InModes
-from antiosc.simulation.errors.measured_errors import pulse_time
+from antiosc.simulation.errors.model_errors import pulse_time
 from antiosc.simulation.histories.error_bars import QUANTITIES
 
 #: Steel.

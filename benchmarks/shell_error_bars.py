@@ -34,8 +34,7 @@ from antiosc.simulation.errors.error_budget import (
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.errors.quantities import FLOOR, differences
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.error_bars import FLOOR, QUANTITIES, differences
 
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
 PLY = ao.Layer(130e9, 9e9, 0.3, 5e9, 5e9, 3.5e9, 1600.0, 1e-3)

@@ -37,7 +37,7 @@ from antiosc.base import files, march
 from antiosc.closed_form import pinned_pinned
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.stability import margin
-from antiosc.simulation.problem.expected import stiffness_at
+from antiosc.simulation.problem.scales import stiffness_at
 from antiosc.simulation.problem.two_bodies import pose
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -16,7 +16,7 @@ from antiosc.base import march
 from antiosc.simulation.march.engine import Run, run
 from antiosc.simulation.march.system import System
 from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.refinement import start
+from antiosc.simulation.scene import start
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.app.report import results as result_tables
-from antiosc.base.engineering import place, prefixed, span
+from antiosc.base.engineering import prefixed
 
 HIT = ao.simulate(
     ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3]),
@@ -39,8 +39,3 @@ def test_a_table_has_the_prefix_of_its_largest_value():
 def test_the_prefix_of_a_column(largest, unit, wanted):
     factor, own = prefixed(largest, unit)
     assert (factor, own) == (pytest.approx(wanted[0]), wanted[1])
-
-
-def test_places_and_ranges():
-    assert place((0.02, 1e-17, -0.075)) == "(20, 0, -75) mm"
-    assert span(1.1e3, 2.2041e3, "N") == "1.100 kN to 2.204 kN"

@@ -113,14 +113,6 @@ def test_version_option(capsys):
     assert capsys.readouterr().out == f"antiosc {importlib.metadata.version('antiosc')}\n"
 
 
-def test_no_command_prints_the_help(capsys):
-    assert cli.main([]) == 0
-    printed = capsys.readouterr()
-    assert printed.err == ""
-    for command in ("new", "check", "run", "sweep", "map", "schema", "info"):
-        assert f"\n    {command} " in printed.out
-
-
 def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     def fail() -> str:
         raise InputError("the number must be > 0; got -1.")
@@ -130,10 +122,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    "arguments", [[], pytest.param(["info"], marks=pytest.mark.slow), ["--help"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["--help"]])
 def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     """Also where all of it is still in Python's buffer when the reader goes."""
     code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"

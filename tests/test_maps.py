@@ -20,7 +20,6 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error
-from antiosc.simulation.impact_band import RigidWall
 from antiosc.studies import maps
 from antiosc.studies.map_results import hardest
 from paths import MESHES
@@ -316,26 +315,6 @@ def test_bad_input(steel, options, words):
         ao.impact_map(steel, **{"where": "top", **options})
 
 
-def test_an_empty_group():
-    middle = SIZE[0] / 2
-    groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "cut": (2, lambda x: x[0] == middle)}
-    mesh = parts.box((2, 2, 2), SIZE, groups=groups)
-    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=[ao.Support("left")])
-    with pytest.raises(ao.InputError, match="cut"):
-        ao.impact_map(part, "cut")
-
-
-@pytest.mark.slow
-def test_shells_and_matrices_say_what_they_need(steel):
-    matrices = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
-    with pytest.raises(ao.InputError, match="mesh"):
-        ao.impact_map(matrices)
-    plate = parts.plate()
-    shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
-    with pytest.raises(ao.InputError, match="shells"):
-        ao.impact_map(shell)
-
-
 def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     """In a corner of a face a quarter of the patch carries the whole force."""
     middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)
@@ -354,7 +333,7 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
 def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
     """A half-space that is taken out where it is not there makes a contact harder than rigid."""
     ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
-    wall = ao.simulate(RigidWall(), ball, law, 4e-4).peak_force
+    wall = ao.simulate(ao.Obstacle(), ball, law, 4e-4).peak_force
     forces = np.array([0.5, 1.2]) * wall
     batch = SimpleNamespace(
         peak_force=forces, contact_time=forces, restitution=forces, impulse=forces, force=None

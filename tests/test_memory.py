@@ -47,9 +47,3 @@ def test_what_does_not_fit_is_one_sentence(monkeypatch):
     memory.require(1.7e9, "a run", "do less")
     with pytest.raises(memory.OutOfMemoryError, match=r"^a run needs .* 1.9 GB .* 2 GB .*: do les"):
         memory.require(1.9e9, "a run", "do less")
-
-
-def test_files_that_are_not_there_are_empty(tmp_path):
-    (tmp_path / "two").write_text("a\nb\n")
-    assert memory._lines(str(tmp_path / "two")) == ["a", "b"]
-    assert memory._lines(str(tmp_path / "none")) == []

@@ -148,15 +148,6 @@ def test_srs_of_a_step_overshoots_by_its_damping():
     assert found.positive[0] == pytest.approx(2.0, rel=1e-3)
 
 
-def test_frequencies_by_themselves():
-    t, a = half_sine()
-    found = ao.srs(t, a)
-    assert found.frequency[0] == pytest.approx(1 / WIDTH)
-    assert np.all(np.diff(found.frequency) > 0)
-    assert np.all(found.maximax > 0)
-    np.testing.assert_allclose(ao.srs(t + 5.0, a).maximax, found.maximax, rtol=1e-6)
-
-
 def test_spectrum_is_the_integral():
     t, x = half_sine(2001)
     found = ao.spectrum(t, x, pad=4)

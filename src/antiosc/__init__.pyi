@@ -19,10 +19,8 @@ from antiosc.base.errors import (
     NotDifferentiableError as NotDifferentiableError,
     OutOfMemoryError as OutOfMemoryError,
 )
-from antiosc.base.strengths import (
-    Strengths as Strengths,
-)
 from antiosc.base.stresses import (
+    Strengths as Strengths,
     delamination_load as delamination_load,
     principal as principal,
     tsai_hill as tsai_hill,
@@ -35,25 +33,25 @@ from antiosc.closed_form.soil import (
 from antiosc.contact.base import (
     ContactLaw as ContactLaw,
 )
-from antiosc.contact.damped import (
-    Flores as Flores,
-    Gonthier as Gonthier,
-    HuntCrossley as HuntCrossley,
-    LankaraniNikravesh as LankaraniNikravesh,
+from antiosc.contact.geometry import (
+    ContactStress as ContactStress,
+    contact_stress as contact_stress,
 )
 from antiosc.contact.plastic import (
     Stronge as Stronge,
+    Tabulated as Tabulated,
     TanSun as TanSun,
     Thornton as Thornton,
     YangSun as YangSun,
 )
 from antiosc.contact.power import (
+    Flores as Flores,
+    Gonthier as Gonthier,
     Hertz as Hertz,
+    HuntCrossley as HuntCrossley,
+    LankaraniNikravesh as LankaraniNikravesh,
     Linear as Linear,
     Power as Power,
-)
-from antiosc.contact.table import (
-    Tabulated as Tabulated,
 )
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
@@ -191,34 +189,27 @@ from antiosc.results.spectra import (
 from antiosc.simulation.batch import (
     Batch as Batch,
     simulate_many as simulate_many,
-    sweep as sweep,
 )
 from antiosc.simulation.bodies.bodies import (
     RigidBody as RigidBody,
 )
 from antiosc.simulation.bodies.impactors import (
+    IMPACTORS as IMPACTORS,
     Impactor as Impactor,
+    NamedImpactor as NamedImpactor,
     Obstacle as Obstacle,
     RigidMass as RigidMass,
     Sphere as Sphere,
-)
-from antiosc.simulation.bodies.named_impactors import (
-    IMPACTORS as IMPACTORS,
-    NamedImpactor as NamedImpactor,
     named_impactor as named_impactor,
 )
 from antiosc.simulation.errors.truncation import (
     choose_n as choose_n,
     truncation_error as truncation_error,
 )
-from antiosc.simulation.histories.body_energy import (
+from antiosc.simulation.histories.body_motion import (
     BodyEnergy as BodyEnergy,
     body_energy as body_energy,
     vibration_share as vibration_share,
-)
-from antiosc.simulation.histories.contact_stress import (
-    ContactStress as ContactStress,
-    contact_stress as contact_stress,
 )
 from antiosc.simulation.histories.energy import (
     Energy as Energy,
@@ -234,13 +225,13 @@ from antiosc.simulation.histories.scene_history import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
 )
-from antiosc.simulation.impact_band import (
-    impact_band as impact_band,
-)
 from antiosc.simulation.problem.scene_parts import (
     Base as Base,
     Contact as Contact,
     Load as Load,
+)
+from antiosc.simulation.problem.two_bodies import (
+    impact_band as impact_band,
 )
 from antiosc.simulation.scene import (
     Scene as Scene,
@@ -248,6 +239,7 @@ from antiosc.simulation.scene import (
 from antiosc.simulation.simulate import (
     simulate as simulate,
 )
+from antiosc.simulation.sweep import sweep as sweep
 from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,

@@ -11,7 +11,7 @@ import pytest
 
 from antiosc import plotting
 from antiosc.base.charts import surfaces
-from antiosc.base.charts.deformed import Deformed, deformed_figure
+from antiosc.base.charts.surfaces import Deformed, deformed_figure
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -49,6 +49,7 @@ def test_the_axes_of_a_force_hold_the_pulses_with_room() -> None:
         room = 0.06 * (end - 0.01)
         np.testing.assert_allclose(ax.get_xlim(), (1e3 * (0.01 - room), 1e3 * (end + room)))
         np.testing.assert_allclose(ax.get_ylim(), (-0.05 * 40, 1.14 * 40))
+        assert ax.texts[0].get_text().startswith("40.00 N")
     both = {"a": pulses((0.01, 0.02, 40.0)), "b": pulses((0.03, 0.05, 10.0))}
     ax = plotting.plot_force(both)
     np.testing.assert_allclose(ax.get_xlim(), (1e3 * (0.01 - 0.0024), 1e3 * (0.05 + 0.0024)))
@@ -105,7 +106,9 @@ def test_a_deformed_part_stays_in_its_box(whole: bool) -> None:
     np.testing.assert_allclose((found.values.max(), found.largest), (3, 6))
     arrow = np.array([4.0, 2, 0]), np.array([0, 0, -3.0])
     np.testing.assert_allclose(found.arrow(*arrow), [[4, 2, 1], [4, 2, 0]])
-    axes, bar = deformed_figure(found, arrow=arrow, whole_scale=whole).axes
+    axes, bar = deformed_figure(found, arrow=arrow, view=(20, 30), whole_scale=whole).axes
+    assert not axes._axis3don
+    assert (axes.elev, axes.azim) == (20, 30)
     top = 1.0 if whole else max(1.0, found.moved[:, 2].max())
     np.testing.assert_allclose(axes.get_zlim(), (0, top))
     np.testing.assert_allclose(axes.get_xlim(), (0, 4))

@@ -10,14 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.simulation.march.step_control import Refinement
-from scenes import HERTZ, case_two, random_model
-
-LAWS = {
-    "hertz": lambda rng: ao.Hertz(HERTZ * rng.uniform(0.1, 2)),
-    "linear": lambda rng: ao.Linear(1e7 * rng.uniform(0.1, 2)),
-    "power": lambda rng: ao.Power(1e9 * rng.uniform(0.1, 2), rng.uniform(1.0, 2.5)),
-    "thornton": lambda rng: ao.Thornton(HERTZ * rng.uniform(0.1, 2), 1e-6),
-}
+from scenes import case_two, random_model
 
 
 def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None:
@@ -34,25 +27,6 @@ def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None
         time, force = batch.force[i]
         there = np.interp(time, hit.time, hit.force)
         assert force == pytest.approx(there, abs=1e-6 * hit.peak_force)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
-@pytest.mark.parametrize("step", [None, 4e-6])
-def test_same_as_one_by_one(rng, law, step):
-    model, striker = case_two(10)
-    n = 6
-    masses = striker.mass * 10 ** rng.uniform(-1, 1, n)
-    speeds = 10 ** rng.uniform(-2.5, 0, n)
-    contacts = [law(rng) for _ in range(n)]
-    impactors = ao.sweep(ao.RigidMass, mass=masses, velocity=speeds)
-    batch = ao.simulate_many(model, impactors, contacts, 2e-3, step=step)
-    alone = [
-        ao.simulate(model, i, c, 2e-3, step=step) for i, c in zip(impactors, contacts, strict=True)
-    ]
-    compare(batch, alone)
-    if step is None:
-        assert batch.error == pytest.approx([h.error["force"] for h in alone], rel=1e-3)
 
 
 def test_over_models_obstacles_gravity_and_damping(rng):
@@ -108,42 +82,6 @@ def test_patch_compliance_and_its_limit():
     assert np.isnan(batch.peak_force).tolist() == [False, True]
     with pytest.raises(ao.AccuracyError, match="scene 0: the peak force"):
         ao.simulate_many(model, hard, ao.Hertz(1e9), 1e-2)
-
-
-def test_sweep_of_spheres_and_laws():
-    radii = [0.005, 0.01]
-    balls = ao.sweep(ao.Sphere, radius=radii, E=2.1e11, nu=0.3, rho=7800.0, velocity=1.0)
-    laws = [ball.hertz(7e10, 0.33) for ball in balls]
-    batch = ao.simulate_many(case_two(5)[0], balls, laws, 1e-3)
-    assert len(batch) == 2
-    assert batch.peak_force[1] > batch.peak_force[0]
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "says"),
-    [
-        (
-            {"impactors": [ao.RigidMass(1, 1)] * 3, "contacts": [ao.Hertz(1e9)] * 2},
-            "one length; got impactors: 3, contacts: 2",
-        ),
-        ({"duration": [1e-3, 2e-3], "impactors": [ao.RigidMass(1, 1)] * 3}, "one length"),
-        ({"impactors": []}, "at least one scene"),
-        ({"duration": [1e-3, -1e-3]}, "duration must be > 0"),
-        ({"step": [1e-6, 1.0]}, "step must be <= the duration"),
-        ({"tol": -1.0}, "tol must be > 0"),
-        ({"tol": 2.0}, "0 < tol < 1"),
-        ({"contacts": ["hertz"]}, "ContactLaw"),
-    ],
-)
-def test_bad_batch(kwargs, says):
-    good = {
-        "models": case_two(2)[0],
-        "impactors": ao.RigidMass(1.0, 1.0),
-        "contacts": ao.Hertz(1e9),
-        "duration": 1e-3,
-    }
-    with pytest.raises(ao.InputError, match=says):
-        ao.simulate_many(**{**good, **kwargs})
 
 
 def peak_of(mass: float, velocity: float) -> float:
@@ -230,38 +168,8 @@ def test_a_sweep_keeps_what_an_executor_has_made():
         ao.simulate_many(case_two(2)[0], masses, ao.Hertz(1e9), 1e-3, executor=closed_pool())
 
 
-def test_bad_executor():
-    with pytest.raises(ao.InputError, match=r"executor must be a concurrent\.futures\.Executor"):
-        ao.sweep(ao.RigidMass, mass=[1.0], velocity=1.0, executor=2)
-    with pytest.raises(ao.InputError, match=r"executor must be a concurrent\.futures\.Executor"):
-        ao.simulate_many(
-            case_two(2)[0], ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3, executor="processes"
-        )
-
-
-def test_an_invalid_scene_is_named():
-    with pytest.raises(ao.InputError, match="scene 1: duration must be > 0"):
-        ao.simulate_many(
-            case_two(2)[0], ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), np.array([1e-3, -1.0])
-        )
-
-
-def test_bad_sweep():
-    with pytest.raises(ao.InputError, match="mass: 2, velocity: 3"):
-        ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0, 2.0, 3.0])
-
-
 class TestRefinement:
     """The control of the step, on sequences whose errors are known."""
-
-    @pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
-    def test_estimates_the_error_of_the_finer_run(self, order):
-        control, h = Refinement(1e-6), 1.0
-        for _ in range(6):
-            finer = h / 2**control.halvings
-            control.update(h**order - finer**order, 0.0)
-            h = finer
-        assert control.error["force"] == pytest.approx(h**order, rel=0.05)
 
     def test_aims_at_the_tolerance(self):
         control, h = Refinement(1e-4), 1.0

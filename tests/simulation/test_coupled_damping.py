@@ -124,12 +124,6 @@ def test_a_body_on_dashpots_alone_comes_to_rest():
     assert at == pytest.approx(rest, rel=1e-2)
 
 
-def test_many_impacts_are_the_single_ones():
-    many = ao.simulate_many([DAMPED, BARE, DAMPED], BALL, LAW, END)
-    for impulse, model in zip(many.impulse, (DAMPED, BARE, DAMPED), strict=True):
-        assert impulse == pytest.approx(ao.simulate(model, BALL, LAW, END).impulse, rel=1e-3)
-
-
 def test_what_does_not_take_such_damping_says_so(tmp_path):
     hit = ao.simulate(DAMPED, BALL, LAW, END)
     for call in (

@@ -12,7 +12,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.histories.scene_energy import _work_by_step, gained
+from antiosc.simulation.histories.energy import _work_by_step, gained
 from antiosc.simulation.march import engine
 from antiosc.simulation.problem.assembly import assemble
 from antiosc.simulation.problem.scene_states import forces as forces_at, located

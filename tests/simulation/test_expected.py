@@ -1,4 +1,4 @@
-"""What is expected of contacts before they are integrated, and how runs are refined."""
+"""What is expected of contacts before they are integrated."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.expected import deepest, stiffness_at
+from antiosc.simulation.problem.scales import deepest, stiffness_at
 from antiosc.simulation.problem.two_bodies import pose
 from laws import laws
 
@@ -99,6 +99,3 @@ def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
     assert made.lasting == pytest.approx(np.min(3 * made.system.depth / pace))
     nothing = ao.Scene({"m": ao.RigidMass(1.0), "w": bodies["floor"]}, [ao.Contact("w", "m", law)])
     assert assemble(nothing, 0.32).lasting == 0.02
-
-
-# -- refinement

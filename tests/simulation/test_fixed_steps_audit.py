@@ -13,7 +13,7 @@ from antiosc.contact import ContactLaw, State
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.refinement import start
+from antiosc.simulation.scene import start
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]

@@ -100,27 +100,6 @@ def test_the_stiffness_of_the_law_does_not_change_the_rebound() -> None:
         assert rebound(struck(0.6, ao.Hertz(stiffness))) == pytest.approx(soft, abs=1e-3)
 
 
-@pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
-def test_friction_makes_no_energy(psi: float) -> None:
-    energy = struck(psi, ao.Hertz(1e9)).energy
-    mechanical = energy.kinetic + energy.contact
-    assert mechanical.max() <= mechanical[0] * (1 + 1e-5)
-
-
-def test_stick_and_slip_in_a_hundred_steps() -> None:
-    """W. J. Stronge's linear compliances, which stick first, in closed form: see below."""
-    k, kt, speed = 1e7, 1e7 * KAPPA, 0.05
-    W, w = np.sqrt(k / MASS), np.sqrt(kt * 3.5 / MASS)
-    t = np.linspace(0, np.pi / W, 400_001)[1:]
-    stuck = np.abs(kt * speed / w * np.sin(w * t)) <= MU * k / W * np.sin(W * t)
-    slip = t[np.argmin(stuck)]
-    left = MU * k / W**2 * (np.cos(W * slip) + 1)
-    end = speed * np.cos(w * slip) - np.sign(np.sin(w * slip)) * left * 3.5 / MASS
-    hit = struck(speed * KAPPA / MU, ao.Linear(k), tangential_stiffness=kt)
-    assert hit.run.steps < 130
-    assert rebound(hit) * MU / KAPPA == pytest.approx(end, abs=5e-4)
-
-
 def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
     """Over Hertz's contact: B(3/5, 1/2)/B(2/5, 1/2) = 0.754 of that at the deepest point."""
     deepest = (1.25 * MASS / 1e9) ** 0.4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 
 import numpy as np
@@ -99,16 +98,6 @@ def test_rigid_impactors_on_one_model_are_rows_of_one_call(rng):
     for i, (striker, law) in enumerate(zip(strikers, laws, strict=True)):
         hit = ao.simulate(model, striker, law, 5e-3)
         assert [getattr(many, name)[i] for name in NUMBERS] == [getattr(hit, n) for n in NUMBERS]
-
-
-def test_threads_give_the_same(rng):
-    model = random_model(rng, 5, supported=True)
-    strikers = ao.sweep(ao.RigidMass, mass=rng.uniform(0.1, 1, 40), velocity=0.5)
-    here = ao.simulate_many(model, strikers, ao.Hertz(1e9), 3e-3)
-    with ThreadPoolExecutor(4) as pool:
-        there = ao.simulate_many(model, strikers, ao.Hertz(1e9), 3e-3, executor=pool)
-    assert np.array_equal(here.peak_force, there.peak_force)
-    assert np.array_equal(here.impulse, there.impulse)
 
 
 def test_a_long_batch_can_be_interrupted(monkeypatch):

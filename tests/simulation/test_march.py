@@ -17,7 +17,7 @@ from antiosc.simulation.march import engine
 from antiosc.simulation.march.convergence import converge, difference
 from antiosc.simulation.march.system import System
 from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.refinement import start
+from antiosc.simulation.scene import start
 from march_audit import motion
 from march_builds import Stepper, built, doubles, law_at
 from scenes import HERTZ, case_two

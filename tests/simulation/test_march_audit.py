@@ -10,7 +10,7 @@ from antiosc.base import march
 from antiosc.simulation.integrators.scene_ivp import SceneIVP
 from antiosc.simulation.problem.assembly import assemble
 from antiosc.simulation.problem.scene_states import forces, located
-from antiosc.simulation.refinement import start
+from antiosc.simulation.scene import start
 from audited_scenes import SCENES, checked
 
 

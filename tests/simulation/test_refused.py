@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.contact import restitution_of
 from antiosc.simulation.histories.body_motion import amplitudes, forces_of, times_of
 
 UP = (0.0, 0.0, 1.0)
@@ -23,6 +24,8 @@ FLAT = ao.SiteModes([0.0], [[1.0]], ["tip"], directions=[UP])
 WIDE = ao.SiteModes([0.0, 9.0], [[1.0, 0.2], [0.1, 1.0]], {"tip": (0, 1)},
                     directions=[UP, (1.0, 0, 0)])  # fmt: skip
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[900.0])
+RIGID = ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[])
+SPRING = ao.AntiOscillators(m0=0.0, k0=1e6, m=[], omega=[])
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,17 @@ def ran(*given: Any, **more: Any) -> ao.SceneHistory:
 
 def rubbing(body: Any, law: ao.ContactLaw = LAW) -> ao.Scene:
     return scene({"b": body}, [ao.Contact("b:tip", "w", law, friction=0.3)])
+
+
+def many(**changes: Any) -> ao.Batch:
+    given = {"models": MODEL, "impactors": MASS, "contacts": LAW, "duration": 1e-4}
+    return ao.simulate_many(**{**given, **changes})
+
+
+def coupled(law: ao.ContactLaw) -> ao.Scene:
+    """A site without mass whose two contacts know of each other."""
+    body = ao.SiteModes([2e3], [[1.0, 0.5]], ("a", "b"), r=1e-7 * (np.eye(2) + 0.5))
+    return scene({"b": body}, [ao.Contact("b:a", "m", LAW), ao.Contact("w", "b:b", law)])
 
 
 def on_its_side() -> ao.SceneHistory:
@@ -114,6 +128,52 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
      "radius must not be 0; inf is a flat surface"),
     (lambda: ao.contact_stress(ao.Sphere(0.01, 2e11, 0.3, 7800.0), 10.0, 2e11, 0.3, radius=-9e-3),
      "the hollow of radius -0.009 m"),
+    (lambda: many(impactors=[MASS] * 3, contacts=[LAW] * 2), "one length; got impactors: 3"),
+    (lambda: many(impactors=[]), "at least one scene"),
+    (lambda: many(duration=[1e-4, -1e-4]), "scene 1: duration must be > 0"),
+    (lambda: many(step=[1e-6, 1.0]), "scene 1: step must be <= the duration"),
+    (lambda: many(contacts=["hertz"]), "ContactLaw"),
+    (lambda: many(executor="processes"), r"a concurrent\.futures\.Executor"),
+    (lambda: ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0] * 3), "mass: 2, velocity: 3"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, "euler"), "method must be 'exact', 'newmark'"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, tol=1.0), "0 < tol < 1"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, n=99), "n must be <= 1"),
+    (lambda: ao.simulate(MODEL, WALL, LAW, 1e-4, initial_velocity=1.0), "supported body"),
+    (lambda: ao.simulate(RIGID, MASS, LAW, 1e-4, gravity=9.81), "participation"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4).error_budget, "error='estimate'"),
+    (lambda: ao.simulate(SPRING, WALL, LAW, 1e-4), "nothing can move"),
+    (lambda: ao.simulate_many(SPRING, WALL, LAW, 1e-4), "nothing can move"),
+    (lambda: ao.choose_n(MODEL, lambda m, tol: None, tol=2.0), "0 < tol < 1"),
+    (lambda: ao.Obstacle(velocity=1.0), "an obstacle is fixed"),
+    (lambda: ao.ModalBody([1.0], [1.0], decay=[-1.0]), "decay must be >= 0"),
+    (lambda: ao.Damping(ratio=-0.1), "ratios"),
+    (lambda: ao.Scene(BODIES, []), "at least one Contact"),
+    (lambda: ran(contacts=[ao.Contact("x", "m", LAW)]), "no body 'x'"),
+    (lambda: ran({"v": WALL}, [ao.Contact("w", "v", LAW)]), "both ends"),
+    (lambda: scene(contacts=[TOUCH, ao.Contact("m", "w", LAW)]), "same ends"),
+    (lambda: ran(contacts=[ao.Contact("w", "m", LAW, friction=0.3)]), "friction between"),
+    (lambda: ao.Contact("m", "m", LAW), "must differ"),
+    (lambda: ao.Contact("w", "m", 1e6), "ContactLaw"),
+    (lambda: ran()["m", "w"], "there is no contact"),
+    (lambda: scene().run(1e-4, step=0.1), "step must be <= the duration 0.0001 s; got 0.1 s"),
+    (lambda: ao.Scene({"c": CUBE, "w": WALL}, [ao.Contact("c:foot", "w", LAW)], UP,
+                      preload=True).run(1e-4), "no static equilibrium"),
+    (lambda: coupled(LAW).run(1e-4, method="conserving"), "couples contacts"),
+    (lambda: coupled(ao.HuntCrossley(3e8, 0.5)).run(1e-4, method="Radau"), "at a massless"),
+    (lambda: ao.Power(1.0, 0.5), "exponent must lie in"),
+    (lambda: ao.HuntCrossley(1.0, 1.1), r"0 < e <= 1; got 1.1"),
+    (lambda: ao.TanSun(1.0, 1.0, slope=1.0), "slope must lie in"),
+    (lambda: restitution_of(-1.0), "d must be >= 0"),
+    (lambda: ao.Hertz.from_radii(0.0, 1.0, 0.3), "non-zero radii"),
+    (lambda: ao.Hertz.from_radii((1.0, np.inf), 1.0, 0.3), "must part in every direction"),
+    (lambda: ao.Hertz.from_radii((1.0, 2.0, 3.0), 1.0, 0.3), "a pair of principal radii"),
+    (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.3, 1.0, -np.inf), "E2 must be"),
+    (lambda: ao.Tabulated([0, 1, 2], [0, 2, 1]), "force of the loading curve must increase"),
+    (lambda: ao.Tabulated([0], [0]), "needs at least 2 points"),
+    (lambda: ao.Tabulated([1, 2], [0, 1]), r"must start at \(0, 0\)"),
+    (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], 3.0), "must be a pair"),
+    (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1], [0, 1])), "unloading curve must run"),
+    (lambda: ao.Tabulated([0, 1, 2], [0, 0.1, 2], ([0.1, 0.2, 2], [0, 1.9, 2])), "must lie below"),
 ]  # fmt: skip
 
 

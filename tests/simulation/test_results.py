@@ -69,13 +69,6 @@ def test_a_saved_history_comes_back(which, request, tmp_path):
         _ = saved.nothing
 
 
-def test_saved_results_have_their_names(hit, tmp_path):
-    saved = ao.History.load(hit.save(tmp_path / "run.npz"))
-    assert saved.peak_force == hit.peak_force
-    assert saved.contacts == [list(pair) for pair in hit.contacts]
-    np.testing.assert_array_equal(saved.impactor_velocity, hit.impactor_velocity)
-
-
 def test_csv_has_all_digits(landed, tmp_path):
     path = landed.to_csv(tmp_path / "run.csv")
     with path.open(encoding="utf-8", newline="") as stream:

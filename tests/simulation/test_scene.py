@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.simulation.march.engine import run
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scene_states import forces, located
 from direct import force_error, physical
-from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
-from scenes import HERTZ, case_two, hertz_impact
+from scene_cases import CORNERS, LAWS, plate, rod_between_walls, stops
+from scenes import hertz_impact
 
 Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
@@ -80,48 +75,6 @@ def test_chatter_against_nine_stops_converges_with_the_tolerance() -> None:
     assert errors[0] < 1e-2
     assert errors[1] < 1e-3
     assert errors[2] < 1e-4
-
-
-@pytest.mark.slow
-def test_two_contacts_at_one_site_are_one_site_with_two_rows() -> None:
-    omega, b = np.array([500.0]), np.array([[2.0]])
-    body = ao.SiteModes(omega, b, ("tip",))
-    contacts = [
-        ao.Contact("right", "tip", ao.Linear(1e6), gap=1e-4),
-        ao.Contact("tip", "left", ao.Linear(1e6), gap=1e-4),
-    ]
-    loads = [ao.Load("tip", [0, 2e-3, 4e-3], [100, 100, -100])]
-    bodies = {"tip": body, "right": ao.Obstacle(), "left": ao.Obstacle()}
-    hit = ao.Scene(bodies, contacts, loads=loads).run(1e-2)
-
-    def slope(t: float, y: Array) -> Array:
-        u = 2.0 * y[0]
-        F = 1e6 * max(u - 1e-4, 0) - 1e6 * max(-u - 1e-4, 0)
-        push = np.interp(t, [0, 2e-3, 4e-3], [100, 100, -100])
-        return np.array([y[1], 2 * (push - F) - 500.0**2 * y[0]])
-
-    t = np.linspace(0, 1e-2, 2000)
-    s = solve_ivp(slope, (0, 1e-2), [0, 0], "DOP853", t, rtol=1e-9, atol=1e-14, max_step=1e-5)
-    u = 2.0 * s.y[0]
-    force = 1e6 * np.maximum(np.column_stack((u, -u)) - 1e-4, 0)
-    assert hit["right", "tip"].peak_force > 0
-    assert hit["tip", "left"].peak_force > 0
-    assert force_error(hit, t, force) < 1e-3
-
-
-def test_a_scene_of_one_contact_is_simulate() -> None:
-    model, mass = case_two(9)
-    law = ao.Hertz(HERTZ)
-    one = ao.simulate(model, mass, law, 4e-3, tol=1e-5)
-    hit = ao.Scene({"beam": model, "mass": mass}, [ao.Contact("beam", "mass", law)]).run(
-        4e-3, tol=1e-4
-    )
-    contact = hit["beam", "mass"]
-    assert contact.peak_force == pytest.approx(one.peak_force, rel=1e-4)
-    assert contact.impulse == pytest.approx(one.impulse, rel=1e-5)
-    np.testing.assert_allclose(contact.contacts, one.contacts, atol=1e-7)
-    end = hit.bodies["mass"].velocity()[-1]
-    assert end == pytest.approx(one.impactor_velocity[-1], rel=1e-5)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -246,34 +199,6 @@ def test_preload_of_a_site_without_mass() -> None:
     force = scene.run(0.01)["part:tip", "stop"].force
     share = stiffness * compliance / (1 + stiffness * compliance)
     np.testing.assert_allclose(force, -share * load, rtol=1e-8)
-
-
-def test_preload_without_equilibrium_is_refused() -> None:
-    body = ao.RigidBody(1.0, (1, 1, 1), {"c": ((0, 0, 0), UP)})
-    contact = ao.Contact("b:c", "floor", ao.Linear(1e5))
-    bodies = {"b": body, "floor": ao.Obstacle()}
-    with pytest.raises(ao.InputError, match="no static equilibrium"):
-        ao.Scene(bodies, [contact], gravity=(0, 0, 9.81), preload=True).run(0.01)
-
-
-def test_order_of_the_march() -> None:
-    """Third-order forces: an eighth of the share of error, half the step."""
-
-    scene, _ = plate(ao.Linear(1e6), 1e-3)
-    made = assemble(scene, 0.012)
-    runs = [run(made.system, 0.012, 1e-2 / 8**i, scale=1e3, fine=1e-6) for i in range(6)]
-    t = np.linspace(0, 0.012, 5000)
-    exact = forces(runs[-1], *located(runs[-1], t))[:, :4]
-    errors = [np.linalg.norm(forces(r, *located(r, t))[:, :4] - exact) for r in runs[:4]]
-    steps = [r.steps for r in runs[:4]]
-    order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
-    assert order > 1.7
-
-
-def test_scenes_and_histories_pickle() -> None:
-    scene = bounce()
-    hit = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(scene)).run(1e-2)))
-    assert hit["w", "m"].peak_force == pytest.approx(np.sqrt(1e6), rel=1e-4)
 
 
 def test_one_model_may_be_two_bodies():

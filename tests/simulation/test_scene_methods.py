@@ -125,24 +125,6 @@ def test_ground_that_shakes() -> None:
         )
 
 
-def test_what_a_method_cannot_do_is_refused() -> None:
-    scene = several(ao.Hertz(1e10))
-    with pytest.raises(ao.InputError, match="method must be 'exact', 'newmark'"):
-        scene.run(1e-3, method="euler")
-    with pytest.raises(ao.InputError, match=r"step must be <= the duration 0\.001 s; got 0\.1 s"):
-        scene.run(1e-3, step=0.1)
-    coupled = ao.SiteModes([2e3], [[1.0, 0.5]], ("a", "b"), r=1e-7 * (np.eye(2) + 0.5), decay=None)
-    contacts = [
-        ao.Contact("body:a", "m", ao.Hertz(1e9)),
-        ao.Contact("wall", "body:b", ao.HuntCrossley(3e8, 0.5)),
-    ]
-    bodies = {"body": coupled, "m": ao.RigidMass(0.2, 1.0), "wall": ao.Obstacle()}
-    with pytest.raises(ao.InputError, match="couples contacts"):
-        ao.Scene(bodies, contacts).run(1e-3, method="conserving")
-    with pytest.raises(ao.InputError, match="rate-dependent law at a massless"):
-        ao.Scene(bodies, contacts).run(1e-3, method="Radau")
-
-
 def test_a_step_beyond_the_limit_of_stability_is_told() -> None:
     with pytest.warns(ao.AccuracyWarning, match="gained energy"):
         hit = several(ao.Linear(1e7)).run(0.1, method="leapfrog", step=6e-4)

@@ -11,8 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from antiosc.simulation.errors import truncation
-from antiosc.simulation.errors.left_out import ENOUGH, left_out
-from antiosc.simulation.errors.truncation import choose_n, truncation_error
+from antiosc.simulation.errors.truncation import ENOUGH, choose_n, left_out, truncation_error
 from scenes import BEAM, HERTZ, case_two
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")
@@ -141,30 +140,6 @@ def test_too_small_a_model_says_how_many_are_missing():
     missing = choose_n(model, run, tol=0.05).missing
     enough = case_two(3 + missing)[0]
     assert choose_n(enough, run, tol=0.05).missing <= missing / 4
-
-
-def test_number_of_anti_oscillators_by_hand():
-    model, striker = case_two(9)
-    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 2e-3, n=4)
-    assert hit.model.n == 4
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    ("n", "says"), [("many", 'or "auto"'), (99, "n must be <= 9"), (-1, "whole number >= 0")]
-)
-def test_bad_n(n, says):
-    model, striker = case_two(9)
-    with pytest.raises(ao.InputError, match=says):
-        ao.simulate(model, striker, ao.Hertz(HERTZ), 2e-3, n=n)
-
-
-def test_other_bodies_cannot_be_truncated():
-    striker = ao.RigidMass(1.0, 1.0)
-    with pytest.raises(ao.InputError, match="only AntiOscillators"):
-        ao.simulate(striker, striker, ao.Hertz(1e9), 1e-3, n=2)
-    with pytest.raises(ao.InputError, match="0 < tol < 1"):
-        choose_n(case_two(2)[0], struck(striker, ao.Hertz(1e9), 1e-3), tol=2.0)
 
 
 def test_estimate_is_twice_what_the_two_extremes_differ_by():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import simulate
 from scenes import HERTZ, case_two, hertz_impact, rigid
 
 CUT = "The run ends during contact .* up to 0.0005 s"
@@ -164,37 +163,6 @@ class TestRestitution:
 
 class TestChoiceOfN:
     """The runs that choose n are made like the one that is asked for."""
-
-    @pytest.mark.slow
-    @pytest.mark.sample
-    @pytest.mark.parametrize(
-        ("method", "given"),
-        [
-            ("newmark", {"step": 1e-5}),
-            ("exact", {"step": 2e-5, "max_steps": 3000}),
-            ("exact", {"max_contacts": 40}),
-        ],
-    )
-    def test_method_step_and_bounds_are_kept(self, monkeypatch, method, given):
-        asked = []
-        original = simulate.solved
-
-        def spy(*given):
-            asked.append(given[-4:])
-            return original(*given)
-
-        monkeypatch.setattr(simulate, "solved", spy)
-        model, striker = case_two(12)
-        ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, method, n="auto", tol=0.1, **given)
-        assert len(asked) > 4
-        assert set(asked) == {
-            (
-                method,
-                given.get("step"),
-                given.get("max_contacts", 10_000),
-                given.get("max_steps", simulate.MAX_STEPS),
-            )
-        }
 
     @pytest.mark.slow
     def test_a_massless_point_under_a_damped_law_is_left_to_the_exact_method(self):

@@ -13,8 +13,7 @@ from functools import wraps
 from types import FunctionType
 from typing import Any
 
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 
 
 class CallError(InputError, TypeError):

@@ -37,9 +37,9 @@ def place(point: Iterable[float]) -> str:
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
 
 
-def span(low: float, high: float, unit: str = "", digits: int = 4) -> str:
+def span(low: float, high: float, unit: str = "") -> str:
     """A range: "1.100 kN to 2.204 kN"."""
-    return " to ".join(engineering(end, unit, digits) for end in (low, high))
+    return " to ".join(engineering(end, unit, 4) for end in (low, high))
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 
@@ -110,3 +111,23 @@ def finite_element_packages() -> Iterator[None]:
             "command for this installation); Structure.from_matrices, extract, models, contact "
             "laws and simulate work without them."
         ) from error
+
+
+#: Most names that are all listed.
+FEW = 12
+#: Of more, so many of the nearest.
+NEAREST = 5
+
+
+def known(asked: object, names: Iterable[str], what: str) -> str:
+    """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
+
+    `what` : the noun, as "its groups".
+    """
+    listed = sorted(names)
+    if len(listed) <= FEW:
+        return f"{what} are: {', '.join(map(repr, listed)) or 'none'}"
+    lowered = {name.lower(): name for name in listed}
+    alike = difflib.get_close_matches(str(asked).lower(), lowered, NEAREST, cutoff=0.0)
+    nearest = ", ".join(repr(lowered[name]) for name in alike)
+    return f"the nearest of {what} ({len(listed)}) are: {nearest}"

@@ -1,16 +1,17 @@
 """Contact laws: the force between two bodies as a function of their indentation."""
 
 from antiosc.contact.base import ContactLaw, State
-from antiosc.contact.damped import (
+from antiosc.contact.plastic import Hysteretic, Stronge, Tabulated, TanSun, Thornton, YangSun
+from antiosc.contact.power import (
     Flores,
     Gonthier,
+    Hertz,
     HuntCrossley,
     LankaraniNikravesh,
+    Linear,
+    Power,
     restitution_of,
 )
-from antiosc.contact.plastic import Hysteretic, Stronge, TanSun, Thornton, YangSun
-from antiosc.contact.power import Hertz, Linear, Power
-from antiosc.contact.table import Tabulated
 
 __all__ = [
     "ContactLaw",

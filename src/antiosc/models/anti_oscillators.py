@@ -242,7 +242,7 @@ class AntiOscillators(Brief, Parameters):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.base.charts.models import plot_model
+        from antiosc.base.charts.curves import plot_model
 
         return plot_model(self, path)
 

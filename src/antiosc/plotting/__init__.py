@@ -8,9 +8,17 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
+from antiosc.base.charts.curves import (
+    plot_dynamic_stiffness,
+    plot_errors,
+    plot_force,
+    plot_history,
+    plot_masses,
+    plot_model,
+    plot_motion,
+    running_mean,
+)
 from antiosc.base.charts.figures import legend_below, legend_beside, panels, save_figure
-from antiosc.base.charts.histories import plot_force, plot_history, plot_motion, running_mean
-from antiosc.base.charts.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
 from antiosc.results.pictures import plot_deformed, plot_map
 
 __all__ = [

@@ -8,7 +8,6 @@ times, in files that ParaView opens (`antiosc.results.probe`: at one point for a
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +26,7 @@ from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.scene_history import BodyHistory
 
 
-def counted(history: Motions) -> tuple[Any, ...]:
+def counted(history: Motions) -> tuple[object, ...]:
     """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"

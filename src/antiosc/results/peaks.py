@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +23,22 @@ from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.structure.structure import Structure
-from antiosc.results import peak_search, resolution
-from antiosc.results.contact_yield import contact_yield
+from antiosc.results import peak_search
 from antiosc.results.fields import counted, shapes_of
-from antiosc.results.largest import STRENGTH_OF, Largest, Search, plies, stresses, with_strength
-from antiosc.results.margin import CRITERIA, Margin
+from antiosc.results.margin import (
+    CRITERIA,
+    STRENGTH_OF,
+    Largest,
+    Margin,
+    Search,
+    contact_yield,
+    doubt_at,
+    doubt_of_sheets,
+    mesh_error,
+    plies,
+    stresses,
+    with_strength,
+)
 from antiosc.results.saved_fields import outer_faces
 from antiosc.simulation.histories.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.histories.history import History
@@ -36,7 +47,7 @@ from antiosc.simulation.histories.scene_history import BodyHistory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.base.charts.deformed import Deformed
+    from antiosc.base.charts.surfaces import Deformed
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -155,7 +166,7 @@ class PeakField(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.charts.deformed import draw_deformed
+        from antiosc.base.charts.surfaces import draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
@@ -170,7 +181,7 @@ class PeakField(Brief):
 
     def surface(self, label: str, moved: Array) -> Deformed:
         """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
-        from antiosc.base.charts.deformed import Deformed, enlarged
+        from antiosc.base.charts.surfaces import Deformed, enlarged
 
         label = checks.instance("label", label, str, "a text")
         moved = checks.array("moved", moved, (len(self.points), 3))
@@ -292,15 +303,15 @@ def peak_field(
     result = _used(quantity, unit, points, cells, best)
     if quantity in ("von_mises", "stress", "yield"):
         when = np.where(best.values > 0, best.times, at[-1])
-        errors = resolution.mesh_error(structure, shapes, part, history, when, body)
+        errors = mesh_error(structure, shapes, part, history, when, body)
         result = _resolved(result, structure.comm.bcast(errors, root=0), cells)
         if result.mesh_error is not None and result.values.any():
             k = int(np.argmax(result.values))
             share = float(result.mesh_error[k] / result.values[k])
-            told = resolution.doubt(structure, shapes, part, result.points[k], share)
+            told = doubt_at(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=told)
         elif result.values.any():
-            result = replace(result, doubt=resolution.not_known(structure, shapes, part))
+            result = replace(result, doubt=doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
         told = contact_yield(structure, shapes, history)
         result = replace(result, _margin=replace(result._margin, contact=told))
@@ -316,7 +327,7 @@ def peak_field(
     return result
 
 
-def _motion(history: Any, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
+def _motion(history: History, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
     """The motion of a body over the run, by its modes."""
     return peak_search.Motion(
         nodes,
@@ -359,7 +370,9 @@ def _resolved(
     return replace(found, mesh_error=own)
 
 
-def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
+def _places(
+    surface: str | Sequence[float] | None, layer: int | None, fibre: Sequence[float] | None
+) -> list[Place]:
     """Where in the thickness or section the quantity is recovered; both sides by default."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(each, layer, fibre, "global") for each in surfaces]

@@ -5,15 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts.deformed import Deformed, draw_deformed
 from antiosc.base.charts.figures import finished
-from antiosc.base.charts.surfaces import colour_scale, draw_faces, frame, space
+from antiosc.base.charts.surfaces import (
+    Deformed,
+    colour_scale,
+    draw_deformed,
+    draw_faces,
+    frame,
+    space,
+)
 from antiosc.base.errors import InputError
 from antiosc.simulation.histories.history import History, SceneHistory
 
@@ -51,7 +57,7 @@ class SurfaceMap(Protocol):
     @property
     def alone(self) -> IntArray: ...
     @property
-    def info(self) -> dict[str, Any]: ...
+    def info(self) -> dict[str, object]: ...
     @property
     def doubtful(self) -> BoolArray: ...
 

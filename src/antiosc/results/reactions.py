@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -138,7 +137,7 @@ def reactions(
     )
 
 
-def _check(structure: Structure, history: Any) -> None:
+def _check(structure: Structure, history: History) -> None:
     scene = history.assembly.scene
     pulled = bool(np.any(scene.gravity))
     if scene.base is not None:
@@ -149,7 +148,7 @@ def _check(structure: Structure, history: Any) -> None:
         )
 
 
-def _named(site: Any) -> list[Site]:
+def _named(site: Site | Mapping[str, Site]) -> list[Site]:
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
     if not sites:
         raise InputError("site must name at least one Site; got an empty dict.")

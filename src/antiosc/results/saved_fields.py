@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,7 +152,7 @@ class SavedFields(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.charts.deformed import Deformed, draw_deformed
+        from antiosc.base.charts.surfaces import Deformed, draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
@@ -168,12 +168,12 @@ class SavedFields(Brief):
         ]
 
 
-def _cells(given: Any) -> list[tuple[str, IntArray]]:
+def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
     """Pairs (kind, cells), or InputError."""
     try:
         blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
     except (TypeError, ValueError):
-        blocks = [("", np.zeros(0))]
+        blocks = []
     if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
         raise InputError(
             "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "

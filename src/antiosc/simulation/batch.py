@@ -19,21 +19,30 @@ from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of
-from antiosc.simulation.errors.left_out import too_few
-from antiosc.simulation.executors import check_executor, returned
+from antiosc.simulation.errors.truncation import too_few
+from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.history import History
-from antiosc.simulation.histories.scene_energy import GAIN
 from antiosc.simulation.histories.verdict import (
     COMPLETED,
     STOPPED,
+    Ended,
     Verdict,
     tell_all,
     tell_rotation,
+    verdict_of,
 )
+from antiosc.simulation.integrators.comparison import METHODS
 from antiosc.simulation.problem.impacts import Impact, Rows
 from antiosc.simulation.problem.two_bodies import Pair, pose
-from antiosc.simulation.refinement import METHODS, Ended, beyond_law, check_range, verdict_of
+from antiosc.simulation.scene import beyond_law, check_range
 from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
+from antiosc.simulation.sweep import (
+    check_earlier,
+    check_executor,
+    common_length,
+    is_many,
+    returned,
+)
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 4096  # scenes that are solved at once without one
@@ -68,64 +77,6 @@ class Batch(Brief):
 
     def __len__(self) -> int:
         return self.peak_force.size
-
-
-def sweep(
-    make: Callable[..., Any],
-    *,
-    executor: Executor | None = None,
-    earlier: Sequence[Any] | None = None,
-    **values: Any,
-) -> list[Any]:
-    """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
-
-    Parameters
-    ----------
-    make : callable
-        A constructor, or any function of the keywords.
-    executor : concurrent.futures.Executor, optional
-        What calls `make`, for instance a pool of processes. A call that fails then leaves its
-        error, an AntioscError, in its place and costs no other; a warning names it. So does a
-        worker that dies. Without an executor the first error is raised.
-    earlier : sequence, optional
-        What an earlier call with the same values returned: only the calls that failed are made.
-    values
-        Every keyword is one value for all or a sequence; all sequences must have the same length.
-
-    Returns
-    -------
-    list
-        The results in the order of the values.
-
-    Raises
-    ------
-    InputError
-        For sequences of different lengths, those of `earlier` included.
-    """
-    checks.function("make", make, "a constructor, such as RigidMass")
-    check_executor(executor)
-    lengths = {k: len(v) for k, v in values.items() if _is_many(v)}
-    size = _common_length(lengths)
-    each = [{k: v[i] if k in lengths else v for k, v in values.items()} for i in range(size)]
-    results: list[Any] = [AntioscError("not called yet")] * size
-    if earlier is not None:
-        results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
-        _check_earlier(len(results), size)
-    todo = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
-    if executor is None:
-        for i in todo:
-            results[i] = make(**each[i])
-        return results
-    calls = [((), each[i]) for i in todo]
-    for i, result in zip(todo, returned(executor, make, calls), strict=True):
-        results[i] = result
-    failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
-    if failed:
-        warn(
-            f"{len(failed)} of {size} calls failed, as call {failed[0]}: {results[failed[0]]}",
-            AccuracyWarning,
-        )
-    return results
 
 
 @checks.within_range
@@ -188,8 +139,8 @@ def simulate_many(
         "gap": gap,
     }
     check_executor(executor)
-    size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
-    columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
+    size = common_length({k: len(v) for k, v in given.items() if is_many(v)})
+    columns = {k: list(v) if is_many(v) else [v] * size for k, v in given.items()}
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
     checks.choice("method", method, METHODS)
     limits = {
@@ -212,7 +163,7 @@ def simulate_many(
     ]
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
-            found: Iterable[Any] = (
+            found: Iterable[list[_Row] | AntioscError] = (
                 _solved(some, own, limits, partial(_further, ready, k * chunk))
                 for k, ((some, own, _), _) in enumerate(calls)
             )
@@ -233,7 +184,10 @@ def simulate_many(
 
 
 def _tell_too_few(
-    scenes: Sequence[Impact], steps: Sequence[Any], rows: Sequence[_Row], limits: dict[str, Any]
+    scenes: Sequence[Impact],
+    steps: Sequence[float | None],
+    rows: Sequence[_Row],
+    limits: dict[str, Any],
 ) -> None:
     """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
     if limits["n"] == "auto":
@@ -277,14 +231,14 @@ class _Row:
 
 def _solved(
     scenes: Sequence[Impact],
-    steps: Sequence[Any],
+    steps: Sequence[float | None],
     limits: dict[str, Any],
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
     """The rows of scenes: those that the march takes as arrays together, the others by
     themselves."""
     rows: dict[int, _Row] = {}
-    groups: dict[Any, list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     together = limits["method"] == "exact" and limits["n"] is None
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         key = scene.group() if together and step is None else None
@@ -362,7 +316,7 @@ def _doubts(scene: Impact) -> list[str]:
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 
 
-def _alone(scene: Impact, step: Any, limits: dict[str, Any]) -> _Row:
+def _alone(scene: Impact, step: float | None, limits: dict[str, Any]) -> _Row:
     try:
         return _row(*_impact(scene, step, limits))
     except AntioscError as error:
@@ -374,7 +328,7 @@ def _failed(error: AntioscError) -> _Row:
 
 
 @checks.within_range
-def _impact(scene: Impact, step: Any, limits: dict[str, Any]) -> tuple[History, Verdict]:
+def _impact(scene: Impact, step: float | None, limits: dict[str, Any]) -> tuple[History, Verdict]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     given = scene._asdict() | {"duration": checks.positive("duration", scene.duration, "s")}
     history, verdict = impact(**given, step=step, **limits)
@@ -432,34 +386,10 @@ def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
     if earlier is None:
         return [_Row(Verdict(STOPPED, ""))] * size
     batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")
-    _check_earlier(len(batch), size)
+    check_earlier(len(batch), size)
     names = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step", "force")
     rows = []
     for i, (status, message) in enumerate(zip(batch.status.tolist(), batch.message, strict=True)):
         values = {name: getattr(batch, name)[i] for name in names}
         rows.append(_Row(Verdict(status, message), accuracy=batch.error[i], **values))
     return rows
-
-
-def _check_earlier(length: int, size: int) -> None:
-    if length != size:
-        raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
-
-
-def _is_many(value: Any) -> bool:
-    if isinstance(value, np.ndarray):
-        return value.ndim == 1
-    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
-
-
-def _common_length(lengths: dict[str, int]) -> int:
-    sizes = set(lengths.values())
-    if len(sizes) > 1:
-        listed = ", ".join(f"{k}: {v}" for k, v in lengths.items())
-        raise InputError(f"sequences of a batch must have one length; got {listed}.")
-    if not sizes:
-        return 1
-    size = sizes.pop()
-    if size == 0:
-        raise InputError("a batch needs at least one scene; got empty sequences.")
-    return size

@@ -1,13 +1,32 @@
-"""A scene that runs: its parts are posed, integrated, and read as a history."""
+"""A scene that runs: it is posed, integrated to its tolerance, and read as a history."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
+import numpy as np
+
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.base.memory import within_memory
-from antiosc.simulation.histories.history import SceneHistory
+from antiosc.contact import ContactLaw
+from antiosc.simulation.errors.truncation import too_few
+from antiosc.simulation.histories.energy import gained
+from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories.verdict import Ended, Verdict, tell_rotation, touching, verdict_of
+from antiosc.simulation.integrators.comparison import METHODS, compared
+from antiosc.simulation.integrators.scene_ivp import IVP_METHODS
+from antiosc.simulation.march.convergence import Converged, converge
+from antiosc.simulation.march.equilibrium import closed, settle
+from antiosc.simulation.march.given_step import checked_step, stepped
+from antiosc.simulation.problem.assembly import Assembly, assemble
+from antiosc.simulation.problem.scales import stiffness_at
 from antiosc.simulation.problem.scene_parts import SceneParts
-from antiosc.simulation.refinement import integrate
+
+H = TypeVar("H", bound=History)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,4 +101,131 @@ class Scene(SceneParts):
         OutOfMemoryError
             For a run that does not fit in the free memory.
         """
-        return integrate(self, duration, tol, max_contacts, max_steps, method, step)
+        duration = checks.positive("duration", duration, "s")
+        tol = checks.tolerance(tol)
+        max_contacts = checks.whole("max_contacts", max_contacts)
+        max_steps = checks.whole("max_steps", max_steps)
+        checks.choice("method", method, METHODS)
+        bodies, motions = list(self.bodies.values()), list(self.motion.values())
+        blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
+        doubts = [*plausible.of_model(*bodies), *plausible.tell(blows)]
+        assembly = assemble(self, duration)
+        start(assembly)
+        history, verdict = solved(
+            SceneHistory, assembly, duration, tol, method, step, max_contacts, max_steps
+        )
+        tell_rotation(*history.largest_rotation())
+        verdict.tell()
+        _tell_too_few(self, history)
+        check_range(history, doubts)
+        return history
+
+
+def solved(
+    kind: Callable[..., H],
+    assembly: Assembly,
+    duration: float,
+    tol: float,
+    method: str,
+    step: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[H, Verdict]:
+    """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
+    step = None if step is None else checked_step(step, duration)
+    limits = max_contacts, max_steps
+    if method == "exact":
+        found, failure = exactly(assembly, duration, tol, step, *limits)
+    else:
+        found, failure = compared(assembly, duration, method, tol, step, *limits), ""
+    run = found.run
+    ended = Ended(
+        run.answer, float(run.time[-1]), run.touches, touching(run, assembly.system), found.force,
+        found.peak, found.certain,
+    )  # fmt: skip
+    verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
+    known = step is None and method not in IVP_METHODS
+    error = {"force": found.force, "peak": found.peak} if known else {}
+    message = " ".join([verdict.message, *assembly.notes])
+    return kind(assembly, run, error, verdict.status, message, given=step), verdict
+
+
+def start(assembly: Assembly) -> None:
+    """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
+
+    Without preload only a load on a site without mass closes a contact at once.
+    """
+    system, laws = assembly.system, assembly.laws
+    if assembly.scene.preload:
+        system.q, system.pressed = settle(system, laws)
+    else:
+        system.pressed = closed(system, laws)
+    if system.pressed.any():
+        p = len(laws)
+        delta = system.beta[:p] @ system.q - system.offsets[0, :p]
+        delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
+        system.depth = np.maximum(system.depth, delta)
+        system.given = sum(
+            law.potential(float(d), law.touch(0.0)) for law, d in zip(laws, delta, strict=True)
+        )
+        system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
+
+
+def exactly(
+    assembly: Assembly,
+    duration: float,
+    tol: float,
+    step: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[Converged, str]:
+    """The run by the exact method, and why a given step [s] failed."""
+    system, laws = assembly.system, assembly.laws
+    if step is None:
+        limits = max_contacts, max_steps
+        return converge(system, assembly.lasting, duration, tol, *limits), ""
+
+    def stiffness() -> Array:
+        return np.array(
+            [
+                stiffness_at(law, float(depth), law.touch(float(speed)))
+                for law, depth, speed in zip(laws, system.depth, system.speed, strict=True)
+            ]
+        )
+
+    found, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
+    return Converged(found, step, 0.0, 0.0, duration), failure
+
+
+def check_range(history: History, doubts: Sequence[str] = ()) -> None:
+    """AccuracyError, behind what is implausible, if a force leaves the range of its law."""
+    a = history.assembly
+    if all(law.valid_force == np.inf for law in a.laws):
+        return
+    for c, (contact, law) in enumerate(zip(a.scene.contacts, a.laws, strict=True)):
+        if law.valid_force == np.inf:
+            continue
+        where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
+        peak = history.contact_histories[c].peak_force
+        if peak > law.valid_force:
+            radius = a.bodies[contact.a.partition(":")[0]].patch_radius
+            raise beyond_law(law, peak, radius, doubts, where)
+
+
+def beyond_law(
+    law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
+) -> AccuracyError:
+    """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
+    return AccuracyError(plausible.first(doubts, f"{where}{law.out_of_range(peak, radius)}."))
+
+
+def _tell_too_few(scene: Scene, history: SceneHistory) -> None:
+    """Warn of a body whose anti-oscillators are too few for a contact of the run."""
+    assembly = history.assembly
+    for c, (contact, one) in enumerate(zip(scene.contacts, history.contact_histories, strict=True)):
+        for end in (contact.a, contact.b) if one.contacts else ():
+            name = end.partition(":")[0]
+            begin = assembly.spans[name].start if name in assembly.spans else 0
+            if sentence := too_few(scene.bodies.get(name), assembly, c, begin):
+                warn(f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}",
+                     AccuracyWarning)  # fmt: skip

@@ -28,15 +28,15 @@ from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
 from antiosc.simulation.errors.error_budget import error_budget
-from antiosc.simulation.errors.left_out import too_few
-from antiosc.simulation.errors.measured_errors import warn_low_band
-from antiosc.simulation.errors.truncation import Run, choose_n
+from antiosc.simulation.errors.model_errors import warn_low_band
+from antiosc.simulation.errors.truncation import Run, choose_n, too_few
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.histories.verdict import Verdict, tell_rotation
 from antiosc.simulation.integrators.comparison import METHODS
-from antiosc.simulation.problem.two_bodies import LAW, pose
-from antiosc.simulation.refinement import check_range, solved
+from antiosc.simulation.problem.scene_parts import LAW
+from antiosc.simulation.problem.two_bodies import pose
+from antiosc.simulation.scene import check_range, solved
 
 Budget = Callable[[History], ErrorBudget]
 
@@ -121,7 +121,7 @@ def simulate(
     -----
     AccuracyWarning
         If the run did not end as requested, or the anti-oscillators that a model was extracted with
-        are too few for the contact (`antiosc.simulation.errors.left_out`).
+        are too few for the contact (`antiosc.simulation.errors.truncation`).
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
@@ -134,7 +134,7 @@ def simulate(
         "max_contacts": checks.whole("max_contacts", max_contacts),
         "max_steps": checks.whole("max_steps", max_steps),
     }  # fmt: skip
-    budget = partial(error_budget, again=partial(exact_history, options=options))
+    budget = partial(error_budget, again=partial(_again, options=options))
     history, verdict = impact(
         model, tol=accuracy, method=method, step=step, n=n, budget=budget, **options
     )
@@ -163,12 +163,18 @@ def impact(
     n: int | str | None = None,
     step: float | None = None,
     budget: Budget | None = None,
-    **options: Any,
+    initial_velocity: float | Motion,
+    gravity: float | Sequence[float],
+    gap: float | None,
+    max_contacts: int,
+    max_steps: int,
 ) -> tuple[History, Verdict]:
     """One impact, and the verdict, of which nobody is told yet; arguments as of `simulate`."""
 
     def of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
-        return _integrated(each, impactor, contact, duration, tol, method, step, budget, **options)
+        assembly = pose(each, impactor, contact, duration, initial_velocity, gravity, gap)
+        kind = partial(History, budget=budget)
+        return solved(kind, assembly, duration, tol, method, step, max_contacts, max_steps)
 
     def again(each: AntiOscillators, tol: float) -> History:
         # a model with all its mass in anti-oscillators leaves the others to the exact method
@@ -186,28 +192,7 @@ def impact(
     return history, verdict
 
 
-def _integrated(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    tol: float,
-    method: str,
-    step: float | None,
-    budget: Budget | None,
-    *,
-    initial_velocity: float | Motion,
-    gravity: float | Sequence[float],
-    gap: float | None,
-    max_contacts: int,
-    max_steps: int,
-) -> tuple[History, Verdict]:
-    assembly = pose(model, impactor, contact, duration, initial_velocity, gravity, gap)
-    kind = partial(History, budget=budget)
-    return solved(kind, assembly, duration, tol, method, step, max_contacts, max_steps)
-
-
-def exact_history(model: LinearBody, tol: float, *, options: Mapping[str, Any]) -> History:
+def _again(model: LinearBody, tol: float, *, options: Mapping[str, Any]) -> History:
     """The same impact on another model, by the exact method to a tolerance."""
     return impact(model, tol=tol, **options)[0]
 

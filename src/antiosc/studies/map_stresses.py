@@ -23,7 +23,7 @@ from antiosc.fem.fields import source
 from antiosc.fem.platform.mpi import on_root
 from antiosc.fem.recovery.place import NodeTensors, Place, place
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories.deflection import Force, motions
+from antiosc.simulation.histories.body_motion import Force, motions
 from antiosc.studies.free_sites import FreeSites
 
 #: Sites whose static deflections are solved for together.

@@ -39,8 +39,9 @@ from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.histories.deflection import peak_deflections
-from antiosc.simulation.impact_band import RigidWall, impact_band
+from antiosc.simulation.bodies.impactors import Obstacle
+from antiosc.simulation.histories.body_motion import peak_deflections
+from antiosc.simulation.problem.two_bodies import impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap
@@ -310,7 +311,7 @@ def _struck(
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
-    on_wall = impact(RigidWall(), impactor, contact, duration, tol=COARSE, **AT_REST)[0].peak_force
+    on_wall = impact(Obstacle(), impactor, contact, duration, tol=COARSE, **AT_REST)[0].peak_force
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}

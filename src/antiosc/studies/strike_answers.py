@@ -16,9 +16,8 @@ from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.errors.error_budget import SAFETY
-from antiosc.simulation.errors.quantities import differences, floored
 from antiosc.simulation.errors.truncation import truncation_error
-from antiosc.simulation.histories.error_bars import ErrorBudget
+from antiosc.simulation.histories.error_bars import ErrorBudget, differences, floored
 from antiosc.simulation.histories.history import History
 
 #: Shares of the tolerance for the truncation and for the time steps.

@@ -27,8 +27,7 @@ from antiosc.simulation.errors.error_budget import (
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.errors.quantities import differences
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.error_bars import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,

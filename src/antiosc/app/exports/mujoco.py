@@ -18,7 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
+from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import simulate
 
 _RADIUS = 5e-3  # m, of the sphere that stands for a site or a striker without a size

@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.simulation.bodies.bodies import Placed, place
 from antiosc.simulation.bodies.impactors import Impactor, Obstacle, RigidMass, Sphere
-from antiosc.simulation.histories.scene_energy import gained
+from antiosc.simulation.histories.energy import gained
+from antiosc.simulation.histories.verdict import inexact
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import SceneParts
-from antiosc.simulation.refinement import exactly, inexact, start
+from antiosc.simulation.scene import exactly, start
 
 #: kinds of outputs, `axm_kind`
 FORCE, INDENTATION, PEAK, IMPULSE, DISPLACEMENT, VELOCITY = range(6)

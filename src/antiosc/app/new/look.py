@@ -363,8 +363,8 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
 
 def draw(found: Look, path: Path) -> None:
     """A picture of the part: its outer faces, the nodes that hold it, and the impact."""
-    from antiosc.base.charts.deformed import Deformed, deformed_figure
     from antiosc.base.charts.figures import save_figure
+    from antiosc.base.charts.surfaces import Deformed, deformed_figure
 
     shade = found.held.astype(float)
     label = "1: held"

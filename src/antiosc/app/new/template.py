@@ -12,7 +12,7 @@ from antiosc.app.report.report import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.simulation.bodies.impactors import Sphere
-from antiosc.simulation.impact_band import impact_band
+from antiosc.simulation.problem.two_bodies import impact_band
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}

@@ -11,7 +11,7 @@ from antiosc.app.page.assets import Data
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.contact import ContactLaw
-from antiosc.contact.compiled import Compiled, is_compiled
+from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.errors.truncation import softest

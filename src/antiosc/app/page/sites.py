@@ -11,7 +11,7 @@ from antiosc.app.page.assets import Data
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.contact import Hertz
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import is_compiled
 from antiosc.models.body import checked_body
 from antiosc.studies.map_results import ImpactMap, hardest
 

@@ -20,14 +20,13 @@ from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import looked_at
 from antiosc.app.scene_file.studies import varied
 from antiosc.base._types import Array
-from antiosc.base.charts.histories import plot_force, plot_motion
-from antiosc.base.charts.models import plot_model
+from antiosc.base.charts.curves import plot_force, plot_model, plot_motion
 from antiosc.base.engineering import engineering, percent, place as placed, prefixed, span
 from antiosc.base.errors import AntioscError
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
 from antiosc.results.pictures import plot_deformed, plot_map
-from antiosc.simulation.bodies.named_impactors import GRAVITY
+from antiosc.simulation.bodies.impactors import GRAVITY
 from antiosc.simulation.histories.error_bars import QUANTITIES
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.results import covers

@@ -516,5 +516,5 @@ def _told(build: Builder, found: Compiled) -> None:
 def by_strengths(structure: Any, history: Any) -> dict[str, Any]:
     """The fields of the criteria for which the materials have strengths; {} without any."""
     with finite_element_packages():
-        from antiosc.results.largest import criteria_of
+        from antiosc.results.margin import criteria_of
     return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}

@@ -14,8 +14,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, Box
 from antiosc.base.checks import array
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, row_numbers
 from antiosc.fem.assembly.motions import rigid_motions

@@ -18,8 +18,7 @@ import scipy.sparse
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, in_words, shown
 from antiosc.base.declared import checked_by
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature

@@ -14,8 +14,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import coordinates, shown
-from antiosc.base.errors import InputError, without_warnings
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known, without_warnings
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh, local_groups

@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import array, instance, number, poisson, positive, shown, within_range
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.base.strengths import Strengths
+from antiosc.base.stresses import Strengths
 
 #: Points of the outline of a circle: the largest stress between two of them is 0.5 % larger.
 ON_CIRCLE = 32

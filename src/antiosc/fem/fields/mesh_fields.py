@@ -11,8 +11,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point

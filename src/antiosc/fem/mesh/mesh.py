@@ -18,8 +18,7 @@ from antiosc.base.checks import (
     instance,
     shown,
 )
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds
 from antiosc.io.neutral import RawMesh

@@ -11,7 +11,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.strengths import Strengths
+from antiosc.base.stresses import Strengths
 
 SURFACES = ("top", "bottom", "middle")
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
-from antiosc.base.names import known
+from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure.structure import Structure
 

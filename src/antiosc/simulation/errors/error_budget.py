@@ -21,12 +21,16 @@ import numpy as np
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
-from antiosc.simulation.errors.left_out import ENOUGH, left_out
-from antiosc.simulation.errors.measured_errors import low_band, measured_errors
-from antiosc.simulation.errors.model_errors import model_errors
-from antiosc.simulation.errors.quantities import differences, floored
-from antiosc.simulation.errors.truncation import Run, truncation_error
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.errors.model_errors import low_band, measured_errors, model_errors
+from antiosc.simulation.errors.truncation import ENOUGH, Run, left_out, truncation_error
+from antiosc.simulation.histories.error_bars import (
+    NO_SHARE,
+    QUANTITIES,
+    ErrorBar,
+    ErrorBudget,
+    differences,
+    floored,
+)
 from antiosc.simulation.histories.history import History
 
 #: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
@@ -68,19 +72,12 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     patch, told = _patch(model, raw, again, tol)
     geometry, curved = _geometry(model, hit, raw, again, tol)
     family, idealized = model_errors(model, raw, again, tol)
-    time = _time(hit, raw, tol)
+    shares = {
+        "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
+        "geometry": geometry, "noise": noise, "band": band, "model": family,
+    }  # fmt: skip
     bars = {
-        name: ErrorBar(
-            value=getattr(hit, name),
-            mesh=mesh[name],
-            truncation=truncated[name],
-            time=time[name],
-            patch=patch[name],
-            geometry=geometry[name],
-            noise=noise[name],
-            band=band[name],
-            model=family[name],
-        )
+        name: ErrorBar(getattr(hit, name), **{cause: own[name] for cause, own in shares.items()})
         for name in QUANTITIES
     }
     notes = (*told, *curved, *idealized, *doubts, *filter(None, [low_band(raw)]))
@@ -92,9 +89,8 @@ def _mesh(
 ) -> tuple[dict[str, float], dict[str, float], float, float, list[str]]:
     """The shares of mesh and truncation, that of the errors of strains in the energy, the factor of
     safety, and what is to be said; of a model without a mesh nothing."""
-    none = dict.fromkeys(QUANTITIES, 0.0)
     if model.strain_error is None:
-        return none, none, 0.0, SAFETY, []
+        return NO_SHARE, NO_SHARE, 0.0, SAFETY, []
     softer = again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
     safety, doubts = _safety(model, share)
@@ -196,18 +192,17 @@ def _patch(
     A second radius changed the compliance of the part by a little beyond that of the half-space:
     the run with that change in the contact tells its effect.
     """
-    none = dict.fromkeys(QUANTITIES, 0.0)
     other = model.info.patch
     if model.radius is None:
-        return none, []
+        return NO_SHARE, []
     if other is None or "compliance" not in other:
-        return none, [NO_PATCH]
+        return NO_SHARE, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
     softer = again(_plain(model, local_compliance=local), tol)
     changed = differences(raw, softer)
     if change and not any(changed.values()):  # the law does not contain the half-space
-        return none, [NO_PATCH]
+        return NO_SHARE, [NO_PATCH]
     return changed, []
 
 
@@ -226,7 +221,7 @@ def _geometry(
     """
     facts = model.info.geometry
     if facts is None:
-        return dict.fromkeys(QUANTITIES, 0.0), []
+        return NO_SHARE, []
     weights = np.diag(amplitudes(hit))
     energy = weights @ np.append(model.k0, model.k)
     layers = weights @ np.asarray(facts["stiffness"])[: len(weights)]

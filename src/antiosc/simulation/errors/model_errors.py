@@ -1,9 +1,10 @@
-"""The share "model" of an error budget: what Timoshenko's beam leaves out of a bar that is solid.
+"""The shares of an error budget that come with the model: of a beam, and of a measured model.
 
-A point load on a solid bar deforms the section around it. Beyond the half-space that a contact law
-holds, this changes three things, which were measured on solid bars of rectangular section against
-closed forms (`benchmarks/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the
-height; x is a frequency over that at which the section deforms):
+"model": what Timoshenko's beam leaves out of a bar that is solid. A point load on a solid bar
+deforms the section around it. Beyond the half-space that a contact law holds, this changes three
+things, which were measured on solid bars of rectangular section against closed forms
+(`benchmarks/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the height; x is a
+frequency over that at which the section deforms):
 
     compliance of the site    by up to LOCAL/(E √A)
     values of modes there     by up to VALUES x   (stresses across the axis, as in von Kármán's and
@@ -14,6 +15,11 @@ height; x is a frequency over that at which the section deforms):
 The same impact with all of these changes at once, to one side and to the other, differed by more
 than that on the solid bar for 449 of 450 quantities, and by 0.97 times as much for one; `SAFETY` is
 for other bars.
+
+"noise" and "band": the record of a measured model (`ModelInfo.measured`) has bodies that the
+measurement does not tell from it: some are drawn from the noise, some from what is not known of the
+modes above the band. The same impact on all of them tells what either leaves open; a bar is `BAR`
+standard deviations.
 """
 
 from __future__ import annotations
@@ -24,12 +30,12 @@ from typing import Any
 
 import numpy as np
 
+from antiosc.base.errors import AccuracyWarning, warn
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
-from antiosc.models.model_info import BeamSection
-from antiosc.simulation.errors.quantities import differences, floored
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.models.model_info import BeamSection, info_of
+from antiosc.simulation.histories.error_bars import NO_SHARE, QUANTITIES, differences, floored
 from antiosc.simulation.histories.history import History
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
@@ -44,11 +50,10 @@ def model_errors(
     The model's info tells what is needed ("model"), or why there is no figure.
     """
     facts = model.info.model
-    none = dict.fromkeys(QUANTITIES, 0.0)
     if isinstance(facts, str):
-        return none, [facts]
+        return NO_SHARE, [facts]
     if facts is None:
-        return none, []
+        return NO_SHARE, []
     softer, stiffer = (differences(raw, again(each, tol)) for each in _changed(model, facts))
     return floored({name: SAFETY * max(softer[name], stiffer[name]) for name in softer}), []
 
@@ -67,3 +72,72 @@ def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[InModes, InMod
         return replace(modes, omega=omega, b=b, r=r)
 
     return InModes(moved(1.0, modes.r + local)), InModes(moved(-1.0, modes.r), local)
+
+
+#: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
+BAR = 2.0
+#: Least product of the top of the band [Hz] and the time of the pulse.
+LEAST_PRODUCT = 1.0
+
+#: Share of the energy of a force below the frequency to which its spectrum reaches; that frequency
+#: times the length of a half-sine; samples of the force, and its length with zeros behind.
+ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
+
+Shares = dict[str, float]
+
+
+def measured_errors(
+    model: Any, raw: History, again: Callable[[Any, float], History], tol: float
+) -> tuple[Shares, Shares]:
+    """The shares of noise and band of peak force, impulse and contact time."""
+    facts = info_of(model).measured
+    if facts is None:
+        return NO_SHARE, NO_SHARE
+    bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
+    off = [
+        differences(raw, again(InModes(ModalBody(omega, b, float(r), decay)), tol))
+        for omega, b, r, decay in bodies
+    ]
+    drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
+    noise, band = (
+        {
+            name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part])))
+            for name in QUANTITIES
+        }
+        for part in (drawn, others)
+    )
+    return floored(noise), floored(band)
+
+
+def low_band(hit: History) -> str:
+    """That the band of the measurement is too low for the contact; "" where it is not."""
+    facts = info_of(hit.model).measured
+    if facts is None or not hit.contacts:
+        return ""
+    top, pulse = float(facts["top"]) / (2 * np.pi), pulse_time(hit)
+    if top * pulse >= LEAST_PRODUCT:
+        return ""
+    return (
+        f"The measurement ends at {top:.4g} Hz, and the force is as short as a half-sine of"
+        f" {pulse:.3g} s: their product {top * pulse:.2g} is below {LEAST_PRODUCT:g}, and the force"
+        " depends on modes that were not measured; measure to a higher frequency, or take a softer"
+        " or heavier impactor."
+    )
+
+
+def pulse_time(hit: History) -> float:
+    """Length [s] of a half-sine whose spectrum reaches as far as that of the force.
+
+    The spectrum of the main impact reaches to where `ENERGY` of its energy lie below.
+    """
+    start, end = hit.contacts[0][0], hit.contacts[-1][1]
+    time = np.linspace(start, end, SAMPLES)
+    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
+    reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
+    return HALF_SINE * PADDED * (end - start) / reach
+
+
+def warn_low_band(hit: History) -> None:
+    """Warn of a band that is too low for the contact."""
+    if sentence := low_band(hit):
+        warn(sentence, AccuracyWarning)

@@ -1,4 +1,4 @@
-"""`ErrorBudget`: the bars of an impact's three quantities, by cause."""
+"""`ErrorBudget`: the bars of an impact's three quantities by cause, and differences of impacts."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from antiosc.base.engineering import engineering, percent
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
+#: What a cause adds that does not apply.
+NO_SHARE = dict.fromkeys(QUANTITIES, 0.0)
 #: Causes of error, in the order in which they are told.
 CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
 #: Those that are told only of models that were measured.
@@ -115,3 +117,22 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             value = engineering(bar.value, QUANTITIES[name], 4)
             lines.append(f"{name.replace('_', ' ')} {value} ± {percent(bar.total)}: {causes}")
         return "\n".join([*lines, *self.notes])
+
+
+#: Each error is at least this share of the largest of the three.
+FLOOR = 0.5
+
+
+def differences(one: object, other: object) -> dict[str, float]:
+    """Relative differences of the three quantities."""
+    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+
+
+def floored(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the three quantities, each at least `FLOOR` times the largest."""
+    worst = max(errors.values())
+    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+
+
+def _relative(a: float, b: float) -> float:
+    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0

@@ -14,15 +14,14 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
-from antiosc.base.charts.histories import plot_history
+from antiosc.base.charts.curves import plot_history
 from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.bodies import Placed
-from antiosc.simulation.histories.energy import Energy
+from antiosc.simulation.histories.energy import Energy, balance
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.results import HistoryResults
-from antiosc.simulation.histories.scene_energy import balance
 from antiosc.simulation.histories.scene_history import BodyHistory, ContactHistory, Record
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly, known

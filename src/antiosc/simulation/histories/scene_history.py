@@ -15,10 +15,10 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.simulation.bodies.bodies import Placed
-from antiosc.simulation.histories.contact_energy import impulses
+from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.contact_rows import along, find
+from antiosc.simulation.problem.rows import along, find
 from antiosc.simulation.problem.scene_states import record_of, starts, touches, with_flights
 
 

@@ -16,7 +16,7 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod, joined
+from antiosc.simulation.integrators.method import ROUNDING, Piece, SceneMethod, joined
 from antiosc.simulation.march.system import System
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")

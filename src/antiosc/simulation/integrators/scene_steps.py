@@ -18,7 +18,7 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.integrators.scene_method import ROUNDING, Piece, SceneMethod
+from antiosc.simulation.integrators.method import ROUNDING, Piece, SceneMethod
 from antiosc.simulation.march.system import System
 
 #: times the energy that was there or given, beyond which a run counts as unstable; less may be the

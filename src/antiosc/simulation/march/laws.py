@@ -8,7 +8,7 @@ from typing import Any
 from antiosc.base import march
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.contact.compiled import Compiled, is_compiled
+from antiosc.contact.base import Compiled, is_compiled
 
 
 class OwnLaw:

@@ -11,20 +11,21 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.contact import ContactLaw
 from antiosc.simulation.bodies.bodies import Placed, first_order_of, may_turn, place
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.contact_rows import (
+from antiosc.simulation.problem.rows import (
+    acting,
     along,
+    axes_of,
     find,
     give_axes,
     order_notes,
     row_of,
     tangents_of,
 )
-from antiosc.simulation.problem.scene_loads import acting, axes_of
+from antiosc.simulation.problem.scales import MINDLIN, STIFFEST, freed, mass_behind, scales
 from antiosc.simulation.problem.scene_parts import SceneParts
-from antiosc.simulation.problem.scene_scales import MINDLIN, STIFFEST, mass_behind, scales
 from antiosc.simulation.problem.scene_states import between
 
 Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
@@ -189,23 +190,6 @@ def side_by_side(
         B[spans[name], columns[name]] = body.B
         r[columns[name], columns[name]] = body.r
     return spans, columns, B, r
-
-
-def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
-    if local == 0.0:
-        return law, []
-    if not isinstance(law, Hertz):
-        return law, [
-            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
-            f" {type(law).__name__} is not Hertz's law."
-        ]
-    if law.compliance > 0.0:
-        return law, []
-    return law.without(local), [
-        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from Hertz's law"
-        f" of {a!r} - {b!r}, so that the indentation is counted once."
-    ]
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:

@@ -13,12 +13,13 @@ from antiosc.base import checks, march, memory
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.contact import ContactLaw
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.problem.assembly import freed
-from antiosc.simulation.problem.two_bodies import LAW, Pair, pair
+from antiosc.simulation.problem.scales import freed
+from antiosc.simulation.problem.scene_parts import LAW
+from antiosc.simulation.problem.two_bodies import Pair, pair
 
 IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
@@ -37,10 +38,10 @@ class Impact(NamedTuple):
     contact: ContactLaw
     duration: float
     initial_velocity: float | Motion
-    gravity: Any
+    gravity: float | Sequence[float]
     gap: float | None
 
-    def group(self) -> tuple[Any, ...] | None:
+    def group(self) -> tuple[object, ...] | None:
         """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
         if not is_compiled(self.contact) or _coupled(self.model) or _coupled(self.impactor):
             return None
@@ -51,7 +52,7 @@ class Impact(NamedTuple):
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
-def _coupled(body: Any) -> bool:
+def _coupled(body: LinearBody) -> bool:
     """Whether damping couples the modes of a body; False for what is none, which `pair` tells."""
     if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
         return False
@@ -85,7 +86,7 @@ class Rows:
             beta[:, -1] = -b
             v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
             mobility = made.bodies[0][1].mobility + b * b
-        self.laws = _freed([each.contact for each in impacts], made.local)
+        self.laws = cast("list[Compiled]", _freed([each.contact for each in impacts], made.local))
         self.given = given = np.zeros(count, IMPACT)
         self._held = [made.omega, made.decay, beta, v, made.load, *_turning(made)]
         omega, decay, rows, speeds, load, *turning = map(march.address, self._held)
@@ -132,9 +133,9 @@ class Rows:
         return outcomes, pulses
 
 
-def _freed(contacts: Iterable[Any], local: float) -> list[Any]:
+def _freed(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
     """The laws as the march takes them."""
-    found: dict[int, Any] = {}
+    found: dict[int, ContactLaw] = {}
     laws = []
     for contact in contacts:
         if id(contact) not in found:

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Given
+from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -33,9 +34,11 @@ from antiosc.models.motion import ModalState, Motion
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.bodies import RigidBody
 
+LAW = "a ContactLaw such as Hertz(stiffness)"
+
 
 @dataclass(frozen=True, eq=False)
-class Contact(Given):
+class Contact(Checked):
     """A contact between two sites, "body" or "body:site".
 
     Parameters
@@ -64,23 +67,19 @@ class Contact(Given):
 
     a: str
     b: str
-    law: ContactLaw
-    gap: float | None = None
-    friction: float = 0.0
-    tangential_stiffness: float | None = None
+    law: ContactLaw = field(metadata=checked_by(checks.instance, ContactLaw, LAW))
+    gap: float | None = field(default=None, metadata=checked_by(checks.nonnegative, "m"))
+    friction: float = field(default=0.0, metadata=checked_by(checks.nonnegative))
+    tangential_stiffness: float | None = field(
+        default=None, metadata=checked_by(checks.positive, "N/m")
+    )
 
     def __post_init__(self) -> None:
         for name in ("a", "b"):
             checks.text(f"end {name}, as 'body' or 'body:site',", getattr(self, name))
         if self.a == self.b:
             raise InputError(f"the ends of a contact must differ; got {self.a!r} twice.")
-        checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
-        if self.gap is not None:
-            object.__setattr__(self, "gap", checks.nonnegative("gap", self.gap, "m"))
-        object.__setattr__(self, "friction", checks.nonnegative("friction", self.friction))
-        if self.tangential_stiffness is not None:
-            value = checks.positive("tangential_stiffness", self.tangential_stiffness, "N/m")
-            object.__setattr__(self, "tangential_stiffness", value)
+        super().__post_init__()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +101,7 @@ class Load(Given):
     def __post_init__(self) -> None:
         checks.text("end, as 'body' or 'body:site',", self.end)
         times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "forces", checks.array("forces", forces, (times.size,)))
+        checks.store(self, times=times, forces=checks.array("forces", forces, (times.size,)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +128,8 @@ class Base(Given):
     def __post_init__(self) -> None:
         times, values = _series("base", self.times, self.accelerations)
         shape = (times.size,) if values.ndim == 1 else (times.size, 3)
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "accelerations", checks.array("accelerations", values, shape))
+        values = checks.array("accelerations", values, shape)
+        checks.store(self, times=times, accelerations=values)
 
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:

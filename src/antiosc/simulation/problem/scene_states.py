@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from ctypes import byref, c_int
 from dataclasses import replace
 
@@ -49,15 +49,19 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
     return found[:count].copy(), bool(goes_on)
 
 
-def touching(run: Run, system: System) -> list[int]:
-    """The contacts that touched during the run and go on at its end."""
-    if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == march.APART):
-        return []
-    events = run.events.tolist()
-    last = {which: piece for _, which, piece, _ in events}
-    on = sorted(int(c) for c, piece in last.items() if piece != march.APART)
-    parted = {which for _, which, piece, _ in events if piece == march.APART} if on else ()
-    return [c for c in on if c in parted or not system.pressed[c]]
+def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
+    """Time [s] from the first touch to the last release of the main impact; 0 without contact.
+
+    Successive contacts belong to one impact if the flight between them is shorter than the impact
+    up to then; the main impact is the one with the largest impulse.
+
+    Parameters
+    ----------
+    contacts : (start [s], end [s], impulse [N s]) of each contact, in order; one that goes on at
+        the end of the run counts up to there.
+    """
+    found = np.array([(a, b, 0.0, each, 0.0, 0, 0) for a, b, each in contacts], march.TOUCH)
+    return float(march.library.aom_main_impact(found.size, march.address(found)))
 
 
 def between(t: Array, breaks: Array, values: Array) -> Array:

@@ -20,14 +20,14 @@ from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies.bodies import first_order_of, may_turn, of_one_site
+from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.assembly import Assembly, Parts, freed
-from antiosc.simulation.problem.expected import expected_impact
-from antiosc.simulation.problem.scene_parts import of_two
+from antiosc.simulation.problem.assembly import Assembly, Parts
+from antiosc.simulation.problem.scales import expected_impact, freed
+from antiosc.simulation.problem.scene_parts import LAW, of_two
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
-LAW = "a ContactLaw such as Hertz(stiffness)"
 #: The row of the one contact in the displacements of both bodies along their pushes.
 _ROW = np.array([[-1.0, -1.0]])
 _NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
@@ -237,3 +237,25 @@ def _falling(body: ModalBody, load: Array) -> Array:
     equilibrium."""
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
+
+
+#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
+#: T has its first zero there
+BAND_OVER_PULSE = 3.0
+
+
+@checks.within_range
+def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+    """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
+
+    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
+    the structure can have. Raises InputError for an impactor at rest.
+    """
+    velocity = checked_body("impactor", impactor).velocity
+    if not checks.number("velocity", velocity, "m/s") > 0:
+        raise InputError(
+            "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
+            "give the band as a number."
+        )
+    endless = 1e6  # s
+    return BAND_OVER_PULSE * np.pi / pose(Obstacle(), impactor, contact, endless).lasting

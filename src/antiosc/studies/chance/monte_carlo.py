@@ -19,7 +19,7 @@ from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.executors import as_they_come, check_executor
+from antiosc.simulation.sweep import as_they_come, check_executor
 from antiosc.studies.chance.inputs import checked, draws, value
 from antiosc.studies.chance.sample import Sample
 

@@ -18,8 +18,7 @@ from antiosc.simulation.histories.history import SceneHistory
 from antiosc.simulation.histories.verdict import COMPLETED, STOPPED
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import Contact
-from antiosc.simulation.refinement import check_range, exactly, start as begin
-from antiosc.simulation.scene import Scene
+from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Floor, law_of

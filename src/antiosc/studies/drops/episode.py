@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.simulation.histories.contact_energy import impulses
+from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.history import SceneHistory
 from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.expected import deepest
+from antiosc.simulation.problem.scales import deepest
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import BODY, Held, arms_of, run, scene_of
 from antiosc.studies.drops.flight import State

@@ -73,7 +73,7 @@ class DesignMap(Brief):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
         material lowers the goal, red: it raises it.
         """
-        from antiosc.base.charts.design import draw_design
+        from antiosc.base.charts.surfaces import draw_design
 
         faces, gather = self.meshed.faces, self.meshed.comm.allgather
         corners = np.concatenate(gather(faces.corners))

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.simulation.histories.main_impact import contact_time
-from antiosc.simulation.problem.scene_states import forces, located, states
+from antiosc.simulation.problem.scene_states import forces, located, main_contact_time, states
 from antiosc.studies.gradients.recorded import Recorded
 
 #: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.
@@ -158,7 +157,7 @@ def _contact_time(found: Recorded, c: int, to: Seeds) -> None:
     spans, _ = _touches(found, c)
     f, edges, h = found.run.force[:, c], found.edges, np.diff(found.edges)
     area = np.append(0.0, np.cumsum(h * (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6))
-    to.value = contact_time(
+    to.value = main_contact_time(
         (float(edges[a]), float(edges[b]), float(area[b] - area[a])) for a, b in spans
     )
     first, last = min(

@@ -15,7 +15,7 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Brief, short
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
-from antiosc.contact.compiled import is_compiled
+from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine

@@ -1,0 +1,90 @@
+"""Runs that reach a limit or gain energy: what is told, and that what is there by then is kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base import march
+from antiosc.simulation.march.engine import run
+from antiosc.simulation.problem.assembly import assemble
+from scene_cases import bounce, random_scene, stops
+
+
+def test_bounds_on_the_work_are_told() -> None:
+    scene = bounce()
+    with pytest.warns(ao.AccuracyWarning, match="more than 5 steps"):
+        hit = scene.run(1e-2, max_steps=5)
+    assert hit.status == 2
+    with pytest.warns(ao.AccuracyWarning, match="leaves no finer run"):
+        assert scene.run(1e-2, max_steps=30).status == 1
+
+
+def test_steps_that_are_given_up_count_as_work() -> None:
+    made = assemble(stops()[0], 0.006)
+    found = run(made.system, 0.006, 1e-3, scale=1e-9, fine=made.lasting / 200, max_steps=200)
+    assert found.answer == march.TOO_MANY_STEPS
+    assert found.steps < found.attempts <= 200 + 64 + 14  # halvings, and tries of an exit
+
+
+def test_what_touches_by_rounding_alone_is_no_contact() -> None:
+    """A load far from a stop without gap draws the body away from it."""
+    made = assemble(random_scene(1112), 5e-3)
+    found = run(made.system, 5e-3, 1e-3, fine=made.lasting / 200, max_steps=100)
+    assert found.answer == march.TOO_MANY_STEPS
+    assert found.touches == 0
+
+
+def test_a_gain_of_energy_is_told() -> None:
+    with pytest.warns(ao.AccuracyWarning, match="gained energy"):
+        hit = random_scene(3483).run(5e-3)
+    assert hit.status == 1
+    assert hit.energy.drift > 1e-3
+
+
+def test_energy_held_without_mass_counts_as_given() -> None:
+    """A load at the start presses a site without mass against its contact, and then releases it."""
+    hit = random_scene(98).run(2e-4, tol=1e-2)
+    assert hit.status == 3  # it ends during contact
+    assert hit.energy.drift < 1e-4
+
+
+MODEL = ao.AntiOscillators(m0=0.05, k0=1e5, m=[0.02, 0.08], omega=[1.5e3, 2e4])
+MASS, LAW = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
+
+
+@pytest.mark.parametrize(
+    ("method", "limits", "words"),
+    [
+        ("newmark", {"step": 1e-6, "max_steps": 20}, "more than 20 steps"),
+        ("leapfrog", {"step": 1e-6, "max_steps": 21}, "more than 21 steps"),
+        ("DOP853", {"max_steps": 4}, "more than 4 steps"),
+        ("DOP853", {"max_steps": 1}, "more than 1 steps"),
+        ("exact", {"step": 1e-6, "max_steps": 30}, "more than 30 steps"),
+    ],
+)
+def test_a_method_that_gives_up_says_why_and_where(method: str, limits: dict, words: str) -> None:
+    with pytest.warns(ao.AccuracyWarning, match=words):
+        hit = ao.simulate(MODEL, MASS, LAW, 2e-3, method, gap=2e-5, **limits)
+    assert hit.status == 2
+    assert words in hit.message
+    assert hit.message[0].isupper()
+    assert 2e-5 <= hit.time[-1] < 1e-4
+    assert np.isfinite(hit.displacement).all()
+    if "step" in limits and method != "exact":
+        count = limits["max_steps"]
+        assert hit.time[-1] == pytest.approx(2e-5 + count * 1e-6, rel=1e-9)
+        assert hit.run.attempts == count
+
+
+def test_contacts_without_end_are_stopped() -> None:
+    for method in ("exact", "newmark"):
+        with pytest.warns(ao.AccuracyWarning, match="more than 3 contacts"):
+            hit = ao.simulate(
+                ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[]), ao.RigidMass(0.1),
+                ao.HuntCrossley(1e9, 0.9), 0.3, method, gravity=9.81, gap=1e-3, max_contacts=3,
+                step=2e-6,
+            )  # fmt: skip
+        assert len(hit.contacts) == 3
+        assert hit.status == 2
