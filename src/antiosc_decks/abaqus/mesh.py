@@ -92,8 +92,16 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
     every = np.array(labels, dtype=np.int64)
     last = unique_last(every)
-    mesh.points = np.array(points, dtype=float).reshape(-1, 3)[last]
+    x = np.array(points, dtype=float).reshape(-1, 3)
+    mesh.points = x[last]
     mesh.nodes = Numbering(every[last])
+    apart = np.abs(mesh.points[mesh.nodes.rows(every)] - x).max(axis=1)
+    moved = apart > 1e-9 * np.abs(x).max(initial=0.0)
+    if moved.any():
+        mesh.told.append(
+            f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such "
+            "lines): the last one is taken."
+        )
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
 
 
