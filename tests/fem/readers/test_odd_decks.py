@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import abaqus_decks as inp
+import antiosc as ao
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.unit_system import UnitSystem
@@ -156,3 +157,15 @@ def test_surfaces_as_cgx_of_debian_writes_them(tmp_path):
     with_card, as_cgx = (read(tmp_path, "a.inp", CUBE + top + node)[0] for top in tops)
     inp.alike(as_cgx["joints"], with_card["joints"])
     assert as_cgx["joints"] != read(tmp_path, "b.inp", CUBE)[0]["joints"]
+
+
+@pytest.mark.fem
+def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
+    """A Krylov space finds each frequency once: what SLEPc breaks off, LAPACK finds."""
+    star = "GRID,9,,0.,0.,0.\nSPC1,1,123456,9\nPBAR,7,1,.4,4.,5.,1.5\nMAT1,1,1.+7,,.33,.1\n"
+    for k in range(6):
+        x, y = np.cos(k * np.pi / 3), np.sin(k * np.pi / 3)
+        star += f"GRID,{k},,{10 * x:.6f},{10 * y:.6f},0.\nCBAR,{k + 11},7,9,{k},0.,0.,1.\n"
+    (tmp_path / "star.bdf").write_text(star.replace("GRID,0,", "GRID,7,").replace("9,0,", "9,7,"))
+    every = ao.natural_modes(ao.read_model(tmp_path / "star.bdf"), 12).frequency
+    np.testing.assert_allclose(every.reshape(2, 6).std(axis=1), 0.0, atol=1e-6 * every[0])
