@@ -16,6 +16,8 @@ from antiosc_decks.model.constraints import Constraints, Term
 
 #: Most terms of an equation: more are damage.
 LONGEST_EQUATION = 1_000_000
+#: The degree of freedom that is the temperature.
+TEMPERATURE = "11"
 
 
 def read_joints(whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]) -> None:
@@ -79,6 +81,8 @@ class _Joints:
                     raise place.error(f"the *EQUATION ends after {found} of {count} terms.")
                 row = more
                 words += row.fields + [""] * (-len(row.fields) % 3)
+            if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
+                continue
             for terms in self._of_sets(words[: 3 * count], row.place, within):
                 self.joints.equation(terms, row.place)
 

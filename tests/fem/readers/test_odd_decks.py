@@ -76,6 +76,7 @@ SAME = {
         CUBE, ("\n1,0,0,0", "\n2147483647,0,0,0"), ("1,1,2,3", "7,2147483647,2,3"),
         ("FIX\n1", "FIX\n2147483647")),
     "twice.inp": CUBE + "*NODE\n1,0.,0.,0.\n",
+    "temperatures.inp": CUBE + "*EQUATION\n2\n5,11,1.,6,11,-1.\n",
     "nested.inp": otherwise(CUBE, (inp.CUBE, '*INCLUDE, INPUT="sub/a.inp"\n')),
     "crlf.bdf": BLOCK.replace("\n", "\r\n"),
     "lower.bdf": BLOCK.lower(),
