@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, real_number, whole_number
+from antiosc.io.deck import Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
@@ -20,7 +20,7 @@ LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX
 SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 
 
-class Row:
+class Row(Placed):
     """The fields of a data line; a comma at the end adds none."""
 
     def __init__(self, line: str, place: Place) -> None:
@@ -51,7 +51,7 @@ class Row:
 
 
 @dataclass
-class Card:
+class Card(Placed):
     """One keyword with its options and data lines."""
 
     #: without `*` and spaces, upper case
@@ -84,8 +84,7 @@ class Card:
     def needed(self, name: str) -> str:
         """Value of a required option."""
         value = self.option(name)
-        if not value:
-            raise self.place.error(f"*{self.keyword} needs {name}=.")
+        self.needs(value, f"*{self.keyword} needs {name}=.")
         return value
 
 
