@@ -12,7 +12,7 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.base import memory
-from antiosc.fem.linalg import scipy_solvers
+from antiosc.fem.linalg import solver as scipy_solvers
 from antiosc.fem.structure import structure as structures
 
 #: scikit-sparse is optional

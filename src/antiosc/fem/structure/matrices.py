@@ -13,8 +13,7 @@ from antiosc.base.checks import array
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import force_ratios, multiply
-from antiosc.fem.linalg.scipy_solvers import solver_for
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.solver import Choice, Solver, solver_for
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.null_space import RIGID_FORCE
