@@ -55,18 +55,15 @@ def _named(line: str) -> bool:
 
 
 def abaqus_cards(path: Path) -> Counter[str]:
-    """Keyword cards by name; *INCLUDE is followed."""
+    """Keyword cards by name; *INCLUDE is followed; surfaces as cgx of Debian writes them."""
     found: Counter[str] = Counter()
-    before = ""
+    above = ""
     for line in _followed(path):
         line = line.strip()
-        if line.startswith("*") and not line.startswith("**") and not before.endswith(","):
-            name = "".join(line[1:].split(",")[0].split()).upper()
-            found[f"*{name}"] += name != "INCLUDE"
-        elif line.startswith("*") and not line.startswith("**"):
+        found["*SURFACE"] += above.startswith("** Surfaces based on ") and line[:1] not in "*"
+        above = line
+        if line.startswith("*") and not line.startswith("**"):
             found["*" + "".join(line[1:].split(",")[0].split()).upper()] += 1
-        if line and not line.startswith("**"):
-            before = line if line.startswith("*") or before.endswith(",") else ""
     return +found
 
 

@@ -46,8 +46,12 @@ class Sources:
         content = path.read_bytes()
         if b"\0" in content:
             raise MeshError(f"{name} contains zero bytes: it is not a text file, or it is damaged.")
-        # splitlines() would also divide lines at other characters
-        return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+        # splitlines() would also divide lines at other characters; DOS ends a file by \x1a
+        return text.rstrip("\x1a").replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
     def main(self) -> list[str]:
         """Lines of the deck itself."""

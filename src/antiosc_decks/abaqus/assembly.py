@@ -189,7 +189,9 @@ class Whole:
                     "which does not exist before it."
                 )
         strict = len(self.instances) > 1 and not within.name
-        for row in card.rows():
+        every = self._all_numbers(card, of)
+        found += [] if every is None else [every]
+        for row in card.rows() if every is None else ():
             if "GENERATE" in card.options:
                 found.append(self._numbered(keyword, of, _ranged(row)))
                 row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
@@ -211,6 +213,16 @@ class Whole:
                 f"({', '.join(lost[:4])}{', …' * (len(lost) > 4)})."
             )
         self._extend(keyword, name, within, found)
+
+    def _all_numbers(self, card: Card, of: Instance) -> IntArray | None:
+        """Rows of the members of a set that are all numbers in `of`, at once: there may be many."""
+        every = (word.strip() for line in card.lines for word in line.split(","))
+        words = [word for word in every if word]
+        if "GENERATE" in card.options or not all(w.isdecimal() and len(w) < 19 for w in words):
+            return None
+        known = of.mesh.nodes if card.keyword == "NSET" else of.mesh.elements
+        rows = known.rows(np.array(words, dtype=np.int64))
+        return of.placed(card.keyword, rows) if (rows >= 0).all() else None
 
     def finish(self) -> None:
         """Give the deck the sets, without elements that are not cells."""
@@ -276,7 +288,13 @@ def _divided(
     parts: Parts = {}
     placed: list[tuple[Card, list[Card]]] = []
     current, in_step = top, False
+    names: set[tuple[str, str]] = set()
     for card in cards:
+        if card.keyword in ("PART", "INSTANCE"):
+            named = card.keyword, card.needed("NAME").upper()
+            if named in names:
+                raise card.place.error(f"*{card.keyword} {card.option('NAME')!r} is there twice.")
+            names.add(named)
         match card.keyword:
             case "PART":
                 current = []

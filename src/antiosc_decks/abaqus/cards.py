@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 from antiosc.base.errors import MeshError
@@ -13,6 +14,10 @@ WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 
 #: Cards of loads, whose data may be in a file that is not there.
 LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
+
+
+#: The comment over a surface that cgx of Debian writes without its keyword line.
+SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 
 
 class Row(Placed):
@@ -93,13 +98,17 @@ def cards(sources: Sources) -> list[Card]:
 
 
 def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -> None:
-    number = 0
+    number, surface = 0, None
     while number < len(lines):
         line = lines[number].strip()
         number += 1
         if not line or line.startswith("**"):
+            surface = SURFACE_OF_CGX.match(line) or surface
             continue
         place = Place(file, number)
+        if surface and not line.startswith("*"):
+            found.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
+        surface = None
         if not line.startswith("*"):
             if not found and "**" in line:  # a comment behind what an editor or a mail put there
                 continue

@@ -16,6 +16,8 @@ from antiosc_decks.model.constraints import Constraints, Term
 
 #: Most terms of an equation: more are damage.
 LONGEST_EQUATION = 1_000_000
+#: The degree of freedom that is the temperature.
+TEMPERATURE = "11"
 
 
 def read_joints(whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]) -> None:
@@ -76,6 +78,8 @@ class _Joints:
                     raise place.error(f"the *EQUATION ends after {found} of {count} terms.")
                 row = more
                 words += row.fields + [""] * (-len(row.fields) % 3)
+            if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
+                continue
             for terms in self._of_sets(words[: 3 * count], row.place, within):
                 self.joints.equation(terms, row.place)
 
@@ -120,8 +124,13 @@ class _Joints:
                 if len(nodes) < least:
                     raise place.error(f"the *MPC of type {kind} needs {least} nodes or more.")
                 x = np.array([self.joints.place(node) for node in nodes])
-                for terms in read(nodes, x, place):
+                equations = list(read(nodes, x, place))
+                for terms in equations:
                     self.joints.equation(terms, place)
+                left = set(nodes) - {node for terms in equations for node, _, _ in terms}
+                if left:
+                    self.whole.deck.told.append(f"{place}: {len(left)} nodes of the *MPC of type "
+                                                f"{kind} lie on its axis: left out.")  # fmt: skip
             elif len(nodes) != 2 or not self._of_two(kind, nodes, place):
                 raise place.error(
                     f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here "
@@ -293,8 +302,13 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     r = x[:-1] - x[:-1].mean(axis=0)
     r = r - np.outer(r @ axis, axis)
     size = np.einsum("pi,pi->p", r, r)
-    if size.min() <= 1e-18 * max(size.max(), 1e-300):
-        raise place.error("a node of the *MPC of type MEANROT lies on its axis.")
+    off = size > 1e-18 * size.max()
+    if not off.any():
+        raise place.error("the nodes of the *MPC of type MEANROT lie on its axis.")
+    if not off.all():  # as CalculiX leaves them out
+        kept = np.append(np.flatnonzero(off), len(off))
+        yield from _mean_rotation([nodes[k] for k in kept], x[kept], place)
+        return
     turn = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²
     turn = turn - turn.mean(axis=0)  # of motions from their mean
     terms = [(n, c, -float(turn[p, c])) for p, n in enumerate(nodes[:-1]) for c in range(3)]

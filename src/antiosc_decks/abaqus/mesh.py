@@ -245,8 +245,16 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
     every = np.array(labels, dtype=np.int64)
     # later definitions replace earlier ones
     last = np.sort(len(every) - 1 - np.unique(every[::-1], return_index=True)[1])
-    mesh.points = np.array(points, dtype=float).reshape(-1, 3)[last]
+    given = np.array(points, dtype=float).reshape(-1, 3)
+    mesh.points = given[last]
     mesh.nodes = Numbering(every[last])
+    apart = np.abs(mesh.points[mesh.nodes.rows(every)] - given).max(axis=1)
+    moved = apart > 1e-9 * np.abs(given).max(initial=0.0)
+    if moved.any():
+        mesh.told.append(
+            f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such "
+            "lines): the last one is taken."
+        )
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
 
 

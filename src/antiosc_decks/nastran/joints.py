@@ -241,7 +241,9 @@ class Joints:
             values["K"][0], values["B"][0] = own.real(1), own.real(2)
             if own.words(3):
                 told(f"what of PBUSH1D {own.text(0)} is not K or C")
-        elif name == "CGAP":  # as linear solutions take it: a spring
+        elif name == "CGAP":
+            # a spring by its first state in linear solutions: Altair OptiStruct 2021, CGAP,
+            # comment 1; Autodesk Nastran Reference Guide, CGAP, remark 1; KT = MU1 KA: PGAP of both
             is_open = own.real(1) > 0
             normal = own.real(4) if is_open else own.real(3, 1e8)
             across = 0.0 if is_open else own.real(5, own.real(6) * normal)

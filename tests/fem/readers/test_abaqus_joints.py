@@ -136,6 +136,17 @@ def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path, count):
         assert np.einsum("nc,nc->", row, shift) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_node_on_the_axis_has_no_part_in_the_mean_rotation(tmp_path):
+    """CalculiX: "This node is not taken into account in the MPC"; the others' mean is the same."""
+    ring = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)])
+    x = np.vstack([ring, (0, 0, 0.5), (0, 0, 2)])
+    row, alone = (
+        equations(tmp_path, x, f"*MPC\nMEANROT,{nodes}\n", turning=False)[0]
+        for nodes in ("1,2,3,4,5,6", "1,2,3,4,6")
+    )
+    np.testing.assert_allclose(row, alone, rtol=0, atol=1e-15)
+
+
 def test_equations_are_the_sums_that_they_write(tmp_path):
     """Terms over several lines, the last with fields left out at the end of a line."""
     text = "*EQUATION\n3\n1,1,2.,2,2,-3.\n3,3,0.5\n2\n4,4,1.,5,5,-1.\n"

@@ -284,8 +284,8 @@ LINES = {
     "PLANE,1,2,3,4": (np.outer(np.arange(6), [1.0, 2.0, 3.0]), "PLANE lie on one line."),
     "STRAIGHT,1,2,3": (np.zeros((6, 3)), "STRAIGHT coincide."),
     "MEANROT,1,2,3": (np.zeros((6, 3)), "MEANROT needs an axis."),
-    "MEANROT,1,2,3,4": (np.array([(0, 1, 0), (0, -1, 0), (0, 0, 5), (0, 0, 1.0)]),
-                        "MEANROT lies on its axis."),
+    "MEANROT,1,2,3,4": (np.array([(0, 0, 1), (0, 0, 3), (0, 0, 5), (0, 0, 1.0)]),
+                        "MEANROT lie on its axis."),
 }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import scipy.linalg
 
 from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base.errors import NotConvergedError
 from antiosc.fem.extraction.eigensolvers import Search, lowest
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import (
@@ -99,7 +100,12 @@ class ModeSolver:
         if dense:
             self._found = self._by_lapack()
         else:
-            self._found = self._by_krylov(count)
+            try:
+                self._found = self._by_krylov(count)
+            except NotConvergedError:
+                if rows > DENSE_MANY:
+                    raise
+                self._found = self._by_lapack()
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:

@@ -113,7 +113,14 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
     eps.setInitialSpace([_vector(structure.K, search.start())])
     if search.known.shape[1]:
         eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
-    eps.solve()
+    try:
+        eps.solve()
+    except PETSc.Error as error:  # code 95: a vector with xᵀMx < 0, which is rounding
+        raise NotConvergedError(
+            f"SLEPc broke off (PETSc's error {error.ierr}): of structures of equal parts whose "
+            "motions have little mass the search finds no further shapes; ask for other modes, or "
+            "give the parts slightly different sections."
+        ) from None
     found = eps.getConverged()
     if found < search.wanted:
         raise NotConvergedError(
