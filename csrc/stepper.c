@@ -131,9 +131,9 @@ static bool good_loads(const aom_system *s) {
 }
 
 static bool good_contact(const aom_system *s, const aom_contact *c) {
-    const double least[] = {c->friction, c->slowest, c->preload};
+    const double least[] = {c->friction, c->slowest, c->preload, c->closing};
     const double above[] = {c->expected_depth, c->expected_speed, c->mass};
-    if (!all_good(least, 3, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
+    if (!all_good(least, 4, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
         return false;
     for (int k = 0; k < 3; k++)
         if (!(above[k] > 0.0) || (k < 2 && above[k] == INFINITY))
@@ -187,7 +187,8 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
 static void preload(aom_stepper *st, int c) {
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
-    state->branch = next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, 0.0, state->memory);
+    state->branch =
+        next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, contact->closing, state->memory);
     st->rows[c].force = contact->preload;
     st->now.force_scale = larger(st->now.force_scale, contact->preload);
     st->now.level = 10;
@@ -220,7 +221,7 @@ static void start_contacts(aom_stepper *st) {
     for (int c = 0; c < s->n_contacts; c++) {
         st->contacts[c].depth_scale = s->contacts[c].expected_depth;
         st->contacts[c].speed_scale = s->contacts[c].expected_speed;
-        if (s->contacts[c].preload > 0.0)
+        if (s->contacts[c].preload > 0.0 || s->contacts[c].closing > 0.0)
             preload(st, c);
     }
     for (int i = 0; i < m; i++)

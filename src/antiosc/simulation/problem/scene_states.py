@@ -42,7 +42,7 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
     """
     record, _ = record_of(run)
     found, goes_on = np.empty(len(run.events) + 1, march.TOUCH), c_int()
-    closed = bool(system.pressed[c] > 0)
+    closed = bool(system.closed[c])
     count = march.library.aom_touches(
         byref(record), c, closed, march.address(found), byref(goes_on)
     )
@@ -57,7 +57,7 @@ def touching(run: Run, system: System) -> list[int]:
     last = {which: piece for _, which, piece, _ in events}
     on = sorted(int(c) for c, piece in last.items() if piece != march.APART)
     parted = {which for _, which, piece, _ in events if piece == march.APART} if on else ()
-    return [c for c in on if c in parted or not system.pressed[c]]
+    return [c for c in on if c in parted or not system.closed[c]]
 
 
 def between(t: Array, breaks: Array, values: Array) -> Array:
