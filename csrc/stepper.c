@@ -46,8 +46,7 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
     w->motion = take(a, m, sizeof(stages));
-    w->free_depth = take(a, m, sizeof(double));
-    w->free_rate = take(a, m, sizeof(double));
+    w->free = take(a, p, sizeof(motion));
     w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, L, sizeof(double));
@@ -68,9 +67,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     size_t G = (size_t)groups;
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
-    lay_out_work(st == NULL ? &unused.work : &st->work, &a, (size_t)load_width(system), m, p,
-                 G);
     aom_stepper *to = st == NULL ? &unused : st;
+    lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G);
     to->spans = take(&a, m, sizeof(row_span));
     to->group = take(&a, m, sizeof(int));
     to->first = take(&a, G, sizeof(int));

@@ -349,8 +349,12 @@ def address(values: NDArray[Any]) -> int:
         return values.ctypes.data
 
 
-def responses(omega: Array, decay: Array, t: Array) -> Array:
-    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast."""
+def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
+    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast.
+
+    q = P q0 + S v0 + J0 f, v = W v0 - omega^2 S q0 + S f; J1 and J2 are the displacements under
+    modal forces that grow as t and as t^2/2. Free of cancellation for small omega t and decay t.
+    """
     given = _doubles(*np.broadcast_arrays(omega, decay, t))
     out = np.empty((6, *given[0].shape))
     library.aom_responses(given[0].size, *map(address, given), 1, address(out))

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from antiosc.base import checks
+from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.models.body import LinearBody
-from antiosc.simulation.march.modal_response import responses
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force:
 #: at least, at most, and in a period of the first mode.
@@ -81,7 +80,7 @@ def motions(
     q, v = np.zeros_like(b), np.zeros_like(b)
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
-        P, W, S, J0, J1, _ = responses(omega, decay, h)
+        P, W, S, J0, J1, _ = march.responses(omega, decay, h[:, None])
         rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
         push = b * F[:, k, None]
         q, v = (
