@@ -43,7 +43,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 5 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 6 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -180,6 +180,7 @@ typedef struct aom_contact {
     double expected_speed;       /* closing speed [m/s], roughly, > 0 */
     double slowest;              /* what begins more slowly [m/s] counts as beginning so, >= 0 */
     double preload;              /* force at the start [N]; > 0: it is closed */
+    double closing;              /* speed [m/s] at which it closed before; > 0: it is closed */
 } aom_contact;
 
 typedef struct aom_system {

@@ -3,11 +3,6 @@
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
-/* Indentation and rate of a row. */
-typedef struct motion {
-    double depth, rate;
-} motion;
-
 /* What n pairs of modes add to a row at `count` times, of which rows[k] are its responses. Two sums
  * of each, so that additions need not wait for each other. */
 static inline void add_modes(int n, const double *const *rows, int count, const double *q,
@@ -64,17 +59,6 @@ static inline void free_row(const aom_stepper *st, int i, const slot *const *slo
             add_loads(st, i, slots[k], out + k);
         out[k].depth -= st->work.offset[i] + st->work.drift[i] * t[k];
         out[k].rate -= st->work.drift[i];
-    }
-}
-
-/* Indentations and rates of all rows after the time of a slot without contact forces. */
-static void free_motion(const aom_stepper *st, int index, double t, double *depth, double *rate) {
-    const slot *s = st->slots + index;
-    for (int i = 0; i < st->system.n_rows; i++) {
-        motion out;
-        free_row(st, i, &s, &t, 1, &out);
-        depth[i] = out.depth;
-        rate[i] = out.rate;
     }
 }
 
@@ -235,7 +219,7 @@ typedef enum verdict { CLEAR, UNCERTAIN, STRUCK } verdict;
 static verdict seen(aom_stepper *st, int c, int index, double h) {
     double origin = origin_of(st, c), rate = st->rows[c].rate;
     double before = smaller(st->rows[c].depth - origin, 0.0);
-    double after = st->work.free_depth[c] - origin;
+    double after = st->work.free[c].depth - origin;
     double most = chord(st, c, index, h), close = SHARP * st->contacts[c].depth_scale;
     double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
     double fine = st->options.resolution;
@@ -250,10 +234,11 @@ static verdict seen(aom_stepper *st, int c, int index, double h) {
 static double first_touch(aom_stepper *st, double h) {
     double first = INFINITY;
     for (int c = 0; c < st->system.n_contacts; c++) {
-        double after = st->work.free_depth[c] - origin_of(st, c);
+        motion end = st->work.free[c];
+        double after = end.depth - origin_of(st, c);
         if (after <= SHARP * st->contacts[c].depth_scale)
             continue;
-        double found = touch_time(st, c, after, st->work.free_rate[c], h);
+        double found = touch_time(st, c, after, end.rate, h);
         if (found < first) {
             first = found;
             st->exit_contact = c;
@@ -283,7 +268,9 @@ int flight_step(aom_stepper *st) {
             h = now->left;
         }
         ready_rows(st, index, h);
-        free_motion(st, index, h, w->free_depth, w->free_rate);
+        const slot *end = st->slots + index;
+        for (int c = 0; c < st->system.n_contacts; c++)
+            free_row(st, c, &end, &h, 1, w->free + c);
         bool clear = true;
         struck = false;
         for (int c = 0; c < st->system.n_contacts; c++) {

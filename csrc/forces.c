@@ -150,6 +150,12 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
     return change;
 }
 
+static void swap(double *a, double *b) {
+    double kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
 /* Solve A x = b in place by elimination with pivots; x into b. */
 bool eliminate(double *A, double *b, int n) {
     for (int k = 0; k < n; k++) {
@@ -160,14 +166,9 @@ bool eliminate(double *A, double *b, int n) {
         if (!(fabs(A[best * n + k]) > 1e-300))
             return false;
         if (best != k) {
-            for (int j = 0; j < n; j++) {
-                double swap = A[k * n + j];
-                A[k * n + j] = A[best * n + j];
-                A[best * n + j] = swap;
-            }
-            double swap = b[k];
-            b[k] = b[best];
-            b[best] = swap;
+            for (int j = 0; j < n; j++)
+                swap(A + k * n + j, A + best * n + j);
+            swap(b + k, b + best);
         }
         for (int i = k + 1; i < n; i++) {
             double f = A[i * n + k] / A[k * n + k];

@@ -38,7 +38,12 @@ typedef struct influence {
     double depth[2][3], rate[2][3];
 } influence;
 
-/* Indentation and rate of a row at h/2 and h. */
+/* Indentation and rate of a row. */
+typedef struct motion {
+    double depth, rate;
+} motion;
+
+/* The same at h/2 and h. */
 typedef struct stages {
     double depth[2], rate[2];
 } stages;
@@ -97,7 +102,7 @@ typedef struct newton_row {
 typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
-    double *free_depth, *free_rate; /* [m] */
+    motion *free;         /* [p] at the end of a flight */
     double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */

@@ -63,12 +63,11 @@ static double stronge_growth(double area) {
 
 /* Virgin force and its slope of a law with memory. */
 curve law_loading(const aom_law *law, double delta) {
-    const double *p = law->params;
     if (delta <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
         return table_at(loading_table(law), loading_knots(law), delta);
-    double k = p[0], y = p[1];
+    double k = law->params[0], y = law->params[1];
     if (law->kind == AOM_THORNTON && delta > y)
         return (curve){k * sqrt(y) * (1.5 * delta - 0.5 * y), 1.5 * k * sqrt(y)};
     if (law->kind == AOM_STRONGE && delta > y) {
@@ -414,11 +413,8 @@ static double law_energy(const aom_law *law, double delta, const double *state) 
 
 void aom_law_forces(const aom_law *law, int64_t n, const double *delta, const double *state,
                     double *out) {
-    for (int64_t k = 0; k < n; k++) {
-        double found[3];
-        aom_law_force(law, delta[k], 0.0, state, found);
-        out[k] = found[0];
-    }
+    for (int64_t k = 0; k < n; k++)
+        out[k] = force_at(law, delta[k], state);
 }
 
 void aom_law_energies(const aom_law *law, int64_t n, const double *delta, const double *state,

@@ -46,8 +46,7 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
     w->motion = take(a, m, sizeof(stages));
-    w->free_depth = take(a, m, sizeof(double));
-    w->free_rate = take(a, m, sizeof(double));
+    w->free = take(a, p, sizeof(motion));
     w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, L, sizeof(double));
@@ -68,9 +67,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     size_t G = (size_t)groups;
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
-    lay_out_work(st == NULL ? &unused.work : &st->work, &a, (size_t)load_width(system), m, p,
-                 G);
     aom_stepper *to = st == NULL ? &unused : st;
+    lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G);
     to->spans = take(&a, m, sizeof(row_span));
     to->group = take(&a, m, sizeof(int));
     to->first = take(&a, G, sizeof(int));
@@ -131,9 +129,9 @@ static bool good_loads(const aom_system *s) {
 }
 
 static bool good_contact(const aom_system *s, const aom_contact *c) {
-    const double least[] = {c->friction, c->slowest, c->preload};
+    const double least[] = {c->friction, c->slowest, c->preload, c->closing};
     const double above[] = {c->expected_depth, c->expected_speed, c->mass};
-    if (!all_good(least, 3, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
+    if (!all_good(least, 4, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
         return false;
     for (int k = 0; k < 3; k++)
         if (!(above[k] > 0.0) || (k < 2 && above[k] == INFINITY))
@@ -187,7 +185,8 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
 static void preload(aom_stepper *st, int c) {
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
-    state->branch = next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, 0.0, state->memory);
+    state->branch =
+        next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, contact->closing, state->memory);
     st->rows[c].force = contact->preload;
     st->now.force_scale = larger(st->now.force_scale, contact->preload);
     st->now.level = 10;
@@ -220,7 +219,7 @@ static void start_contacts(aom_stepper *st) {
     for (int c = 0; c < s->n_contacts; c++) {
         st->contacts[c].depth_scale = s->contacts[c].expected_depth;
         st->contacts[c].speed_scale = s->contacts[c].expected_speed;
-        if (s->contacts[c].preload > 0.0)
+        if (s->contacts[c].preload > 0.0 || s->contacts[c].closing > 0.0)
             preload(st, c);
     }
     for (int i = 0; i < m; i++)

@@ -262,6 +262,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         to->expected_speed = number(s, 1e-3, 1e2);
         to->slowest = number(s, 0.0, 1e-3);
         to->preload = byte(s) % 4u ? 0.0 : number(s, 0.0, 1e3);
+        to->closing = byte(s) % 4u ? 0.0 : number(s, 0.0, 10.0);
     }
     aom_options options = aom_default_options(number(s, 1e-6, 1e-1));
     options.rel_tol = number(s, 1e-7, 0.5);

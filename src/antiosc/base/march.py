@@ -31,7 +31,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 5
+VERSION = 6
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -90,7 +90,7 @@ class Contact(Structure):
         *((name, c_double) for name in ("friction", "tangential_stiffness")),
         *((name, c_int) for name in ("first_tangential", "n_tangential")),
         *((name, c_double) for name in ("mass", "expected_depth", "expected_speed")),
-        *((name, c_double) for name in ("slowest", "preload")),
+        *((name, c_double) for name in ("slowest", "preload", "closing")),
     ]
 
 
@@ -349,8 +349,12 @@ def address(values: NDArray[Any]) -> int:
         return values.ctypes.data
 
 
-def responses(omega: Array, decay: Array, t: Array) -> Array:
-    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast."""
+def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
+    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast.
+
+    q = P q0 + S v0 + J0 f, v = W v0 - omega^2 S q0 + S f; J1 and J2 are the displacements under
+    modal forces that grow as t and as t^2/2. Free of cancellation for small omega t and decay t.
+    """
     given = _doubles(*np.broadcast_arrays(omega, decay, t))
     out = np.empty((6, *given[0].shape))
     library.aom_responses(given[0].size, *map(address, given), 1, address(out))

@@ -150,16 +150,24 @@ def solved(
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 
-def start(assembly: Assembly) -> None:
+def start(assembly: Assembly, cut: tuple[Array, Array] | None = None) -> None:
     """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
 
-    Without preload only a load on a site without mass closes a contact at once.
+    Without preload only a load on a site without mass closes a contact at once, or a run before.
+
+    Parameters
+    ----------
+    cut : closing speeds (p,) [m/s] of the contacts that go on from a run before (`Run.closing`), 0
+        of others, and their forces (p,) [N].
     """
     system, laws = assembly.system, assembly.laws
     if assembly.scene.preload:
         system.q, system.pressed = settle(system, laws)
     else:
         system.pressed = closed(system, laws)
+    if cut is not None:
+        system.closing = cut[0]
+        system.pressed = np.where(cut[0] > 0, cut[1], system.pressed)
     if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]

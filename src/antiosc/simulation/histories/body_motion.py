@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
+from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
@@ -22,7 +22,6 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.histories.history import History, no_field
 from antiosc.simulation.histories.scene_history import BodyHistory
-from antiosc.simulation.march.modal_response import responses
 
 #: What knows the motion of a body.
 Motions = History | BodyHistory
@@ -241,7 +240,7 @@ def motions(
     q, v = np.zeros_like(b), np.zeros_like(b)
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
-        P, W, S, J0, J1, _ = responses(omega, decay, h)
+        P, W, S, J0, J1, _ = march.responses(omega, decay, h[:, None])
         rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
         push = b * F[:, k, None]
         q, v = (

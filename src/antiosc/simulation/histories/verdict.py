@@ -73,7 +73,7 @@ def touching(run: Run, system: System) -> list[int]:
     last = {which: piece for _, which, piece, _ in events}
     on = sorted(int(c) for c, piece in last.items() if piece != march.APART)
     parted = {which for _, which, piece, _ in events if piece == march.APART} if on else ()
-    return [c for c in on if c in parted or not system.pressed[c]]
+    return [c for c in on if c in parted or not system.closed[c]]
 
 
 def verdict_of(

@@ -40,11 +40,13 @@ class JointContacts:
 
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
         self.system, self.laws = system, laws
-        self.closed = (system.pressed > 0).tolist()
+        self.closed = system.closed.tolist()
         self._tangents = [slice(i, i + count) for i, count in system.tangents.tolist()]
         self.states: list[State | None] = [
-            law.touch(0.0) if closed else None
-            for law, closed in zip(laws, self.closed, strict=True)
+            law.touch(0.0 if system.closing is None else float(system.closing[c]))
+            if closed
+            else None
+            for c, (law, closed) in enumerate(zip(laws, self.closed, strict=True))
         ]
         self.anchor = np.zeros(len(system.beta))
         self.events: list[tuple[float, int, int, float]] = []

@@ -60,6 +60,14 @@ class Run:
     every: int = 1
     exits: Array | None = None
 
+    def closing(self, system: System, t: float) -> Array:
+        """Speeds (p,) [m/s] at which the contacts closed that are closed at a time [s]; else 0."""
+        p = len(system.laws)
+        found = np.zeros(p) if system.closing is None else system.closing.copy()
+        for _, c, branch, speed in self.events[self.events[:, 0] <= t].tolist():
+            found[int(c)] = speed if branch != march.APART else 0.0
+        return found
+
 
 class Buffers:
     """What the march writes of a run into: times, forces, depths, states, events."""

@@ -42,6 +42,7 @@ class System:
     mass : (p,) inertia behind each contact [kg], roughly.
     depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
     pressed : (p,) forces [N] at the start: a contact with one is closed.
+    closing : (p,) speeds [m/s] at which contacts closed that go on from a run before; 0 of others.
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
     block : omega to v in one array, where they already stand so.
@@ -64,9 +65,15 @@ class System:
     speed: Array
     pressed: Array
     given: float = 0.0
+    closing: Array | None = None
     first: SideBySide | None = None
     gamma: Array | None = None
     block: Array | None = field(default=None, init=False)
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Which contacts (p,) are closed at the start."""
+        return self.pressed > 0 if self.closing is None else (self.pressed > 0) | (self.closing > 0)
 
     @property
     def damped(self) -> bool:
@@ -149,12 +156,13 @@ class Given:
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
-            s.speed.tolist(), s.pressed.tolist(), strict=True,
+            s.speed.tolist(), s.pressed.tolist(),
+            [0.0] * p if s.closing is None else s.closing.tolist(), strict=True,
         )  # fmt: skip
         self.contacts = (march.Contact * p)(
             *[
-                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, pressed)
-                for (law, _), slip, tangents, mass, depth, speed, pressed in each_contact
+                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, *closed)
+                for (law, _), slip, tangents, mass, depth, speed, *closed in each_contact
             ]
         )
         self.system = march.System(

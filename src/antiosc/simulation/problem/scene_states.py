@@ -42,7 +42,7 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
     """
     record, _ = record_of(run)
     found, goes_on = np.empty(len(run.events) + 1, march.TOUCH), c_int()
-    closed = bool(system.pressed[c] > 0)
+    closed = bool(system.closed[c])
     count = march.library.aom_touches(
         byref(record), c, closed, march.address(found), byref(goes_on)
     )
