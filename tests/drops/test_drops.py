@@ -18,7 +18,7 @@ from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import Setting, fallen, hung
 from antiosc.studies.drops.episode import Episode
-from antiosc.studies.drops.flight import Flight, State, Swing, ringing
+from antiosc.studies.drops.flight import Flight, State, most, ringing
 from antiosc.studies.drops.floor import law_of
 from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation, turned

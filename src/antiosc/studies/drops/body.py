@@ -18,6 +18,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
@@ -88,9 +89,19 @@ class FreeBody:
         return np.linalg.inv(self.tensor)
 
     @cached_property
-    def largest_shapes(self) -> Array:
-        """(J,) largest component of each mode at a point [kg^-1/2]."""
-        return np.asarray(np.abs(self.shapes).max(axis=(0, 2), initial=0.0))
+    def sizes(self) -> Array:
+        """(V, J) lengths of the displacements of the points in the modes [kg^-1/2]."""
+        return np.asarray(np.linalg.norm(self.shapes, axis=2))
+
+    def rigid_modes(self, R: Array) -> tuple[Array, Array]:
+        """The mass-normalised rigid modes at an orientation, as rows (6, 6) in the floor's axes.
+
+        Velocities of the centre and spins; momenta, and angular momenta about the centre.
+        """
+        moments, axes = self.principal
+        own = block_diag(np.eye(3), axes @ R.T)
+        size = np.sqrt(np.append(np.full(3, self.mass), moments))[:, None]
+        return own / size, own * size
 
     @property
     def slowest(self) -> float:
