@@ -88,7 +88,7 @@ class FreeBody:
         """(3, 3) inverse of the inertia tensor."""
         return np.linalg.inv(self.tensor)
 
-    @cached_property
+    @property
     def sizes(self) -> Array:
         """(V, J) lengths of the displacements of the points in the modes [kg^-1/2]."""
         return np.asarray(np.linalg.norm(self.shapes, axis=2))

@@ -146,8 +146,8 @@ class Flight:
     def _floor_at(self, t: Array) -> Array:
         """Displacements and rates (2, n, F) of the modes of an elastic floor."""
         assert self.ground is not None
-        own = self.ground.modes
-        return np.array(ringing(own.omega, own.decay, *self.start.floor, t))
+        own, (q, p) = self.ground.modes, self.start.floor
+        return np.array(ringing(own.omega, own.decay, q, p, t))
 
     def touch(self, until: float) -> float | None:
         """Time [s] since the start of the first touch up to `until`; None if there is none.
