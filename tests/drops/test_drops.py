@@ -16,11 +16,11 @@ import antiosc as ao
 from antiosc.contact.damped import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
-from antiosc.studies.drops.course import Setting, hung
+from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import Flight, State, most, ringing
-from antiosc.studies.drops.floor import law_of
+from antiosc.studies.drops.floor import Setting, law_of
 from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation, turned
 

@@ -28,7 +28,7 @@ from antiosc.simulation.refinement import check_range, exactly, start as begin
 from antiosc.simulation.scene import Scene
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor, law_of
+from antiosc.studies.drops.floor import Floor, Setting, law_of
 from antiosc.studies.drops.rotation import turned
 
 BODY, FLOOR = "part", "floor"
@@ -73,17 +73,13 @@ class Path(NamedTuple):
 def scene_of(
     body: FreeBody,
     start: State,
+    setting: Setting,
     which: IntArray,
-    heights: Array,
     held: dict[int, Held],
-    floor: Floor,
-    gravity: float,
     duration: float,
 ) -> Assembly:
-    """The scene of body and floor from a state, ready to run over a duration [s].
-
-    heights : (V,) of all points over the floor [m].
-    """
+    """The scene of body and floor from a state, ready to run over a duration [s]."""
+    floor = setting.floor
     bodies: dict[str, Any] = {BODY: _standing(body, start, which), FLOOR: Obstacle()}
     rigid = body.rigid_modes(start.R)[0] @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
@@ -101,10 +97,10 @@ def scene_of(
         )
         for k, (i, one) in enumerate(zip(which.tolist(), on, strict=True))
     ]
-    gravities = (0.0, 0.0, -gravity)
-    assembly = assemble(Scene(bodies, contacts, gravity=gravities, motion=motion), duration)
-    system, p = assembly.system, len(which)
-    gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights[which], on, strict=True)]
+    gravity = (0.0, 0.0, -setting.gravity)
+    assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), duration)
+    system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
+    gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
     closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
     for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):

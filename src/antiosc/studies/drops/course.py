@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from antiosc.base._types import Array
@@ -11,32 +9,13 @@ from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import Held
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.flight import Flight, State
-from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.floor import Setting
 
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
 REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
 #: Impacts and episodes at which a fall that does not come to rest is ended.
 MOST_IMPACTS, MOST_EPISODES = 200, 4000
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """What a fall happens in.
-
-    Attributes
-    ----------
-    floor, gravity [m/s^2], height [m] of the lowest point at the start.
-    impacts, duration [s] : where it ends at the latest.
-    tol : relative error of the contact forces.
-    """
-
-    floor: Floor
-    gravity: float
-    height: float
-    impacts: float
-    duration: float
-    tol: float
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -57,13 +36,12 @@ def course(
 
     The last state, the contacts, the flights, the contacts of each impact, and why it ended.
     """
-    floor = setting.floor
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state, held, status = start, dict[int, Held](), ""
     while not status:
-        flight = Flight(body, state, setting.gravity, floor.ground)
+        flight = Flight(body, state, setting.gravity, setting.floor.ground)
         left = setting.duration - state.time
         found = 0.0
         if not held:
@@ -83,10 +61,8 @@ def course(
                 status = f"{len(groups)} impacts"
                 break
             groups.append([])
-        heights = touch.heights(body, floor.ground)
-        one = episode(body, touch, heights, floor, setting.gravity, setting.tol, held)
         groups[-1].append(len(episodes))
-        episodes.append(one)
+        episodes.append(one := episode(body, touch, setting, held))
         state, held = one.end, one.held
         if _rests(body, state, setting):
             status = "at rest"

@@ -15,10 +15,10 @@ from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.threads import one_thread
 from antiosc.simulation.executors import check_executor
 from antiosc.studies.drops.body import MODES, free_body
-from antiosc.studies.drops.course import MOST_IMPACTS, Setting, hung
+from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc.studies.drops.fall import Fall
-from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.floor import Floor, Setting
 from antiosc.studies.drops.orientation import orientation
 
 #: Of the floor [m/s^2].

@@ -19,9 +19,10 @@ from antiosc.base.progress import counting
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Setting, hung
+from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.floor import Setting
 from antiosc.studies.drops.rotation import turned
 
 #: Falls that one call of an executor computes.

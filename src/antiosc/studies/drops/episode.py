@@ -29,7 +29,7 @@ from antiosc.studies.drops.contact_scene import (
     scene_of,
 )
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.floor import Setting
 
 #: Duration of a first run over the expected time of contact, and of the longest over the first.
 LONG, LONGEST = 3.0, 32.0
@@ -106,27 +106,18 @@ class Episode:
         return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
-def episode(
-    body: FreeBody,
-    start: State,
-    heights: Array,
-    floor: Floor,
-    gravity: float,
-    tol: float,
-    held: dict[int, Held],
-) -> Episode:
+def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held]) -> Episode:
     """The contact that begins at `start`.
 
-    Parameters
-    ----------
-    heights : (V,) of all points over the floor [m].
     held : number of a point -> its contact, of those that go on from an episode before.
     """
 
     def scene(which: IntArray, duration: float) -> Assembly:
-        return scene_of(body, start, which, heights, held, floor, gravity, duration)
+        return scene_of(body, start, setting, which, held, duration)
 
-    time = scene(np.array([np.argmin(heights)]), np.sqrt(body.extent / gravity)).lasting
+    tol, heights = setting.tol, start.heights(body, setting.floor.ground)
+    lowest, slow = np.array([np.argmin(heights)]), np.sqrt(body.extent / setting.gravity)
+    time = scene(lowest, slow).lasting
     duration, longest, turns = LONG * time, LONGEST * LONG * time, TURNS
     which = _candidates(body, start, heights, time, [*held])
     while True:
@@ -152,7 +143,7 @@ def episode(
         if not len(missed) or len(which) >= MOST:
             break
         which = np.append(which, missed)
-    state, below = handed_over(body, start, history, path, which, floor)
+    state, below = handed_over(body, start, history, path, which, setting.floor)
     return Episode(start, state, history, which, below if touching else {})
 
 

@@ -20,10 +20,11 @@ from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import BODY
-from antiosc.studies.drops.course import Setting, course, hung
+from antiosc.studies.drops.course import course, hung
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.studies.drops.flight import Flight, State, ringing
+from antiosc.studies.drops.floor import Setting
 from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc.studies.drops.rotation import turned
 

@@ -163,6 +163,25 @@ def _ground(own: ModalBody) -> Ground:
     return Ground(body, moving, moving.rows(own.b[None]).reshape(2, -1))
 
 
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a fall happens in.
+
+    Attributes
+    ----------
+    floor, gravity [m/s^2], height [m] of the lowest point at the start.
+    impacts, duration [s] : where it ends at the latest.
+    tol : relative error of the contact forces.
+    """
+
+    floor: Floor
+    gravity: float
+    height: float
+    impacts: float
+    duration: float
+    tol: float
+
+
 def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
     """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
     if floor.law is not None:
