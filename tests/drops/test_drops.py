@@ -172,6 +172,19 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
         np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("law", [ao.Linear(1e5), ao.Hertz(1e6), ao.Hertz(1e9)])
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (90.0, 0.0, 0.0), (0.0, 20.0, 0.0)])
+def test_a_face_that_lands_flat_keeps_the_energy(
+    tilt: tuple[float, ...], law: ao.ContactLaw
+) -> None:
+    """Two or four corners at once; on edge the corners press the block out of its balance."""
+    body, where = free_body(block(), 0, None, None), setting(law, height=1.0, tol=1e-3)
+    fall = Fall.of(body, started(body, where, tilt), where)
+    assert len(fall.episodes[0].which) > 1
+    energy = fall.energy()[1].sum(axis=1)
+    np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
+
+
 @pytest.mark.parametrize(("friction", "rounded"), [(0.0, 0.0), (0.3, 2e-3)])
 def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded: float) -> None:
     """The first impact in space, where the body turns by 15 degrees and its spin with it."""
