@@ -8,7 +8,6 @@ lever arms and at gaps that change, becomes loads and gaps of the next run (`on_
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +35,7 @@ BODY, FLOOR = "part", "floor"
 AXES = np.eye(3)[[2, 0, 1]]
 #: Most contacts and steps of a scene.
 LIMITS = 10_000, 1_000_000
-#: Share of a run over which springs of friction are drawn out that go on from a run before.
+#: Share of a contact time over which springs of friction are drawn out that go on.
 DRAWN = 1e-5
 #: Times that an orientation is put right by the spin that it has.
 SWEEPS = 5
@@ -76,10 +75,9 @@ def scene_of(
     setting: Setting,
     which: IntArray,
     held: dict[int, Held],
-    duration: float,
 ) -> Assembly:
-    """The scene of body and floor from a state, ready to run over a duration [s]."""
-    floor = setting.floor
+    """The scene of body and floor from a state, ready to run."""
+    floor, slow = setting.floor, float(np.sqrt(body.extent / setting.gravity))
     bodies: dict[str, Any] = {BODY: _standing(body, start, which), FLOOR: Obstacle()}
     rigid = body.rigid_modes(start.R)[0] @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
@@ -98,7 +96,7 @@ def scene_of(
         for k, (i, one) in enumerate(zip(which.tolist(), on, strict=True))
     ]
     gravity = (0.0, 0.0, -setting.gravity)
-    assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), duration)
+    assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
@@ -113,7 +111,10 @@ def scene_of(
         # springs of friction begin unstrained
         drawn[p:] += system.R[p:] @ force
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
-        breaks, loads = np.array([0.0, DRAWN * duration]), np.repeat(system.loads[:1], 2, axis=0)
+        breaks, loads = (
+            np.array([0.0, DRAWN * assembly.lasting]),
+            np.repeat(system.loads[:1], 2, axis=0),
+        )
         system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
     return replace(assembly, system=system)
 
@@ -166,7 +167,11 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
     for _ in range(SWEEPS):
         more = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
         turns = linear + half * (more[:-1] + more[1:])
-        R = np.array([*accumulate(turned(turns), lambda R, turn: turn @ R, initial=start.R)])
+        R = np.concatenate((start.R[None], turned(turns)))
+        span = 1
+        while span < len(R):  # products of the last 1, 2, 4, ... rotations
+            R[span:] = R[span:] @ R[:-span]
+            span *= 2
     return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
 
 

@@ -46,7 +46,7 @@ SINKS = 1e-4
 #: At most so many points touch in one episode: the lowest.
 MOST = 12
 #: Looks at the rotation in an episode; at the path in a contact this over sqrt(tol), and the most.
-LOOKS, FINE, MOST_LOOKS = 64, 3.0, 4096
+LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol; after so many
 #: runs it is cut at half the turn.
 CLOSE, MOST_RUNS = 0.03, 12
@@ -112,16 +112,16 @@ def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held
     held : number of a point -> its contact, of those that go on from an episode before.
     """
 
-    def scene(which: IntArray, duration: float) -> Assembly:
-        return scene_of(body, start, setting, which, held, duration)
-
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
-    lowest, slow = np.array([np.argmin(heights)]), np.sqrt(body.extent / setting.gravity)
-    time = scene(lowest, slow).lasting
-    duration, longest, turns = LONG * time, LONGEST * LONG * time, TURNS
-    which = _candidates(body, start, heights, time, [*held])
+    which = np.array([np.argmin(heights)])
+    base = scene_of(body, start, setting, which, held)
+    time, turns = base.lasting, TURNS
+    duration, longest = LONG * time, LONGEST * LONG * time
+    touched = _candidates(body, start, heights, time, [*held])
     while True:
-        base = scene(which, duration)
+        if not np.array_equal(which, touched):
+            which = touched
+            base = scene_of(body, start, setting, which, held)
         history = run(base, duration, tol)
         end, touching = _end(body, start, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
@@ -142,7 +142,7 @@ def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held
         missed = _missed(body, heights, path, which)
         if not len(missed) or len(which) >= MOST:
             break
-        which = np.append(which, missed)
+        touched = np.append(which, missed)
     state, below = handed_over(body, start, history, path, which, setting.floor)
     return Episode(start, state, history, which, below if touching else {})
 

@@ -34,7 +34,7 @@ AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
 #: Height at which points touch, over the extent.
 TOUCH = 1e-10
 #: Accuracy of the time of a touch [s].
-CLOSE = 1e-15
+CLOSE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,13 @@ class State:
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
     """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
-    P, W, S = march.responses(omega, decay, t[:, None])[:3]
-    return P * q + S * p, W * p - omega**2 * S * q
+    if np.any(decay >= omega):  # over-damped ones
+        P, W, S = march.responses(omega, decay, t[:, None])[:3]
+        return P * q + S * p, W * p - omega**2 * S * q
+    fast = np.sqrt(omega**2 - decay**2)
+    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
+    c, s = fade * np.cos(phase), fade * np.sin(phase) / fast
+    return c * q + s * (p + decay * q), c * p - s * (decay * p + omega**2 * q)
 
 
 def most(omega: Array, q: Array, p: Array) -> Array:
