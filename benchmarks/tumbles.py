@@ -23,7 +23,7 @@ SIZE = (0.15, 0.10, 0.05)
 STEEL, CONCRETE = ao.Solid(210e9, 0.3, 7800.0), ao.Solid(30e9, 0.2, 2400.0)
 
 
-def main(size: float = 3.1e-3, modes: int = 60, falls: int = 200) -> dict[str, float]:
+def main(size: float = 5.8e-3, modes: int = 60, falls: int = 200) -> dict[str, float]:
     """Let the block fall; return the seconds.
 
     Parameters

@@ -18,6 +18,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
@@ -87,10 +88,20 @@ class FreeBody:
         """(3, 3) inverse of the inertia tensor."""
         return np.linalg.inv(self.tensor)
 
-    @cached_property
-    def largest_shapes(self) -> Array:
-        """(J,) largest component of each mode at a point [kg^-1/2]."""
-        return np.asarray(np.abs(self.shapes).max(axis=(0, 2), initial=0.0))
+    @property
+    def sizes(self) -> Array:
+        """(V, J) lengths of the displacements of the points in the modes [kg^-1/2]."""
+        return np.asarray(np.linalg.norm(self.shapes, axis=2))
+
+    def rigid_modes(self, R: Array) -> tuple[Array, Array]:
+        """The mass-normalised rigid modes at an orientation, as rows (6, 6) in the floor's axes.
+
+        Velocities of the centre and spins; momenta, and angular momenta about the centre.
+        """
+        moments, axes = self.principal
+        own = block_diag(np.eye(3), axes @ R.T)
+        size = np.sqrt(np.append(np.full(3, self.mass), moments))[:, None]
+        return own / size, own * size
 
     @property
     def slowest(self) -> float:
@@ -123,34 +134,36 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     if corner is not None:
         corner = checks.positive("corner_radius", corner, "m")
     if isinstance(part, Sphere):
-        mass, radius, material = part.mass, part.radius, np.array([[part.E, part.nu]])
-        given = {"balls": np.array([radius]), "materials": material, "extent": 2 * radius}
-        return _stiff(mass, 0.4 * mass * radius**2 * np.eye(3), np.zeros((1, 3)), radius, **given)
+        tensor = 0.4 * part.mass * part.radius**2 * np.eye(3)
+        alike = part.radius, part.radius, (part.E, part.nu)
+        return _rigid(part.mass, tensor, np.zeros((1, 3)), np.zeros(3), *alike)
     if isinstance(part, RigidBody):
         if not part.sites:
             raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
         points, centre = np.array([x for x, _ in part.sites.values()]), np.asarray(part.centre)
         radius = CORNER if corner is None else corner
-        return _stiff(part.mass, part.inertia, points - centre, radius, centre=centre)
+        return _rigid(part.mass, part.inertia, points - centre, centre, radius)
     with finite_element_packages():
         from antiosc.fem.structure.structure import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
     return _elastic(part, modes, damping, corner)
 
 
-def _stiff(mass: float, tensor: Array, points: Array, radius: float, **given: Any) -> FreeBody:
+def _rigid(
+    mass: float,
+    tensor: Array,
+    points: Array,
+    centre: Array,
+    radius: float,
+    ball: float = 0.0,
+    material: tuple[float, float] = (np.nan, np.nan),
+) -> FreeBody:
     """A body without modes, of points with a radius [m]."""
     count, none = len(points), np.zeros(0)
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
-    whole: dict[str, Any] = {
-        "centre": np.zeros(3),
-        "balls": np.zeros(count),
-        "radii": np.full((count, 2), radius),
-        "materials": np.full((count, 2), np.nan),
-        "extent": extent,
-    }
-    shapes = np.zeros((count, 0, 3))
-    return FreeBody(mass, tensor, points, omega=none, decay=none, shapes=shapes, **whole | given)
+    alike = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
+    modes = none, none, np.zeros((count, 0, 3))
+    return FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
 
 
 def _elastic(structure: Structure, count: int, damping: Any, corner: float | None) -> FreeBody:
@@ -170,24 +183,21 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
             f"a part that is dropped is free in space, with six rigid-body modes; this one has "
             f"{structure.rigid_modes.shape[1]}: leave its supports out."
         )
-    whole = inertia[0]
-    given = as_damping(damping)
-    damped = Damping(ratio=RATIO) if given is None else given
+    whole, given = inertia[0], as_damping(damping)
     found = ModeSolver(structure).lowest(checks.whole("modes", count))
     omega, phi = found.omega[:count], found.phi[:, :count]
     points, _, moved = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     own = hull(skin.points)
-    at = cKDTree(points).query(skin.points[own])[1]
-    notes: tuple[str, ...] = ()
+    at, balls = cKDTree(points).query(skin.points[own])[1], skin.balls[own]
+    notes = []
     rounded = min(CORNER, structure.dimensions[2] / 4) if corner is None else corner
     if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():
-        notes = (f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)",)
+        notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
     if given is None:
-        notes = (*notes, f"the modes have a damping ratio of {RATIO:g} (damping)")
+        notes += [f"the modes have a damping ratio of {RATIO:g} (damping)"]
     centre, arm = whole.centre, whole.point - whole.centre
     tensor = whole.matrix[3:, 3:] - whole.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    balls = skin.balls[own]
     body = FreeBody(
         mass=whole.mass,
         centre=centre,
@@ -197,10 +207,10 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         radii=np.array([skin.radii(i, rounded) for i in own]),
         materials=skin.materials[own],
         omega=omega,
-        decay=damped.decay(omega),
+        decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
         shapes=np.moveaxis(moved[at], 1, 2).copy(),
         extent=skin.size,
-        notes=notes,
+        notes=tuple(notes),
         structure=structure,
         basis=phi,
         residual=partial(_residual, structure, phi, omega, skin, own),

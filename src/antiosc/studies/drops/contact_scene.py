@@ -1,8 +1,12 @@
-"""The scene of a body and the floor under the points that may touch."""
+"""The scene of a body and the floor under the points that may touch, and the path of the body.
+
+A scene is linear about the orientation at its start, and its axes stand still while it runs. The
+angular momentum turns the body along a path. What the forces do on this path beyond the scene, on
+lever arms and at gaps that change, becomes loads and gaps of the next run (`on_path`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -18,109 +22,123 @@ from antiosc.simulation.histories.history import SceneHistory
 from antiosc.simulation.histories.verdict import COMPLETED, STOPPED
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import Contact
+from antiosc.simulation.problem.scene_states import between, forces, located, marched_states
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor, law_of
+from antiosc.studies.drops.floor import Floor, Setting, law_of
+from antiosc.studies.drops.rotation import turned
 
 BODY, FLOOR = "part", "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
 #: Most contacts and steps of a scene.
 LIMITS = 10_000, 1_000_000
-#: Share of a run over which springs of friction are drawn out that go on from a run before.
+#: Share of a contact time over which springs of friction are drawn out that go on.
 DRAWN = 1e-5
-#: A gap [m] that is rounding error.
-ROUNDING = 1e-18
-
-
-def arms_of(body: FreeBody, state: State, which: IntArray) -> Array:
-    """Arms (n, 3) [m] of the lowest points of the balls at points from the centre of mass."""
-    arms = body.points[which] @ state.R.T
-    arms[:, 2] -= body.balls[which]
-    return arms
+#: Times that an orientation is put right by the spin that it has.
+SWEEPS = 5
+#: In place of 0 where it divides.
+TINY = float(np.finfo(float).tiny)
 
 
 class Held(NamedTuple):
     """A contact that goes on from an episode before.
 
-    Its height [m] without force, forces of friction (0 or 2,) [N], tangential stiffness [N/m].
+    Its height [m] without force, the forces of its rows (normal, friction) [N], its tangential
+    stiffness [N/m], and the speed [m/s] at which it closed.
     """
 
     height: float
-    friction: Array
+    force: Array
     stiffness: float
+    closing: float
+
+
+class Path(NamedTuple):
+    """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
+
+    `turns` (n, 3): the sum of its rotations so far [rad].
+    """
+
+    times: Array
+    q: Array
+    v: Array
+    R: Array
+    turns: Array
 
 
 def scene_of(
     body: FreeBody,
     start: State,
-    posed: State,
-    bent: Array,
+    setting: Setting,
     which: IntArray,
-    heights: Array,
     held: dict[int, Held],
-    floor: Floor,
-    gravity: float,
-    duration: float,
 ) -> Assembly:
-    """The scene of body and floor from a state, ready to run over a duration [s].
-
-    posed : the state that the scene is linear about.
-    bent : (J,) modal displacements that give the points their lever arms.
-    heights : (V,) of all points over the floor [m].
-    """
-    modes, shapes = _posed(body, posed, bent, which)
-    moments, axes = body.principal
-    on = [held.get(int(i)) for i in which]
-    gaps = np.array(
-        [max(h, 0.0) if o is None else o.height for h, o in zip(heights[which], on, strict=True)]
-    )
-    # displacements are measured from the state without vibration, lowered so that all gaps are >= 0
-    lifted = gaps - shapes[:, 0] @ start.q if start.q.size else gaps
-    bodies: dict[str, object] = {BODY: modes, FLOOR: Obstacle()}
-    motion = {}
+    """The scene of body and floor from a state, ready to run."""
+    floor, slow = setting.floor, float(np.sqrt(body.extent / setting.gravity))
+    bodies: dict[str, Any] = {BODY: _standing(body, start, which), FLOOR: Obstacle()}
+    rigid = body.rigid_modes(start.R)[0] @ np.append(body.mass * start.velocity, start.momentum)
+    motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     if floor.ground is not None:
-        bodies[FLOOR] = floor.ground.body
-        lifted = lifted - np.sum(floor.ground.shape * start.floor)
-        motion[FLOOR] = floor.ground.start(start.floor)
-    lower = min(float(lifted.min()), 0.0)
-    q = np.concatenate(([0.0, 0.0, lower * np.sqrt(body.mass), 0.0, 0.0, 0.0], start.q))
-    turning = (axes @ posed.R.T @ start.momentum) / np.sqrt(moments)
-    v = np.concatenate((start.velocity * np.sqrt(body.mass), turning, start.p))
-    motion[BODY] = ModalState(q, v)
+        bodies[FLOOR], motion[FLOOR] = floor.ground.body, floor.ground.start(start.floor)
+    on = [held.get(int(i)) for i in which]
     contacts = [
         Contact(
             f"{BODY}:{k}",
             FLOOR,
             law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
-            gap=float(lifted[k] - lower) if lifted[k] - lower > ROUNDING else 0.0,
+            gap=0.0,
             friction=floor.friction,
-            tangential_stiffness=o.stiffness if o is not None and floor.friction else None,
+            tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
         )
-        for k, (i, o) in enumerate(zip(which.tolist(), on, strict=True))
+        for k, (i, one) in enumerate(zip(which.tolist(), on, strict=True))
     ]
-    scene = Scene(bodies, contacts, gravity=(0.0, 0.0, -gravity), motion=motion)
-    assembly = assemble(scene, duration)
-    begin(assembly)
-    return _rubbing(assembly, on, DRAWN * duration) if floor.friction and held else assembly
-
-
-def _rubbing(assembly: Assembly, on: Sequence[Held | None], span: float) -> Assembly:
-    """The scene with the friction of contacts that go on.
-
-    Its springs begin unstrained, and are drawn out over a span [s].
-    """
-    system = assembly.system
-    force, drawn = np.zeros((2, len(system.beta)))
-    for o, (first, count), (_, stiffness) in zip(on, system.tangents, system.slip, strict=True):
-        if o is not None:
-            force[first : first + count] = o.friction
-            drawn[first : first + count] = o.friction / stiffness
-    offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn + system.R @ force]
-    breaks, loads = np.array([0.0, span]), np.repeat(system.loads[:1], 2, axis=0)
-    system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
+    gravity = (0.0, 0.0, -setting.gravity)
+    assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
+    system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
+    gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
+    system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
+    closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
+    for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
+        if one is not None:
+            closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
+            force[sides] = one.force[1:]
+            drawn[sides] = one.force[1:] / one.stiffness
+    begin(assembly, (closing, force[:p]) if held else None)
+    if drawn.any():
+        # springs of friction begin unstrained
+        drawn[p:] += system.R[p:] @ force
+        offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
+        breaks, loads = (
+            np.array([0.0, DRAWN * assembly.lasting]),
+            np.repeat(system.loads[:1], 2, axis=0),
+        )
+        system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
     return replace(assembly, system=system)
+
+
+def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
+    """The body in the axes of the floor, as it stands at the start."""
+    (W, momentum), (phi, r) = body.rigid_modes(start.R), body.sites(which)
+    turn, size = AXES @ start.R, body.omega.size
+    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], start.arms(body, which))) @ AXES.T
+    B = np.concatenate((rigid, np.einsum("ab,njb->jna", turn, phi)))
+    residual = turn @ r @ turn.T
+    elastic: Any = {}
+    if body.basis is not None:
+        elastic = {"basis": (body.basis,), "shape": np.eye(6 + size)[6:]}
+    S = momentum.T @ momentum
+    return SiteModes(
+        np.append(np.zeros(6), body.omega),
+        B.reshape(6 + size, -1),
+        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(which))},
+        r=block_diag(*(residual + residual.transpose(0, 2, 1)) / 2),
+        directions=np.tile(AXES, (len(which), 1)),
+        decay=np.append(np.zeros(6), body.decay),
+        inertia=Inertia(np.zeros(3), S, np.concatenate((momentum, np.zeros((size, 6))))),
+        **elastic,
+    )
 
 
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
@@ -135,33 +153,102 @@ def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
     return history
 
 
-def _posed(body: FreeBody, posed: State, bent: Array, which: IntArray) -> tuple[SiteModes, Array]:
-    """The body in the axes of the floor; elastic shapes (n, 3, J) of its sites."""
-    moments, axes = body.principal
-    axes, turn, size = axes @ posed.R.T, AXES @ posed.R, body.omega.size
-    phi, r = body.sites(which)
-    arms = arms_of(body, posed, which) + np.einsum("njb,j->nb", phi, bent) @ posed.R.T
-    shapes = np.einsum("ab,njb->naj", turn, phi)
-    turning = np.cross(axes[None], arms[:, None]) / np.sqrt(moments)[:, None]  # (n, 3 axes, 3)
-    rigid = np.broadcast_to(AXES.T / np.sqrt(body.mass), (len(which), 3, 3))
-    B = np.concatenate((rigid, turning @ AXES.T, shapes.transpose(0, 2, 1)), axis=1)
-    residual = turn @ r @ turn.T
-    matrix, momentum = np.zeros((6, 6)), np.zeros((6 + size, 6))
-    matrix[:3, :3] = body.mass * np.eye(3)
-    matrix[3:, 3:] = (axes.T * moments) @ axes
-    momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
-    momentum[3:6, 3:] = np.sqrt(moments)[:, None] * axes
-    elastic: Any = {}
-    if body.basis is not None:
-        elastic = {"basis": (body.basis,), "shape": np.eye(6 + size)[6:]}
-    modes = SiteModes(
-        np.concatenate((np.zeros(6), body.omega)),
-        B.transpose(1, 0, 2).reshape(6 + size, -1),
-        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(which))},
-        r=block_diag(*(residual + residual.transpose(0, 2, 1)) / 2),
-        directions=np.tile(AXES, (len(which), 1)),
-        decay=np.concatenate((np.zeros(6), body.decay)),
-        inertia=Inertia(np.zeros(3), (matrix + matrix.T) / 2, momentum),
-        **elastic,
+def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Path:
+    """The path of the body at times (n,) of a run, whose first is 0.
+
+    Between two of them the spin changes evenly.
+    """
+    q, v = (each[:, history.assembly.spans[BODY]] for each in history.states(t))
+    W, momentum = body.rigid_modes(start.R)
+    L, frozen = v[:, :6] @ momentum[:, 3:], v[:, :6] @ W[:, 3:]
+    half, linear = np.diff(t)[:, None] / 2, np.diff(q[:, :6] @ W[:, 3:], axis=0)
+    R = np.broadcast_to(start.R, (len(t), 3, 3))
+    for _ in range(SWEEPS):
+        more = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
+        turns = linear + half * (more[:-1] + more[1:])
+        R = np.concatenate((start.R[None], turned(turns)))
+        span = 1
+        while span < len(R):  # products of the last 1, 2, 4, ... rotations
+            R[span:] = R[span:] @ R[:-span]
+            span *= 2
+    return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
+
+
+def on_path(
+    body: FreeBody, start: State, which: IntArray, base: Assembly, history: SceneHistory, path: Path
+) -> tuple[Assembly, float]:
+    """The scene `base` on the lever arms that its points have on a path, and what that changes.
+
+    What the forces of the run do in addition, on these arms, becomes given loads, and what the
+    points move in addition a part of the gaps. The change is that against the scene that has run:
+    of gaps over the largest depth, of loads over the largest ones of the contacts.
+    """
+    old, ran, own = base.system, history.assembly.system, base.spans[BODY]
+    R, moved, beta = path.R, path.q - path.q[0], old.beta[:, own]
+    W, shapes, balls = body.rigid_modes(start.R)[0], body.shapes[which], body.balls[which, None]
+    arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
+    arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
+    ways = arms - arms[0] + (moved[:, :6] @ W[:, :3])[:, None]
+    ways -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
+    acting = forces(history.run, *located(history.run, path.times))
+    pushes, linear = np.zeros_like(arms), acting @ beta
+    offsets = between(path.times, old.breaks, old.offsets).copy()
+    for k, (first, count) in enumerate(old.tangents.tolist()):
+        for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
+            pushes[:, k, axis] = acting[:, row]
+            offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
+    total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
+    bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
+    loads = between(path.times, old.breaks, old.loads).copy()
+    loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
+    change = 0.0
+    for new, last, size in (
+        (offsets, ran.offsets, history.run.depth[:, : len(which)]),
+        (loads, ran.loads, linear),
+    ):
+        off = float(np.abs(new - between(path.times, ran.breaks, last)).max())
+        change = max(change, off / max(float(np.abs(size).max()), TINY))
+    return replace(
+        base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
+    ), change
+
+
+def handed_over(
+    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray, floor: Floor
+) -> tuple[State, dict[int, Held]]:
+    """The state at the end of a path, and the contacts of the points (n,) below the floor.
+
+    Momentum, angular momentum and the modes are those of the scene. The lowest point takes the
+    height that it has there: what is left of the error of the path is in the height.
+    """
+    a, run, t = history.assembly, history.run, float(path.times[-1])
+    W, momentum = body.rigid_modes(start.R)
+    moved, P = (path.q[-1] - path.q[0])[:6] @ W, path.v[-1, :6] @ momentum
+    whole = np.array(marched_states(run, a.system, a.load, *located(run, path.times[-1:])))[:, 0]
+    state = State(
+        start.time + t,
+        start.centre + moved[:3],
+        P[:3] / body.mass,
+        path.R[-1],
+        P[3:],
+        path.q[-1, 6:],
+        path.v[-1, 6:],
+        whole[:, a.spans[BODY].stop :],
     )
-    return modes, shapes
+    node = int(np.argmin(np.abs(run.time - t)))
+    force = run.force[node]
+    heights = -(run.depth[node] + a.system.R @ force)[: len(which)]
+    lowest = int(np.argmin(heights))
+    rise = heights[lowest] - state.heights(body, floor.ground, which)[lowest]
+    closing = run.closing(a.system, t)
+    held = {
+        int(i): Held(
+            float(heights[k]),
+            force[[k, *range(first, first + count)]],
+            float(a.system.slip[k, 1]),
+            float(closing[k]),
+        )
+        for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
+        if heights[k] < 0
+    }
+    return replace(state, centre=state.centre + rise * AXES[0]), held

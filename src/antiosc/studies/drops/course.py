@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
 from antiosc.base._types import Array
@@ -12,79 +9,13 @@ from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import Held
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.flight import Flight, State
-from antiosc.studies.drops.floor import Floor
-from antiosc.studies.drops.impacts import Impacts, impact_of
-from antiosc.studies.drops.rotation import turned
+from antiosc.studies.drops.floor import Setting
 
-#: A fall is at rest whose speed would lift it by this share of the height at most.
-REST = 1e-3
-#: Points within this share of the extent over the floor carry a body at rest.
-CARRIES = 0.01
+#: A fall is at rest whose speed would lift it by this share of the height at most, on points that
+#: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
+REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
 #: Impacts and episodes at which a fall that does not come to rest is ended.
 MOST_IMPACTS, MOST_EPISODES = 200, 4000
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """What a fall happens in.
-
-    Attributes
-    ----------
-    floor, gravity [m/s^2], height [m] of the lowest point at the start.
-    impacts, duration [s] : where it ends at the latest.
-    tol : relative error of the contact forces.
-    """
-
-    floor: Floor
-    gravity: float
-    height: float
-    impacts: float
-    duration: float
-    tol: float
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """The course of a fall: flights and episodes of contact in turn.
-
-    Attributes
-    ----------
-    body : the free modes of the part; `drop` takes it in place of the part.
-    setting : floor, gravity and tolerances of the fall.
-    start, end : position, orientation, velocity and spin at the start and at the end.
-    episodes : the contacts, each linear in one orientation.
-    flights : the motions between the episodes.
-    groups : of each impact the indices of its episodes.
-    status : why the fall ended.
-    """
-
-    body: FreeBody
-    setting: Setting
-    start: State
-    end: State
-    episodes: list[Episode]
-    flights: list[Flight]
-    groups: list[list[int]]
-    status: str
-
-    @cached_property
-    def impacts(self) -> Impacts:
-        """The impacts, as a table."""
-        groups = ([self.episodes[k] for k in own] for own in self.groups)
-        return Impacts(impact_of(self.body, self.setting.gravity, own) for own in groups)
-
-    def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
-
-        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
-        """
-        rows = [(self.start, 0.0)]
-        for one in self.episodes:
-            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
-        rows.append((self.end, rows[-1][1]))
-        gravity = self.setting.gravity
-        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
-        return np.array([s.time for s, _ in rows]), np.array(energies)
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -98,15 +29,19 @@ def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Arra
     return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
 
 
-def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
-    """The course of a fall from a state until it rests, or ends."""
-    floor = setting.floor
+def course(
+    body: FreeBody, start: State, setting: Setting
+) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
+    """A fall from a state until it rests, or ends.
+
+    The last state, the contacts, the flights, the contacts of each impact, and why it ended.
+    """
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state, held, status = start, dict[int, Held](), ""
     while not status:
-        flight = Flight(body, state, setting.gravity, floor.ground)
+        flight = Flight(body, state, setting.gravity, setting.floor.ground)
         left = setting.duration - state.time
         found = 0.0
         if not held:
@@ -126,16 +61,14 @@ def fallen(body: FreeBody, start: State, setting: Setting) -> Course:
                 status = f"{len(groups)} impacts"
                 break
             groups.append([])
-        heights = touch.heights(body, floor.ground)
-        one = episode(body, touch, heights, floor, setting.gravity, setting.tol, held)
         groups[-1].append(len(episodes))
-        episodes.append(one)
+        episodes.append(one := episode(body, touch, setting, held))
         state, held = one.end, one.held
         if _rests(body, state, setting):
             status = "at rest"
         elif len(episodes) >= MOST_EPISODES:
             status = f"not at rest after {MOST_EPISODES} contacts"
-    return Course(body, setting, start, state, episodes, flights, groups, status)
+    return state, episodes, flights, groups, status
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
@@ -148,7 +81,7 @@ def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
     carries = low < low.min() + CARRIES * body.extent
-    return _around(arms[carries, :2], 1e-3 * body.extent)
+    return _around(arms[carries, :2], AROUND * body.extent)
 
 
 def _around(points: Array, close: float) -> bool:
@@ -158,10 +91,3 @@ def _around(points: Array, close: float) -> bool:
         return True
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     return bool(gaps.max(initial=2 * np.pi if len(points) < 2 else 0.0) <= np.pi + 1e-9)
-
-
-def nudged(start: State, body: FreeBody, setting: Setting, angle: Array) -> State:
-    """The same start, turned by a rotation vector [rad] about its centre."""
-    R = turned(angle) @ start.R
-    spin = start.spin(body)
-    return hung(body, setting, R, spin, start.velocity)

@@ -15,10 +15,10 @@ from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.threads import one_thread
 from antiosc.simulation.sweep import check_executor
 from antiosc.studies.drops.body import MODES, free_body
-from antiosc.studies.drops.course import MOST_IMPACTS, Setting, fallen, hung
+from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
-from antiosc.studies.drops.fall import Fall, warn_of
-from antiosc.studies.drops.floor import Floor
+from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.floor import Floor, Setting
 from antiosc.studies.drops.orientation import orientation
 
 #: Of the floor [m/s^2].
@@ -128,8 +128,8 @@ def drop(
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
-        fall = Fall(**vars(fallen(body, start, setting)))
-        warn_of(fall)
+        fall = Fall.of(body, start, setting)
+        fall.warn()
         return fall
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     check_executor(executor)

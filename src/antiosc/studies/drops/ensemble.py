@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,10 @@ from antiosc.base.progress import counting
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Setting, fallen, hung
+from antiosc.studies.drops.course import hung
+from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.floor import Setting
 from antiosc.studies.drops.rotation import turned
 
 #: Falls that one call of an executor computes.
@@ -113,40 +117,6 @@ class Drops(Brief):
         ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Tumble:
-    """One fall from a seed: the values of its impacts by name and number."""
-
-    body: FreeBody
-    start: State
-    setting: Setting
-    tilts: Tilts
-
-    def drawn(self, seed: Any) -> tuple[State, Setting]:
-        """One start and its setting."""
-        tilts, own, rng = self.tilts, self.setting, np.random.default_rng(seed)
-        if np.isinf(tilts.sigma):
-            R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
-        else:
-            angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
-            R = turned(angle) @ self.start.R
-        height = own.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
-        friction = max(own.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
-        spin = self.start.spin(self.body) + tilts.spin * rng.standard_normal(3)
-        if tilts.friction:
-            own = replace(own, floor=replace(own.floor, friction=friction))
-        own = replace(own, height=height)
-        return hung(self.body, own, R, spin, self.start.velocity), own
-
-    def __call__(self, seed: Any) -> dict[str, float]:
-        impacts = fallen(self.body, *self.drawn(seed)).impacts
-        return {
-            f"{name} {k}": value
-            for name in QUANTITIES
-            for k, value in enumerate(impacts.column(name).tolist())
-        }
-
-
 def tumbles(
     body: FreeBody,
     start: State,
@@ -158,24 +128,44 @@ def tumbles(
 ) -> Drops:
     """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    fall = _Tumble(body.alone(), start, setting, ensemble)
+    drawn = partial(_drawn, body.alone(), start, setting, ensemble)
     parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
     found: dict[int, list[Any]] = {}
     with counting("falls", n) as ready:
-        for k, rows in made(fall, parts, executor):
+        for k, rows in made(partial(_tumble, drawn), parts, executor):
             found[k] = rows
             ready(sum(map(len, found.values())))
     sample = sample_of({}, [row for k in sorted(found) for row in found[k]])
-    most = sum(name.startswith(QUANTITIES[0]) for name in sample.values)
     table = {
-        name: np.column_stack([sample.values[f"{name} {k}"] for k in range(most)])
-        if most
-        else np.zeros((n, 0))
+        name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES
     }
-    return Drops(
-        table,
-        np.array([fall.drawn(s)[0].R for s in seeds]),
-        np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1),
-        sample.failed,
-    )
+    count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
+    return Drops(table, np.array([drawn(s)[1].R for s in seeds]), count, sample.failed)
+
+
+def _drawn(
+    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: Any
+) -> tuple[FreeBody, State, Setting]:
+    """The body, the start and the setting of one fall."""
+    rng = np.random.default_rng(seed)
+    if np.isinf(tilts.sigma):
+        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+    else:
+        R = turned(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)) @ start.R
+    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
+    own = replace(setting, height=height, floor=floor)
+    return body, hung(body, own, R, spin, start.velocity), own
+
+
+def _tumble(drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: Any) -> dict[str, float]:
+    """The values of the impacts of one fall, by name and number."""
+    impacts = Fall.of(*drawn(seed)).impacts
+    return {
+        f"{name} {k}": float(getattr(one, name))
+        for name in QUANTITIES
+        for k, one in enumerate(impacts)
+    }

@@ -1,16 +1,15 @@
-"""An episode of contact: the body, linear about one orientation, as a scene with the floor.
+"""An episode of contact: the body as a scene with the floor, on the path on which it turns.
 
-The points that may touch are sites with a normal and two tangential directions. The scene has the
-body as it is expected to be in the middle of the contact, turned and bent by the first point that
-touches. It runs again, with the change of the lever arms and of the gaps on the path of the run
-before as given loads and gaps, until that no longer matters (`path.bent_back`): the result is that
-of the body that turns, and its energy is kept as the tolerance demands. The modal state of the
-flight is that of the scene at its start; its state at the end becomes a flight (`handed_over`).
+The points that may touch are sites with a normal and two tangential directions. The scene begins
+linear about the orientation at the touch. It runs again, with the change of the lever arms and of
+the gaps on the path of the run before as given loads and gaps, until that no longer matters
+(`on_path`): the result is that of the body that turns, and its energy is kept. The modal state of
+the flight is that of the scene at its start; its state at the end becomes a flight (`handed_over`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,37 +17,39 @@ from antiosc.base._types import Array, IntArray
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.history import SceneHistory
 from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.scales import deepest
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, Held, arms_of, run, scene_of
+from antiosc.studies.drops.contact_scene import (
+    BODY,
+    Held,
+    Path,
+    handed_over,
+    on_path,
+    path_of,
+    run,
+    scene_of,
+)
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor, law_of
-from antiosc.studies.drops.path import Path, bent_back, handed_over, path_of
-from antiosc.studies.drops.rotation import turned
+from antiosc.studies.drops.floor import Setting
 
-#: Duration of a first run, over the expected time of contact.
-LONG = 3.0
+#: Duration of a first run over the expected time of contact, and of the longest over the first.
+LONG, LONGEST = 3.0, 32.0
 #: A body may turn by this angle [rad] in an episode; if it still touches, another one follows.
 TURNS = 0.6
 #: A contact belongs to the episode before if the body has not turned by more until it begins [rad].
 FOLLOWS = 0.01
-#: Longest run, over the first one.
-LONGEST = 32.0
 #: Points that may touch are first those lower than this many times the way in a time of contact.
 REACH = 1.5
 #: Points are one contact that lie closer together than this share of the extent.
 APART = 0.04
+#: A point sinks into the floor that is below it by this share of the extent.
+SINKS = 1e-4
 #: At most so many points touch in one episode: the lowest.
 MOST = 12
-#: Looks at the rotation in an episode, and the most at its path in a contact.
-LOOKS, MOST_LOOKS = 64, 4096
-#: A body that turns by less than this times tol [rad] keeps its lever arms.
-FROZEN = 4.0
+#: Looks at the rotation in an episode; at the path in a contact this over sqrt(tol), and the most.
+LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol; after so many
 #: runs it is cut at half the turn.
-CLOSE, MOST_RUNS = 0.3, 12
-#: Relative error of an expected depth.
-DEPTH_ERROR = 1e-9
+CLOSE, MOST_RUNS = 0.03, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Episode:
 
     Attributes
     ----------
-    start, end : states of the body; `posed` that which the scene is linear about.
+    start, end : states of the body; the scene is linear about that at the start.
     history : of the scene, whose time begins with `start`; it goes on beyond `end`.
     which : (n,) numbers of the points in contact, sites "0" and on of the scene's body.
     held : number of a point -> its contact, of those that go on at the end.
@@ -65,7 +66,6 @@ class Episode:
 
     start: State
     end: State
-    posed: State
     history: SceneHistory
     which: IntArray
     held: dict[int, Held]
@@ -85,11 +85,12 @@ class Episode:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
         times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
-        path = path_of(body, self.start, self.posed, self.history, times)
-        at, axes = np.searchsorted(times, t), body.principal[1] @ self.posed.R.T
-        R, roots, a = path.R[at], np.sqrt(body.principal[0]), self.history.at(t)[BODY].a
-        L, torque = ((m[:, 3:6] * roots) @ axes for m in (path.v[at], a))
-        spin, turning = (np.einsum("na,nab->nb", m, R) @ body.inverse for m in (L, torque))
+        path, at = path_of(body, self.start, self.history, times), np.searchsorted(times, t)
+        R, a, momentum = path.R[at], self.history.at(t)[BODY].a, body.rigid_modes(self.start.R)[1]
+        spin, turning = (
+            np.einsum("na,nab->nb", each[:, :6] @ momentum[:, 3:], R) @ body.inverse
+            for each in (path.v[at], a)
+        )
         return R, spin, turning, a
 
     def forces(self) -> tuple[Array, Array]:
@@ -105,120 +106,74 @@ class Episode:
         return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
-def episode(
-    body: FreeBody,
-    start: State,
-    heights: Array,
-    floor: Floor,
-    gravity: float,
-    tol: float,
-    held: dict[int, Held] | None = None,
-) -> Episode:
+def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held]) -> Episode:
     """The contact that begins at `start`.
 
-    Parameters
-    ----------
-    heights : (V,) of all points over the floor [m].
     held : number of a point -> its contact, of those that go on from an episode before.
     """
-    held = held or {}
-    time, posed, bent = _expected(body, start, heights, floor)
+
+    tol, heights = setting.tol, start.heights(body, setting.floor.ground)
+    which = np.array([np.argmin(heights)])
+    base = scene_of(body, start, setting, which, held)
+    time, turns = base.lasting, TURNS
     duration, longest = LONG * time, LONGEST * LONG * time
-    extra: list[int] = []
-    turns = TURNS
+    touched = _candidates(body, start, heights, time, [*held])
     while True:
-        which = _candidates(body, start, heights, time, held, extra)
-        given = body, start, posed, bent, which, heights, held, floor, gravity
-        base = scene_of(*given, duration)
+        if not np.array_equal(which, touched):
+            which = touched
+            base = scene_of(body, start, setting, which, held)
         history = run(base, duration, tol)
-        end, touching = _end(body, history, turns)
+        end, touching = _end(body, start, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
             duration *= 2
             continue
         for _ in range(MOST_RUNS):
-            path = path_of(body, start, posed, history, _times(base, history, end, tol))
-            if path.angles.max() <= FROZEN * tol:
-                break
-            on_arms, change = bent_back(body, posed, which, base, history, path)
+            path = path_of(body, start, history, _times(base, history, end, tol))
+            following, change = on_path(body, start, which, base, history, path)
             if change <= CLOSE * tol:
                 break
-            history = run(on_arms, duration, tol)
-            end, touching = _end(body, history, turns)
+            history = run(following, duration, tol)
+            end, touching = _end(body, start, history, turns)
         else:
             if turns > TURNS / 8:
                 turns /= 2
                 continue
-            path = path_of(body, start, posed, history, _times(base, history, end, tol))
+            path = path_of(body, start, history, _times(base, history, end, tol))
         missed = _missed(body, heights, path, which)
-        if missed is None or missed in extra or len(which) >= MOST:
+        if not len(missed) or len(which) >= MOST:
             break
-        extra.append(missed)
-    state, below = handed_over(body, start, posed, history, path, which, floor)
-    return Episode(start, state, posed, history, which, below if touching else {})
+        touched = np.append(which, missed)
+    state, below = handed_over(body, start, history, path, which, setting.floor)
+    return Episode(start, state, history, which, below if touching else {})
 
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
-    count = 1 + int(min(np.ceil(1 / np.sqrt(tol)), MOST_LOOKS))
+    count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
     spans = [span for c in history.contact_histories for span in c.contacts]
     t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
-def _expected(
-    body: FreeBody, start: State, heights: Array, floor: Floor
-) -> tuple[float, State, Array]:
-    """Time [s] of a contact of the lowest point, and the body in its middle.
-
-    That is a state, and modal displacements (J,). The force is taken as half a sine of a rigid,
-    elastic impact; turn and bend are means that it weighs.
-    """
-    i = int(np.argmin(heights))
-    law = law_of(floor, tuple(body.radii[i].tolist()), body.materials[i])
-    x, y, _ = arms_of(body, start, np.array([i]))[0].tolist()
-    spin, lever = start.spin(body), np.array([y, -x, 0.0])  # of a force that points up
-    turning = start.R @ (body.inverse @ (start.R.T @ lever))
-    mass = 1 / (1 / body.mass + float(turning @ lever))
-    falling = -float(start.velocity[2] + spin @ lever)
-    speed = abs(falling) + 1e-6
-    depth = deepest(law, speed, 0.5 * mass * speed**2, 0.0, body.extent, DEPTH_ERROR)
-    time = 3 * depth / speed
-    impulse = 2 * mass * max(falling, 0.0)
-    angle = spin * time / 2 + turning * impulse * time / 8
-    angle *= min(1.0, 0.5 * TURNS / max(float(np.linalg.norm(angle)), 1e-300))
-    R = turned(angle) @ start.R
-    pushed = body.shapes[i] @ R[2] * (np.pi**2 / 8 * impulse / time)
-    return time, replace(start, R=R), pushed / (body.omega**2 + (np.pi / time) ** 2)
-
-
 def _candidates(
-    body: FreeBody,
-    start: State,
-    heights: Array,
-    time: float,
-    held: dict[int, Held],
-    extra: list[int],
+    body: FreeBody, start: State, heights: Array, time: float, held: list[int]
 ) -> IntArray:
     """The points that may touch: low ones, apart from each other, the lowest first.
 
     time : of the contact, as expected [s].
     """
-    arms = arms_of(body, start, np.arange(len(body.points)))
+    arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
-    way = REACH * float(speeds.max(initial=0.0)) * time
-    chosen: list[int] = [*held, *extra]
-    for i in np.argsort(heights, kind="stable"):
-        if heights[i] > way and chosen:
+    way, chosen = REACH * float(speeds.max()) * time, [*held]
+    for i in np.argsort(heights, kind="stable").tolist():
+        if chosen and (heights[i] > way or len(chosen) >= MOST):
             break
-        if len(chosen) >= MOST:
-            break
-        off = np.linalg.norm(arms[chosen] - arms[i], axis=1) if chosen else np.array([np.inf])
-        if off.min() > APART * body.extent:
-            chosen.append(int(i))
+        if all(np.linalg.norm(arms[k] - arms[i]) > APART * body.extent for k in chosen):
+            chosen.append(i)
     return np.array(chosen)
 
 
-def _end(body: FreeBody, history: SceneHistory, turns: float) -> tuple[float, bool]:
+def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
     It ends when all has parted, but for contacts that follow soon; one that lasts is cut where the
@@ -227,8 +182,7 @@ def _end(body: FreeBody, history: SceneHistory, turns: float) -> tuple[float, bo
     last = float(history.time[-1])
     times, nodes = np.linspace(0.0, last, LOOKS + 1), history.time[::2]
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
-    turn = q[:, 3:6] / np.sqrt(body.principal[0])
-    angle = np.linalg.norm(turn - turn[0], axis=1)
+    angle = np.linalg.norm((q - q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 3:], axis=1)
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
     end = 0.0
     for first, parts in sorted(s for c in history.contact_histories for s in c.contacts):
@@ -241,8 +195,8 @@ def _end(body: FreeBody, history: SceneHistory, turns: float) -> tuple[float, bo
     return float(too_far if lasts else end), bool(lasts)
 
 
-def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> int | None:
-    """The point that sinks deepest into the floor on a path though it is no contact.
+def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntArray:
+    """The point that sinks deepest into the floor on a path though it is no contact; or none.
 
     heights : (V,) of all points at the start [m].
     """
@@ -253,4 +207,4 @@ def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> int 
     off = np.linalg.norm(body.points[:, None] - body.points[which], axis=2).min(axis=1)
     lowest[off <= APART * body.extent] = np.inf
     deepest = int(np.argmin(lowest))
-    return deepest if lowest[deepest] < -1e-4 * body.extent else None
+    return np.array([deepest] if lowest[deepest] < -SINKS * body.extent else [], dtype=int)

@@ -4,41 +4,93 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import Course, fallen, nudged
+from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.course import course, hung
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
-from antiosc.studies.drops.flight import State, ringing
-from antiosc.studies.drops.impacts import Peak
+from antiosc.studies.drops.flight import Flight, State, ringing
+from antiosc.studies.drops.floor import Setting
+from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
+from antiosc.studies.drops.rotation import turned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.studies.drops.worst import WorstField
-
 #: Samples of a period of the highest mode, and most samples of a signal.
 SAMPLES, MOST = 12, 200_000
+#: Looks at stresses in a period of the highest mode, and the least and the most in an episode.
+LOOKS, FEW, MANY = 8, 20, 200
 #: Spin over the lowest natural frequency above which the stiffening by the spin matters.
 STIFFENS = 0.02
 #: Nudges of the predictability: angle [rad], and what a peak force may differ by.
 NUDGE, SPREAD = 1e-4, 0.05
 
+#: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
+At: TypeAlias = Sequence[float] | str | None
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(Course, Brief):
-    """A fall from its start to its end: its course, and what the part feels."""
+class WorstField(PeakField):
+    """A `PeakField` over the impacts of a fall; its times are those of the fall.
+
+    Attributes
+    ----------
+    impact : (P,) number of the impact, from 0, in which each node has its largest value.
+    """
+
+    impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fall(Brief):
+    """A fall from its start to its end: flights and episodes of contact in turn.
+
+    Attributes
+    ----------
+    body : the free modes of the part; `drop` takes it in place of the part.
+    setting : floor, gravity and tolerances of the fall.
+    start, end : position, orientation, velocity and spin at the start and at the end.
+    episodes : the contacts, each linear about its first orientation, on the path of the part.
+    flights : the motions between the episodes.
+    groups : of each impact the indices of its episodes.
+    status : why the fall ended.
+    """
+
+    body: FreeBody
+    setting: Setting
+    start: State
+    end: State
+    episodes: list[Episode]
+    flights: list[Flight]
+    groups: list[list[int]]
+    status: str
+
+    @classmethod
+    def of(cls, body: FreeBody, start: State, setting: Setting) -> Fall:
+        """The fall of a body from a state."""
+        return cls(body, setting, start, *course(body, start, setting))
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """The impacts, as a table."""
+        gravity = self.setting.gravity
+        own = range(len(self.groups))
+        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in own)
 
     @property
     def peak_force(self) -> float:
@@ -51,11 +103,30 @@ class Fall(Course, Brief):
         states = [self.start, *(one.end for one in self.episodes)]
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
 
+    def energy(self) -> tuple[Array, Array]:
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
+        """
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        rows.append((self.end, rows[-1][1]))
+        gravity = self.setting.gravity
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
+
+    def _episodes(self, impact: int) -> list[Episode]:
+        if not self.groups:
+            raise InputError("the fall has no impact; let it last longer (until=).")
+        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
+        return [self.episodes[i] for i in self.groups[k]]
+
     # -- what a point feels
 
     def signal(
         self,
-        at: Sequence[float] | str | None = None,
+        at: At = None,
         impact: int = 0,
         *,
         filter: str | None = None,
@@ -79,93 +150,73 @@ class Fall(Course, Brief):
             Time before the first touch and after the last release [s]; at least what the filter
             remembers.
         """
-        own = self._episodes_of(impact)
-        rest = 0.0
+        own, rest, steps = self._episodes(impact), 0.0, [np.inf]
         if filter is not None:
             checks.choice("filter", filter, tuple(CLASSES))
             rest = MEMORY / CLASSES[filter]
+            steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
         begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
         end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
         begin, end = max(begin, 0.0), min(end, self.end.time)
-        step = self._step(end - begin, filter)
+        steps += [one.duration / 50 for one in self.episodes]
+        steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
+        step = max(min(steps), (end - begin) / MOST)
         t = begin + step * np.arange(max(int((end - begin) / step), 2))
         a = self.acceleration(t, at)
         return t, a if filter is None else cfc_filter(step, a, filter)
 
-    def _episodes_of(self, impact: int) -> list[Episode]:
-        if not self.groups:
-            raise InputError("the fall has no impact; let it last longer (until=).")
-        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
-        return [self.episodes[i] for i in self.groups[k]]
-
-    def _step(self, span: float, filter: str | None) -> float:
-        """Step [s] that resolves the highest mode, the contacts and the filter."""
-        highest = float(self.body.omega.max(initial=0.0)) / (2 * np.pi)
-        shortest = min(one.duration for one in self.episodes)
-        step = min(shortest / 50, 1 / (SAMPLES * highest) if highest else np.inf)
-        if filter is not None:
-            step = min(step, 1 / (2 * LEAST_RATE * CLASSES[filter]))
-        return max(step, span / MOST)
-
-    def acceleration(self, times: ArrayLike, at: Sequence[float] | str | None = None) -> Array:
+    def acceleration(self, times: ArrayLike, at: At = None) -> Array:
         """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`."""
         t = checks.column("times", times)
         if t.size and (t.min() < 0 or t.max() > self.end.time * (1 + 1e-12)):
             raise InputError(f"times must lie within the fall, 0 to {self.end.time:g} s.")
-        arm, phi = self._point(at)
-        found = np.zeros((t.size, 3))
-        ends = np.array([one.end.time for one in self.episodes])
-        starts = np.array([one.start.time for one in self.episodes])
-        last = np.searchsorted(starts, t, side="right") - 1
-        for k in np.unique(last):
-            here = np.flatnonzero(last == k)
-            touching = here[t[here] <= ends[k]] if k >= 0 else here[:0]
-            if len(touching):
-                found[touching] = self._in_contact(self.episodes[k], t[touching], arm, phi)
-            flying = np.setdiff1d(here, touching)
-            if len(flying):
-                state = self.start if k < 0 else self.episodes[k].end
-                found[flying] = self._in_flight(state, t[flying], arm, phi)
+        begins, parts = [0.0], list[State | Episode]([self.start])
+        for one in self.episodes:
+            begins += [one.start.time, one.end.time]
+            parts += [one, one.end]
+        which, found = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
+        point = self._point(at)
+        for k in np.unique(which):
+            found[which == k] = self._felt(parts[k], t[which == k] - begins[k], *point)
         return found
 
-    def _point(self, at: Sequence[float] | str | None) -> tuple[Array, Array]:
+    def _point(self, at: At) -> tuple[Array, Array]:
         """Arm (3,) of a point from the centre of mass, and shapes (3, J) of the modes there."""
         body = self.body
+        rigid = np.zeros((3, body.omega.size))
         if at is None:
-            return np.zeros(3), np.zeros((3, body.omega.size))
+            return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
-            x = checks.array("at", at, (3,))
-            return x - body.centre, np.zeros((3, body.omega.size))
+            return checks.array("at", at, (3,)) - body.centre, rigid
         from antiosc.fem.fields import source
         from antiosc.fem.site.named_points import point_of
         from antiosc.fem.site.site import Reach
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)
-        return x - body.centre, source(body.structure).at_point(
-            body.structure, body.basis, x, part, reach
-        )
+        found = source(body.structure)
+        return x - body.centre, found.at_point(body.structure, body.basis, x, part, reach)
 
-    def _in_flight(self, state: State, t: Array, arm: Array, phi: Array) -> Array:
-        body = self.body
-        q, p = ringing(body.omega, body.decay, state.q, state.p, t - state.time)
-        elastic = -(body.omega**2) * q - 2 * body.decay * p
-        # the spin in the axes of the body changes slowly in flight: that at the start is taken
-        spin = state.R.T @ state.spin(body)
-        return np.asarray(elastic @ phi.T + _carried(body, spin[None], np.zeros((1, 3)), arm))
-
-    def _in_contact(self, one: Episode, t: Array, arm: Array, phi: Array) -> Array:
-        body, since = self.body, np.clip(t - one.start.time, 0.0, one.history.time[-1])
-        R, spin, turning, own = one.motion(body, since)
-        linear = own[:, :3] / np.sqrt(body.mass) + [0.0, 0.0, self.setting.gravity]
-        carried = _carried(body, spin, turning, arm)
-        return np.asarray(np.einsum("nb,nba->na", linear, R) + own[:, 6:] @ phi.T + carried)
+    def _felt(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
+        """Accelerations (n, 3) less gravity in the axes of the body, at times in a flight from a
+        state or in an episode."""
+        body, gravity = self.body, self.setting.gravity
+        if isinstance(part, Episode):
+            R, spin, turning, a = part.motion(body, since)
+            linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
+            elastic = a[:, 6:]
+        else:
+            R = Flight(body, part, gravity).orientation(since)
+            spin = part.momentum @ R @ body.inverse
+            turning = linear = np.zeros(3)
+            q, p = ringing(body.omega, body.decay, part.q, part.p, since)
+            elastic = -(body.omega**2) * q - 2 * body.decay * p
+        turning = turning - np.cross(spin, spin @ body.tensor) @ body.inverse
+        carried = np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))
+        return np.asarray(linear + elastic @ phi.T + carried)
 
     def peak(
-        self,
-        quantity: str = "acceleration",
-        at: Sequence[float] | str | None = None,
-        filter: str | None = None,
+        self, quantity: str = "acceleration", at: At = None, filter: str | None = None
     ) -> Peak:
         """The largest acceleration of a point (`signal`), or the largest "force", over all impacts.
 
@@ -186,7 +237,7 @@ class Fall(Course, Brief):
 
     def srs(
         self,
-        at: Sequence[float] | str | None = None,
+        at: At = None,
         impact: int = 0,
         frequencies: ArrayLike | None = None,
         Q: float = 10.0,
@@ -199,16 +250,14 @@ class Fall(Course, Brief):
         axis: default the direction of the largest acceleration.
         """
         t, a = self.signal(at, impact, filter=filter)
-        if axis is None:
-            along = a[np.argmax(np.linalg.norm(a, axis=1))]
-        else:
-            along = checks.array("axis", axis, (3,))
+        strongest = a[np.argmax(np.linalg.norm(a, axis=1))]
+        along = strongest if axis is None else checks.array("axis", axis, (3,))
         size = float(np.linalg.norm(along))
         if size == 0:
             raise InputError("axis must not be the zero vector.")
         return srs(t, a @ along / size, frequencies, Q)
 
-    def velocity_change(self, at: Sequence[float] | str | None = None, impact: int = 0) -> float:
+    def velocity_change(self, at: At = None, impact: int = 0) -> float:
         """Length of the change of velocity of a point over an impact, in its own axes [m/s]."""
         from scipy.integrate import trapezoid
 
@@ -216,10 +265,7 @@ class Fall(Course, Brief):
         return float(np.linalg.norm(trapezoid(a, t, axis=0)))
 
     def half_sine(
-        self,
-        at: Sequence[float] | str | None = None,
-        impact: int = 0,
-        filter: str | None = None,
+        self, at: At = None, impact: int = 0, filter: str | None = None
     ) -> tuple[float, float]:
         """Amplitude [m/s^2] and duration [s] of the half-sine of equal peak and velocity change."""
         _, a = self.signal(at, impact, filter=filter)
@@ -233,11 +279,27 @@ class Fall(Course, Brief):
 
         impacts: numbers from 0; default: all.
         """
-        from antiosc.studies.drops.worst import worst
+        if self.body.structure is None:
+            raise InputError("a rigid part has no stress: drop a Structure.")
+        every = range(max(len(self.groups), 1))
+        chosen = every if impacts is None else map(int, checks.column("impacts", impacts))
+        periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
+        for one in (one for k in chosen for one in self._episodes(k)):
+            count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
+            own = one.history.at(np.linspace(0.0, one.duration, count))[BODY]
+            parts.append(replace(own, time=own.time + one.start.time))
+        joined = {
+            n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
+        }
+        forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
+        with without_warnings():
+            whole = replace(parts[0], forces=forces, **joined)
+            found = peak_field(self.body.structure, whole, quantity, **options)
+        begins = [self.episodes[own[0]].start.time for own in self.groups]
+        impact = np.searchsorted(begins, found.times, side="right") - 1
+        return WorstField(**vars(replace(found, error=None)), impact=impact)
 
-        return worst(self, quantity, impacts, **options)
-
-    # -- how far it is predictable
+    # -- how far it is predictable, in words and pictures
 
     def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
         """How many impacts can be predicted: their peak forces differ by less than `spread`.
@@ -246,16 +308,14 @@ class Fall(Course, Brief):
         """
         angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
         own, known = self.impacts.column("peak_force"), len(self.impacts)
-        for axis in np.eye(3)[:2]:
-            for sign in (-1, 1):
-                start = nudged(self.start, self.body, self.setting, sign * angle * axis)
-                other = fallen(self.body, start, self.setting).impacts.column("peak_force")
-                count = min(len(own), len(other))
-                off = np.abs(other[:count] / own[:count] - 1) > spread
-                known = min(known, int(np.argmax(off)) if off.any() else count)
+        body, setting, s = self.body, self.setting, self.start
+        for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
+            nudged = hung(body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity)
+            other = Fall.of(body, nudged, setting).impacts.column("peak_force")
+            count = min(len(own), len(other))
+            off = np.abs(other[:count] / own[:count] - 1) > spread
+            known = min(known, int(np.argmax(off)) if off.any() else count)
         return known
-
-    # -- words and pictures
 
     def summary(self) -> str:
         """The impacts as a table, and how the fall ended."""
@@ -280,23 +340,15 @@ class Fall(Course, Brief):
             ("end", f"{self.status} at {self.end.time:.4g} s"),
         ]
 
-
-def warn_of(fall: Fall) -> None:
-    """Warn of a spin that stiffens the part, and of a fall that does not come to rest."""
-    ratio = fall.fastest_spin * fall.body.slowest / (2 * np.pi)
-    if ratio > STIFFENS:
-        warn(
-            f"the part spins with {fall.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
-            f"natural frequency: the stiffening by the spin is left out, which matters above "
-            f"{STIFFENS:g}.",
-            AccuracyWarning,
-        )
-    if "not at rest" in fall.status:
-        warn(f"the fall is ended {fall.status}; give until=.", AccuracyWarning)
-
-
-def _carried(body: FreeBody, spin: Array, turning: Array, arm: Array) -> Array:
-    """Acceleration (n, 3) of a point by the spin and its change, all in the axes of the body."""
-    gyration = np.cross(spin, spin @ body.tensor)
-    turning = turning - gyration @ body.inverse
-    return np.asarray(np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm)))
+    def warn(self) -> None:
+        """Warn of a spin that stiffens the part, and of a fall that does not come to rest."""
+        ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
+        if ratio > STIFFENS:
+            warn(
+                f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
+                f"natural frequency: the stiffening by the spin is left out, which matters above "
+                f"{STIFFENS:g}.",
+                AccuracyWarning,
+            )
+        if "not at rest" in self.status:
+            warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)

@@ -4,16 +4,15 @@ The floor is the plane z = 0, gravity points along -z. The orientation is that o
 The modes ring freely in the axes of the body: what the spin adds to their stiffness is left out,
 which holds while the spin is small against the lowest natural frequency.
 
-The height of a point over the floor is bounded from below by its rigid height minus the largest
-elastic displacements; only where this bound reaches the floor is the motion looked at in steps that
-resolve the modes, and the touch located.
+The height of a point over the floor is bounded from below by its rigid height minus the elastic
+displacements that the energies of the modes allow; only where this bound reaches the floor is the
+motion looked at in steps that resolve the modes, and the touch located.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,18 +29,12 @@ TURN = 0.05
 MOST_LOOKS = 1_000_000
 #: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
 LOOKS, SEEN = 12, 1e-6
-#: A mode that moves all points by less than this share of the extent is left out of the heights.
-NEGLIGIBLE = 1e-14
 #: Most times at which heights are looked at together: of the rigid body, of the modes too.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
 #: Height at which points touch, over the extent.
 TOUCH = 1e-10
-#: A mode is weakly damped up to this share of the critical damping.
-WEAK = 0.9
-#: In place of 0 where it divides.
-LEAST = np.finfo(float).tiny
-#: Times at which a touch is looked for at once, and the way over the extent that is straight.
-PLACES, STRAIGHT = 33, 1e-6
+#: Accuracy of the time of a touch [s].
+CLOSE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +64,17 @@ class State:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
         return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
 
+    def arms(self, body: FreeBody, which: Any = slice(None)) -> Array:
+        """Arms (n, 3) [m] from the centre of mass to the lowest places at points."""
+        bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
+        arms = bent @ self.R.T
+        arms[:, 2] -= body.balls[which]
+        return np.asarray(arms)
+
     def heights(self, body: FreeBody, ground: Ground | None, which: Any = slice(None)) -> Array:
         """Heights (n,) [m] of points over the floor."""
-        up = self.R[2]
-        found = self.centre[2] + body.points[which] @ up - body.balls[which]
-        found = found + (body.shapes[which] @ up) @ self.q
-        return np.asarray(found if ground is None else found + np.sum(ground.shape * self.floor))
+        lowered = 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
+        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + lowered)
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J]: of the rigid motion, of the vibration, and of the height of the centre."""
@@ -88,34 +86,18 @@ class State:
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
     """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
-    c, s = _waves(omega, decay, t)
+    if np.any(decay >= omega):  # over-damped ones
+        P, W, S = march.responses(omega, decay, t[:, None])[:3]
+        return P * q + S * p, W * p - omega**2 * S * q
+    fast = np.sqrt(omega**2 - decay**2)
+    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
+    c, s = fade * np.cos(phase), fade * np.sin(phase) / fast
     return c * q + s * (p + decay * q), c * p - s * (decay * p + omega**2 * q)
 
 
-def _waves(omega: Array, decay: Array, t: Array) -> tuple[Array, Array]:
-    """exp(-d t) cos(w t) and exp(-d t) sin(w t)/w (n, J), w the frequency of the damped mode."""
-    if np.any(decay >= omega):  # hyperbolic ones of over-damped modes
-        P, W, S = march.responses(omega, decay, t[:, None])[:3]
-        return (P + W) / 2, S
-    fast = np.sqrt(omega**2 - decay**2)
-    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
-    return fade * np.cos(phase), fade * np.sin(phase) / fast
-
-
-class Swing:
-    """Bounds of the displacements of free modes from a time on, and their `rates` [1/s]."""
-
-    def __init__(self, omega: Array, decay: Array, q: Array, p: Array) -> None:
-        weak = decay < WEAK * omega
-        over = decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0))
-        self.rates = np.where(weak, omega, omega**2 / np.where(over > 0, over, 1.0))
-        self.decay = np.where(weak, decay, 0.0)
-        fast = np.sqrt(np.maximum(omega**2 - self.decay**2, LEAST))
-        self.size = np.hypot(q, (np.abs(p) + self.decay * np.abs(q)) / fast)
-
-    def at(self, t: Array) -> Array:
-        """Largest displacements (n, J) from times (n,) on, at most."""
-        return np.asarray(np.exp(-t[:, None] * self.decay) * self.size)
+def most(omega: Array, q: Array, p: Array) -> Array:
+    """The largest displacements that the energies of free modes allow, now and later."""
+    return np.hypot(q, p / np.maximum(omega, np.finfo(float).tiny))
 
 
 class Flight:
@@ -125,7 +107,6 @@ class Flight:
         self, body: FreeBody, start: State, gravity: float, ground: Ground | None = None
     ) -> None:
         self.body, self.start, self.gravity, self.ground = body, start, gravity, ground
-        self._swing = Swing(body.omega, body.decay, start.q, start.p)
         #: R (n, 3, 3) at times (n,) since the start
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
@@ -136,10 +117,8 @@ class Flight:
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""
-        s, g = self.start, np.array([0.0, 0.0, -self.gravity])
-        body, at = self.body, np.array([t])
-        q, p = ringing(body.omega, body.decay, s.q, s.p, at)
-        floor = s.floor if self.ground is None else self._floor_at(at)[:, 0]
+        s, g, at = self.start, np.array([0.0, 0.0, -self.gravity]), np.array([t])
+        q, p = self._ringing(at)
         return State(
             s.time + t,
             s.centre + s.velocity * t + 0.5 * g * t * t,
@@ -148,21 +127,14 @@ class Flight:
             s.momentum,
             q[0],
             p[0],
-            floor,
+            s.floor if self.ground is None else self._floor_at(at)[:, 0],
         )
 
     def heights(self, t: Array, which: IntArray) -> Array:
         """Heights (n, k) [m] over the floor of points (k,) at times (n,), ascending from start."""
-        body, s = self.body, self.start
-        up = self.orientation(t)[:, 2]
-        found = self._rigid(t, up, which)
-        live = np.flatnonzero(self._moves(t[0]) > NEGLIGIBLE * body.extent)
-        if live.size:
-            c, sine = _waves(body.omega[live], body.decay[live], t)
-            q = c * s.q[live] + sine * (s.p + body.decay * s.q)[live]
-            shapes = body.shapes[np.ix_(which, live)].transpose(1, 0, 2).reshape(live.size, -1)
-            moved = (q @ shapes).reshape(len(t), len(which), 3)
-            found += np.einsum("nkd,nd->nk", moved, up)
+        up, shapes = self.orientation(t)[:, 2], self.body.shapes[which]
+        moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
+        found = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
         if self.ground is not None:
             found += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
         return found
@@ -172,6 +144,9 @@ class Flight:
         s, body = self.start, self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
         return np.asarray(z[:, None] + up @ body.points[which].T - body.balls[which])
+
+    def _ringing(self, t: Array) -> tuple[Array, Array]:
+        return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
     def _floor_at(self, t: Array) -> Array:
         """Displacements and rates (2, n, F) of the modes of an elastic floor."""
@@ -210,12 +185,11 @@ class Flight:
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
         """The first touch of points between two times; `parted`: below since they parted."""
-        span = end - start
-        count = max(int(np.ceil(span / self._resolved(start, span))), 2)
+        count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
         close = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
             last = min(first + AT_ONCE_ELASTIC, count)
-            t = start + span * np.arange(first, last + 1) / count
+            t = start + (end - start) * np.arange(first, last + 1) / count
             h = self.heights(t, which)
             # a point that has parted is free to touch once it has left the floor
             free = np.logical_or.accumulate(h > close, axis=0) | ~parted[which]
@@ -232,37 +206,26 @@ class Flight:
 
     def _located(self, start: float, end: float, which: IntArray) -> float:
         """The time at which the first of some points reaches the floor, which all do."""
-        while True:
-            t = np.linspace(start, end, PLACES)
-            low = self.heights(t, which).min(axis=1)
-            if low[0] <= 0:
-                return start
-            i = int(np.argmax(low < 0)) or PLACES - 1
-            start, end, way = float(t[i - 1]), float(t[i]), float(low[i - 1] - low[i])
-            if way <= STRAIGHT * self.body.extent:
-                return start + (end - start) * float(low[i - 1]) / way
+        from scipy.optimize import brentq
+
+        def lowest(t: float) -> float:
+            return float(self.heights(np.array([t]), which).min())
+
+        return start if lowest(start) <= 0 else float(brentq(lowest, start, end, xtol=CLOSE))
 
     def _sizes(self, t: Array) -> Array:
         """Largest elastic displacements (n, V) of the points [m] from times (n,) on."""
-        found = self._swing.at(t) @ np.linalg.norm(self.body.shapes, axis=2).T
+        found = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
         if self.ground is not None:
-            a, b = np.abs(self.ground.shape)
-            found = found + (self._floor_swing.at(t) @ (a + self.ground.modes.omega * b))[:, None]
+            omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
+            found = found + (most(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
         return np.asarray(found)
 
-    @cached_property
-    def _floor_swing(self) -> Swing:
-        assert self.ground is not None
-        return Swing(self.ground.modes.omega, self.ground.modes.decay, *self.start.floor)
-
-    def _moves(self, start: float) -> Array:
-        """By how much the modes (J,) move a point from a time on, at most [m]."""
-        return np.asarray(self.body.largest_shapes * self._swing.at(np.array([start]))[0])
-
-    def _resolved(self, start: float, span: float) -> float:
-        """Time [s] between two looks that resolves the modes which move a point from a time on."""
-        seen = self._swing.rates[self._moves(start) > SEEN * self.body.extent]
-        fastest = float(seen.max(initial=0.0))
+    def _fastest(self, start: float) -> float:
+        """Fastest frequency [rad/s] of the modes that move a point from a time on."""
+        at = np.array([start])
+        moves = most(self.body.omega, *self._ringing(at))[0] * self.body.sizes.max(axis=0)
+        seen = self.body.omega[moves > SEEN * self.body.extent]
         if self.ground is not None and np.any(self.start.floor):
-            fastest = max(fastest, float(self._floor_swing.rates.max()))
-        return min(span / 2, 2 * np.pi / (LOOKS * fastest) if fastest else span)
+            seen = np.append(seen, self.ground.modes.omega)
+        return float(seen.max(initial=0.0))

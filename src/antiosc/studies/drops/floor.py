@@ -23,6 +23,8 @@ from antiosc.models.motion import ModalState
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Sphere
 
+#: (E [Pa], nu) of what is rigid.
+RIGID = (inf, 0.3)
 #: A loss factor is at most this.
 LARGEST_LOSS = 1.0
 
@@ -119,11 +121,6 @@ class Floor(Given):
             raise InputError("a floor with its own law takes no restitution: the law has it.")
 
     @cached_property
-    def laws(self) -> dict[Any, ContactLaw]:
-        """Laws of contacts that are known (`law_of`)."""
-        return {}
-
-    @cached_property
     def ground(self) -> Ground | None:
         """The model as it moves between and during contacts."""
         return None if self.model is None else _ground(self.model.modal())
@@ -166,22 +163,34 @@ def _ground(own: ModalBody) -> Ground:
     return Ground(body, moving, moving.rows(own.b[None]).reshape(2, -1))
 
 
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a fall happens in.
+
+    Attributes
+    ----------
+    floor, gravity [m/s^2], height [m] of the lowest point at the start.
+    impacts, duration [s] : where it ends at the latest.
+    tol : relative error of the contact forces.
+    """
+
+    floor: Floor
+    gravity: float
+    height: float
+    impacts: float
+    duration: float
+    tol: float
+
+
 def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
     """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
-    given = *radii, *material.tolist()
-    if given not in floor.laws:
-        floor.laws[given] = _law_of(floor, radii, material.tolist())
-    return floor.laws[given]
-
-
-def _law_of(floor: Floor, radii: tuple[float, float], material: list[float]) -> ContactLaw:
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
         return _cushioned(floor.layer, radii)
-    other = (inf, 0.3) if floor.material is None else constants(floor.material)
-    E, nu = material
-    law = _hertz(radii, (inf, 0.3) if isnan(E) else (E, nu), (inf, inf), other)
+    E, nu = material.tolist()
+    other = RIGID if floor.material is None else constants(floor.material)
+    law = _hertz(radii, RIGID if isnan(E) else (E, nu), (inf, inf), other)
     if floor.restitution is None or floor.restitution == 1.0:
         return law
     return HuntCrossley(law.stiffness, floor.restitution)
@@ -253,13 +262,12 @@ def contact_at(
     checks.instance("part", part, Structure, "a Structure")
     x = checks.array("point", point, (3,))
     radii, material = _vertex(part, x, radius)
-    if isinstance(other, Floor):
-        return law_of(other, radii, np.array(material))
     if isinstance(other, Sphere):
         return _hertz(radii, material, (other.radius, other.radius), (other.E, other.nu))
     if isinstance(other, Structure):
         return _hertz(radii, material, *_vertex(other, x, None))
-    return _hertz(radii, material, (inf, inf), (inf, 0.3) if other is None else constants(other))
+    floor = other if isinstance(other, Floor) else Floor(other)
+    return law_of(floor, radii, np.array(material))
 
 
 def _vertex(

@@ -122,21 +122,21 @@ def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
     before, after = own[0].start, own[-1].end
     energies = [sum(s.energies(body, gravity)) for s in (before, after)]
     return Impact(
-        before.time,
-        after.time - before.time,
-        body.points[most] - body.balls[most] * before.R[2] + body.centre,
-        sum(value > 0 for value in impulses.values()),
-        peak,
-        sum(impulses.values()),
-        -_rising(body, before, most),
-        _rising(body, after, most),
-        before.spin(body),
-        after.spin(body),
-        energies[0] - energies[1],
+        time=before.time,
+        contact_time=after.time - before.time,
+        place=body.points[most] - body.balls[most] * before.R[2] + body.centre,
+        contacts=sum(value > 0 for value in impulses.values()),
+        peak_force=peak,
+        impulse=sum(impulses.values()),
+        speed_before=-_rising(body, before, most),
+        speed_after=_rising(body, after, most),
+        spin_before=before.spin(body),
+        spin_after=after.spin(body),
+        lost=energies[0] - energies[1],
     )
 
 
 def _rising(body: FreeBody, state: State, point: int) -> float:
     """Speed [m/s] at which a point of the rigid body rises."""
-    arm = state.R @ body.points[point] - body.balls[point] * np.eye(3)[2]
+    (arm,) = state.arms(body, [point])
     return float((state.velocity + np.cross(state.spin(body), arm))[2])

@@ -35,14 +35,13 @@ def orientation(
 ) -> Array:
     """R (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
     given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    asked = [name for name, value in given.items() if value is not None]
+    asked = {name: value for name, value in given.items() if value is not None}
     if len(asked) > 1:
         raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
     R = np.eye(3)
-    if toward is not None:
-        R = onto(unit_vector("toward", toward), DOWN)
-    elif asked:
-        R = onto(_named(body, asked[0], given[asked[0]]), DOWN)
+    for name, value in asked.items():
+        down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
+        R = onto(down, DOWN)
     angles = checks.array("tilt", tilt, None)
     if angles.shape != (3,):
         shown = checks.shown(tilt)
@@ -51,24 +50,20 @@ def orientation(
 
 
 def tilted(angles: Array) -> Array:
-    """Rotations (..., 3, 3) by angles (..., 3) [degree] about fixed x, then y, then z."""
+    """Rotation (3, 3) by angles (3,) [degree] about fixed x, then y, then z."""
     from scipy.spatial.transform import Rotation
 
-    flat = np.reshape(angles, (-1, 3))
-    return np.asarray(Rotation.from_euler("xyz", flat, degrees=True).as_matrix()).reshape(
-        *np.shape(angles), 3
-    )
+    return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
 
 
 def onto(direction: Array, other: Array) -> Array:
     """The smallest rotation (3, 3) of one unit vector onto another."""
-    axis, cosine = np.cross(direction, other), float(direction @ other)
-    if cosine < -1 + 1e-12:  # half a turn about an axis across
+    middle = direction + other
+    if middle @ middle < 1e-12:  # half a turn about an axis across
         axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-        axis /= np.linalg.norm(axis)
-        return np.asarray(2 * np.outer(axis, axis) - np.eye(3))
-    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.asarray(np.eye(3) + K + K @ K / (1 + cosine))
+        return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
+    turn = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
+    return np.asarray(np.eye(3) + turn)
 
 
 def _named(body: FreeBody, kind: str, name: Any) -> Array:

@@ -14,35 +14,34 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.charts.figures import finished, new_figure
 from antiosc.base.charts.surfaces import LIGHT
 from antiosc.base.errors import InputError
-from antiosc.studies.drops.course import Course
+from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.skin import skin_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Frames of a film in a second, and points of a flight that are drawn.
-RATE, DRAWN = 25, 60
+#: Frames of a film in a second, and times of a fall at which heights are drawn.
+RATE, DRAWN = 25, 500
 #: Most triangles of a surface that are drawn, and their colour.
 TRIANGLES, COLOUR = 6000, (0.35, 0.55, 0.8)
 
 
-def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path:
+def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
     first = fall.episodes[0].start if fall.episodes else fall.end
     axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
-    _posed(axes, fall, first)
+    _posed(axes, fall, first, _surface(fall))
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
-    times = [f.start.time + np.linspace(0.0, f.longest(), DRAWN) for f in fall.flights]
-    known = np.unique(np.concatenate([*times, [one.start.time for one in fall.episodes]]))
-    states = [at(fall, float(t)) for t in known[known <= fall.end.time]]
-    shown = [state.time for state in states]
-    height.plot(shown, [state.centre[2] for state in states], label="centre of mass")
+    touches = [one.start.time for one in fall.episodes]
+    times = np.union1d(np.linspace(0.0, fall.end.time, DRAWN), touches)
+    states = [at(fall, t) for t in times.tolist()]
+    height.plot(times, [state.centre[2] for state in states], label="centre of mass")
     lowest = [state.heights(fall.body, fall.setting.floor.ground).min() for state in states]
-    height.plot(shown, lowest, label="lowest point")
+    height.plot(times, lowest, label="lowest point")
     height.set(xlabel="time (s)", ylabel="height (m)")
     height.legend(fontsize=8)
     energy = figure.add_subplot(grid[1, 0])
@@ -59,7 +58,7 @@ def overview(fall: Course, path: str | os.PathLike[str] | None) -> Figure | Path
     return finished(figure, path)
 
 
-def _surface(fall: Course) -> tuple[Array, IntArray]:
+def _surface(fall: Fall) -> tuple[Array, IntArray]:
     """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -70,9 +69,8 @@ def _surface(fall: Course) -> tuple[Array, IntArray]:
             return skin.points - body.centre, skin.triangles
     points = body.points
     if body.balls.any() and len(points) == 1:  # a ball
-        grid = np.array(
-            [x for x in product(np.linspace(-1, 1, 9), repeat=3) if max(map(abs, x)) == 1]
-        )
+        grid = np.array([*product(np.linspace(-1, 1, 9), repeat=3)])
+        grid = grid[np.abs(grid).max(axis=1) == 1]
         points = body.balls[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
     try:
         return points, np.asarray(ConvexHull(points).simplices)
@@ -80,13 +78,11 @@ def _surface(fall: Course) -> tuple[Array, IntArray]:
         return points, np.zeros((0, 3), dtype=int)
 
 
-def _posed(
-    axes: Any, fall: Course, state: State, surface: tuple[Array, IntArray] | None = None
-) -> None:
+def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray]) -> None:
     """Draw the part in a state above the floor."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    points, triangles = _surface(fall) if surface is None else surface
+    points, triangles = surface
     x = points @ state.R.T
     x[:, 2] += state.centre[2]
     half = 0.6 * fall.body.extent
@@ -109,7 +105,7 @@ def _posed(
     axes.set_axis_off()
 
 
-def film(fall: Course, path: str | os.PathLike[str], seconds: float) -> Path:
+def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
     """A film of the whole fall from the first impact's approach on."""
     target = checks.new_file("path", path)
     if target.suffix.lower() not in (".mp4", ".gif"):
@@ -139,7 +135,7 @@ def film(fall: Course, path: str | os.PathLike[str], seconds: float) -> Path:
     return target
 
 
-def at(fall: Course, time: float) -> State:
+def at(fall: Fall, time: float) -> State:
     """The state at a time [s] of the fall; during a contact that at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]

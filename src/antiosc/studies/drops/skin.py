@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -82,34 +82,22 @@ def skin_of(structure: Structure) -> Skin:
         return of_points(matrices.nodes()[0])
     if not matrices.assembled:
         return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
-    found = []
+    found, count = list[Skin](), 0
     for member in matrices.members():
-        own = of_mesh(member.part)
-        R = member.at.rotation
-        found.append((own, member.at.placed(own.points), own.normals @ R.T))
-    starts = np.cumsum([0, *(len(own.points) for own, _, _ in found)])
-    triangles = [own.triangles + at for (own, _, _), at in zip(found, starts[:-1], strict=True)]
-    columns = {
-        name: np.concatenate([getattr(own, name) for own, _, _ in found])
-        for name in ("curvatures", "sharp", "sizes", "materials", "half")
-    }
-    return Skin(
-        np.concatenate([x for _, x, _ in found]),
-        np.concatenate([n for _, _, n in found]),
-        triangles=np.concatenate(triangles),
-        **columns,
-    )
+        own, at = of_mesh(member.part), member.at
+        x, n = at.placed(own.points), own.normals @ at.rotation.T
+        found.append(replace(own, points=x, normals=n, triangles=own.triangles + count))
+        count += len(x)
+    each = [f.name for f in fields(Skin)]
+    return Skin(*(np.concatenate([getattr(one, name) for one in found]) for name in each))
 
 
 def of_points(points: Array) -> Skin:
     """Points without a surface: all of them are sharp."""
-    count, unknown = len(points), np.full((len(points), 2), np.nan)
-    none = np.zeros((0, 3), dtype=int)
-    zero = np.zeros(count)
-    return Skin(
-        points, np.zeros((count, 3)), np.zeros((count, 2)), np.ones(count, dtype=bool),
-        zero, unknown, zero, none,
-    )  # fmt: skip
+    zero, zeros = np.zeros(len(points)), np.zeros((len(points), 3))
+    sharp, triangles = np.ones(len(points), dtype=bool), np.zeros((0, 3), dtype=int)
+    unknown = np.full((len(points), 2), np.nan)
+    return Skin(points, zeros, zeros[:, :2], sharp, zero, unknown, zero, triangles)
 
 
 def of_mesh(part: MeshedStructure) -> Skin:
@@ -117,27 +105,25 @@ def of_mesh(part: MeshedStructure) -> Skin:
     from antiosc.fem.site.map_sites import surface
 
     ground = surface(part, None)
-    x, edges = ground.points, _edges(ground.elements)
-    length = np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1)
-    count = np.bincount(edges.ravel(), minlength=len(x))
-    total = np.bincount(edges.ravel(), np.repeat(length, 2), minlength=len(x))
-    sharp, curvatures = np.ones(len(x), dtype=bool), np.zeros((len(x), 2))
-    normals = ground.normals
-    triangles = ground.elements if ground.elements.shape[1] == 3 else np.zeros((0, 3), dtype=int)
-    if part.kind.outside and len(triangles):
-        sharp = _sharp(x, ground.normals, triangles)
-        fitted, curvatures = _fitted(x, normals, edges)
-        normals = np.where(sharp[:, None], normals, fitted)
+    x, normals, count = ground.points, ground.normals, ground.elements.shape[1]
+    sides = np.vstack([ground.elements[:, [i, (i + 1) % count]] for i in range(count)])
+    edges = np.unique(np.sort(sides, axis=1), axis=0)
+    at = np.vstack([edges, edges[:, ::-1]])  # both ways
+    length = np.linalg.norm(x[at[:, 0]] - x[at[:, 1]], axis=1)
+    sizes = np.bincount(at[:, 0], length, len(x)) / np.maximum(
+        np.bincount(at[:, 0], minlength=len(x)), 1
+    )
     materials, half = _materials(part)
-    sizes = total / np.maximum(count, 1)
-    return Skin(x, normals, curvatures, sharp, sizes, materials, half, triangles)
-
-
-def _edges(elements: IntArray) -> IntArray:
-    """Pairs (E, 2) of vertices that an element joins, each once."""
-    corners = elements.shape[1]
-    pairs = np.vstack([elements[:, [i, (i + 1) % corners]] for i in range(corners)])
-    return np.unique(np.sort(pairs, axis=1), axis=0)
+    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials, half=half)
+    if count != 3:
+        return found
+    found = replace(found, triangles=ground.elements)
+    if not part.kind.outside:
+        return found
+    sharp = _sharp(x, normals, ground.elements)
+    fitted, curvatures = _fitted(x, normals, at, sizes)
+    normals = np.where(sharp[:, None], normals, fitted)
+    return replace(found, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array]:
@@ -167,16 +153,14 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     return least < SMOOTH
 
 
-def _fitted(x: Array, normals: Array, edges: IntArray) -> tuple[Array, Array]:
+def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:
     """Normals (P, 3) and principal curvatures (P, 2), ascending, of quadrics through neighbours.
 
     Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
+    edges: (E, 2) from vertices to their neighbours; size: (P,) their mean lengths [m].
     """
-    both = np.vstack([edges, edges[:, ::-1]])
-    at = both[:, 0]
-    way = x[both[:, 1]] - x[at]
-    length = np.linalg.norm(way, axis=1)
-    size = np.bincount(at, length, len(x)) / np.maximum(np.bincount(at, minlength=len(x)), 1)
+    at = edges[:, 0]
+    way = x[edges[:, 1]] - x[at]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axis)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
