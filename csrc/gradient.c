@@ -718,12 +718,30 @@ static bool undo_step(adjoint *a, int64_t k) {
     return isfinite(longer);
 }
 
+/* A contact that is closed at the start: what its law remembers, and what the force there did. */
+static void undo_preload(adjoint *a, int c) {
+    const aom_system *system = &a->st->system;
+    const aom_contact *contact = system->contacts + c;
+    aom_exit begun = {.before = {AOM_APART}, .after = {AOM_FORWARD}};
+    edge *now = &a->now;
+    undo_branch(&contact->law, &begun, contact->slowest, a->laws + c, now->depth + c, now->rate + c);
+    a->out->preload[c] += now->force[c] + a->goal->force[c];
+    for (int i = 0; i < system->n_rows; i++) {
+        ptrdiff_t at = (ptrdiff_t)i * system->n_rows + c;
+        a->out->preload[c] -= now->depth[i] * system->residual[at];
+        a->out->residual[at] -= now->depth[i] * contact->preload;
+    }
+}
+
 /* The derivatives by the state at the start. */
 static void finish(adjoint *a) {
     const aom_system *system = &a->st->system;
     int J = system->n_modes, m = system->n_rows;
     edge *now = &a->now;
     undo_exits(a, 0);
+    for (int c = 0; c < system->n_contacts; c++)
+        if (system->contacts[c].preload > 0.0)
+            undo_preload(a, c);
     for (int i = 0; i < m; i++) { /* what the laws took from the motion at the start */
         double *beta = a->out->beta + (ptrdiff_t)i * J;
         add(J, now->depth[i], beta_row(a->st, i), now->q);
@@ -746,12 +764,9 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
         return AOM_SMALL_MEMORY;
     if (system->gamma != NULL)
         return AOM_BAD_MODES;
-    for (int c = 0; c < system->n_contacts; c++) {
+    for (int c = 0; c < system->n_contacts; c++)
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;
-        if (system->contacts[c].preload > 0.0)
-            return AOM_BAD_CONTACT;
-    }
     arena taken = {memory, 0};
     adjoint a = {.st = st, .run = run, .goal = goal, .out = out, .exits = run->n_exits,
                  .readings = goal->n_readings};

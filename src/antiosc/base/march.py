@@ -31,7 +31,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 5
+VERSION = 6
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -142,7 +142,7 @@ class Slopes(Structure):
 
     _fields_ = [
         *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
-        *((name, c_void_p) for name in ("laws", "friction", "q", "v")),
+        *((name, c_void_p) for name in ("laws", "friction", "q", "v", "preload")),
         ("grazing", c_double),
     ]
 
@@ -262,6 +262,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
+    "aom_law_slopes": (None, c_void_p, c_double, c_void_p),
     "aom_gradient_size": (c_size_t, c_void_p),
     "aom_gradient": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_size_t),
     "aom_summarize": (Summary, c_void_p),

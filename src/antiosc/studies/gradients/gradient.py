@@ -19,6 +19,7 @@ from antiosc.contact.compiled import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
+from antiosc.studies.gradients.at_rest import through_start
 from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
@@ -144,8 +145,8 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, contacts that are closed at the start, laws
-        made elsewhere, and a part that is not that of the model.
+        For a history without its run, an unknown goal, damping that couples modes, laws made
+        elsewhere, and a part that is not that of the model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -200,6 +201,8 @@ def derived(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
+    if found.settled or s.pressed.any():
+        through_start(s, slopes, found.settled)
     return found, wanted, slopes
 
 
@@ -236,11 +239,6 @@ def _refuse(found: Recorded) -> None:
         raise InputError(
             "a gradient does not take damping that couples the modes (a DampingMatrix, dampers): "
             "take it of a model with damping ratios."
-        )
-    if np.any(s.pressed > 0):
-        raise InputError(
-            "a scene whose contacts are closed at the start has no gradients yet: begin it with"
-            " a gap >= 0 and without preload."
         )
     for law in s.laws:
         if not is_compiled(law):
