@@ -17,7 +17,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.studies.chance import monte_carlo as campaign
-from mpi import ENVIRONMENT
+from mpi import ENVIRONMENT, run_ranks
 
 INPUTS = {"x": ao.uniform(0.0, 1.0)}
 #: A campaign in a program; a worker that finds no file "killed" makes it and dies.
@@ -145,3 +145,29 @@ def test_ranks_are_workers(tmp_path):
     assert failed == 0
     assert workers == 2
     assert squares == pytest.approx(total())
+
+
+@pytest.mark.mpi
+def test_one_of_several_ranks_stores_the_campaign(tmp_path: Path) -> None:
+    """Runs that need all ranks: they agree on what is left to do, and the first one writes."""
+    script = """
+    import sys
+    import antiosc as ao
+    from antiosc.studies.chance import monte_carlo as campaign
+    from mpi4py import MPI
+
+    made, written = [], []
+    store = campaign._store
+    campaign._store = lambda *given: written.append(store(*given))
+
+    def run(x):
+        made.append(x)
+        return {"sum": MPI.COMM_WORLD.allreduce(x)}
+
+    for n in (150, 350):
+        many = ao.monte_carlo(run, {"x": ao.uniform(0.0, 1.0)}, n, store=sys.argv[1])
+    print(len(made), bool(written), len(many), float(sum(many.values["sum"] - 2 * many.inputs["x"])))
+    """
+    path = tmp_path / "campaign.csv"
+    assert run_ranks(2, script, str(path)) == ["350 True 350 0.0\n", "350 False 350 0.0\n"]
+    assert len(path.read_text().splitlines()) == 351

@@ -17,7 +17,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.files import check_readable, complete
-from antiosc.base.progress import counting
+from antiosc.base.progress import counting, world_rank
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.executors import as_they_come, check_executor
 from antiosc.studies.chance.inputs import checked, draws, value
@@ -71,8 +71,9 @@ def monte_carlo(
         What makes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
         `Client.get_executor()`. What it loses is recorded as failed.
     store : path, optional
-        A CSV file of the finished runs, written as they come. If it exists, its runs are taken
-        and only the others are made, those that failed included: a broken campaign goes on.
+        A CSV file of the finished runs, written as they come, on MPI ranks by the first. If it
+        exists, its runs are taken and only the others are made, those that failed included: a
+        broken campaign goes on.
 
     Returns
     -------
@@ -222,8 +223,12 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
 def _storing(
     path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> Iterator[Callable[[], None]]:
-    """What stores the rows so far, where it takes little of the time; at the end all, or so far."""
-    if path is None:
+    """What stores the rows so far, where it takes little of the time; at the end all, or so far.
+
+    Of MPI ranks the first writes. At the start it writes what all ranks read there, and more only
+    after they have begun: they agree on the runs that are to be made.
+    """
+    if path is None or world_rank():
         yield lambda: None
         return
     due, pending = 0.0, False
