@@ -91,9 +91,11 @@ def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
     """Modes of nearly equal frequencies of bodies of one site, and the column of the site."""
     for part in found.parts.values():
         omega, column = found.system.omega[part.span], part.columns.start
+        if part.columns.stop != column + 1 or not omega.size:
+            continue
         ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
         for begin, end in zip([0, *ends], [*ends, omega.size], strict=True):
-            if part.columns.stop == column + 1 and omega[end - 1] > omega[begin] > 0:
+            if omega[end - 1] > omega[begin] > 0:
                 yield slice(part.span.start + begin, part.span.start + end), column
 
 
