@@ -1,8 +1,8 @@
 """Design maps: seconds of CPU after the hit, for plates of solids and of shells of 100 000 cells.
 
 The model is that of a coarse plate; on the large one smooth fields stand for its shapes, for which
-the time is the same. The check that the part is that of the model, a product with K, is left out. On
-the coarse plate the sum of the map is compared with the derivative by the whole part.
+the time is the same. The check that the part is that of the model, a product with K, is left out.
+On the coarse plate the sum of the map is compared with the derivative by the whole part.
 
 OMP_NUM_THREADS=1 .venv/bin/python benchmarks/design_map.py [cells along a side: solid, shell]
 """

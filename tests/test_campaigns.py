@@ -166,7 +166,8 @@ def test_one_of_several_ranks_stores_the_campaign(tmp_path: Path) -> None:
 
     for n in (150, 350):
         many = ao.monte_carlo(run, {"x": ao.uniform(0.0, 1.0)}, n, store=sys.argv[1])
-    print(len(made), bool(written), len(many), float(sum(many.values["sum"] - 2 * many.inputs["x"])))
+    off = many.values["sum"] - 2 * many.inputs["x"]
+    print(len(made), bool(written), len(many), float(sum(off)))
     """
     path = tmp_path / "campaign.csv"
     assert run_ranks(2, script, str(path)) == ["350 True 350 0.0\n", "350 False 350 0.0\n"]

@@ -55,7 +55,7 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
     total = 0.0
     for group, column in _groups(found):
         x, base = here["square"][group], _krylov(here, group, column)
-        # the goal does not depend on the axes of the group: its derivatives by X beside the diagonal
+        # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
         twist = sum(here[n][..., group].T @ slopes[n][..., group] for n in TURNING)
         by_matrix = (twist.T - twist) / (2 * (x[:, None] - x + np.eye(x.size)))
         for values, sign in ((one, -1), (other, 1)):
