@@ -51,12 +51,12 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
         "square": by.square, "decay": by.decay, "beta": by.beta, "loads": by.loads,
         "q": by.q[None], "v": by.v[None], "B": wanted.B.T,
     }  # fmt: skip
-    here, one, other = map(_of_modes, (found, before, after))
+    here, one, other = _of_modes(found), _of_modes(before), _of_modes(after)
     total = 0.0
     for group, column in _groups(found):
         x, base = here["square"][group], _krylov(here, group, column)
         # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
-        twist = sum(here[n][..., group].T @ slopes[n][..., group] for n in TURNING)
+        twist = np.sum([here[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0)
         by_matrix = (twist.T - twist) / (2 * (x[:, None] - x + np.eye(x.size)))
         for values, sign in ((one, -1), (other, 1)):
             turn = base @ _krylov(values, group, column).T

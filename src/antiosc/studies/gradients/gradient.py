@@ -65,14 +65,11 @@ class Gradient(Brief):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        holders = [
-            each for each in (*self.bodies.values(), *self.contacts.values()) if name in each
-        ]
+        every = (*self.bodies.values(), *self.contacts.values())
+        holders = [each for each in every if name in each]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted(
-            {n for each in (*self.bodies.values(), *self.contacts.values()) for n in each}
-        )
+        known = sorted({n for each in every for n in each})
         why = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
@@ -213,7 +210,8 @@ def _of_part(
     from antiosc.studies.gradients.of_part import Structure, by_part, by_shape  # loads dolfinx
 
     if isinstance(part, Structure):
-        known = [which for which, each in enumerate(taken) if not which or _has_shapes(each, name)]
+        shapes = [each[0].parts[name].body.shapes for each in taken]
+        known = [which for which, own in enumerate(shapes) if not which or own is not None]
         slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
         own = dict(zip(known, slopes, strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
@@ -227,10 +225,6 @@ def _of_part(
 
     changes = [partial(change, which) for which in range(len(taken))]
     return by_shape(part, checks.column("x", x), taken[0][0].parts[name].body, changes)
-
-
-def _has_shapes(taken: Taken, name: str) -> bool:
-    return taken[0].parts[name].body.shapes is not None
 
 
 def _refuse(found: Recorded) -> None:
