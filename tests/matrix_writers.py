@@ -40,15 +40,6 @@ def matrix_market(path: Path, A: np.ndarray, half: bool = True) -> None:
     path.write_text(head + f"{len(A)} {len(A)} {len(own)}\n" + "\n".join(lines) + "\n")
 
 
-def matrix_market_array(path: Path, A: np.ndarray, half: bool = True) -> None:
-    n = len(A)
-    values = [repr(float(A[i, j])) for j in range(n) for i in range(j if half else 0, n)]
-    kind = "symmetric" if half else "general"
-    path.write_text(
-        f"%%MatrixMarket matrix array real {kind}\n{n} {n}\n" + "\n".join(values) + "\n"
-    )
-
-
 def abaqus_labels(path: Path, A: np.ndarray, labels: np.ndarray, half: bool = True) -> None:
     """FORMAT=MATRIX INPUT: with commas, comments and the upper triangle."""
     lines = ["** matrix of a test", "*MATRIX INPUT, NAME=A"] if half else []
@@ -58,77 +49,10 @@ def abaqus_labels(path: Path, A: np.ndarray, labels: np.ndarray, half: bool = Tr
     path.write_text("\n".join(lines) + "\n")
 
 
-def abaqus_coordinates(path: Path, A: np.ndarray, half: bool = True) -> None:
-    """FORMAT=COORDINATE: blanks, Fortran's exponents."""
-    lines = [f"{j + 1:10d}{i + 1:10d}  {v:.16e}".replace("e", "D") for i, j, v in triples(A, half)]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def harwell_boeing(path: Path, A: np.ndarray, right_hand_side: bool = False) -> None:
-    """RSA as HBMAT writes it: lower triangle by columns, fields without blanks between them."""
-    n, own = len(A), sorted((j, i, v) for i, j, v in triples(A))
-    pointers = 1 + np.searchsorted([j for j, _, _ in own], np.arange(n + 1))
-    blocks = [
-        [f"{p:14d}" for p in pointers],
-        [f"{i + 1:8d}" for _, i, _ in own],
-        [f"{v:25.15E}".replace("E", "D")[-22:] for _, _, v in own],
-    ]
-    per_line = (1, 10, 3)
-    lines = [
-        ["".join(b[k : k + w]) for k in range(0, len(b), w)]
-        for b, w in zip(blocks, per_line, strict=True)
-    ]
-    rhs = [f"{0.0:22.15E}"] * n if right_hand_side else []
-    counts = [len(block) for block in lines]
-    head = [
-        f"{'by hand':72}{'KEY':8}",
-        "".join(f"{c:14d}" for c in [sum(counts) + len(rhs), *counts, len(rhs)]),
-        f"RSA{'':11}{n:14d}{n:14d}{len(own):14d}{0:14d}",
-        f"{'(1I14)':16}{'(10I8)':16}{'(1P,3D22.15)':20}{'(1E22.15)':20}",
-    ]
-    if right_hand_side:
-        head.append(f"{'F':14}{1:14d}{n:14d}")
-    path.write_text("\n".join([*head, *lines[0], *lines[1], *lines[2], *rhs]) + "\n")
-
-
-def op4_text(path: Path, matrices: dict[str, np.ndarray], style: str) -> None:
-    """`style`: "dense", "sparse" (one word for each string) or "bigmat"."""
-    out = []
-    for name, A in matrices.items():
-        n = len(A)
-        rows = -n if style == "bigmat" else n
-        out.append(f"{n:8d}{rows:8d}{6:8d}{2:8d}{name:8}1P,3E24.16")
-        for column in range(n):
-            here = np.flatnonzero(A[:, column])
-            if style == "dense":
-                first, last = here[0], here[-1]
-                values = A[first : last + 1, column]
-                out.append(f"{column + 1:8d}{first + 1:8d}{len(values):8d}")
-                out += _text_lines(values)
-                continue
-            runs = np.split(here, np.flatnonzero(np.diff(here) != 1) + 1)
-            lead = 2 if style == "bigmat" else 1
-            words = sum(2 * len(run) + lead for run in runs)
-            out.append(f"{column + 1:8d}{0:8d}{words:8d}")
-            for run in runs:
-                length = 2 * len(run) + 1
-                if style == "bigmat":
-                    out.append(f"{length:8d}{run[0] + 1:8d}")
-                else:
-                    out.append(f"{(length << 16) + run[0] + 1:8d}")
-                out += _text_lines(A[run, column])
-        out += [f"{n + 1:8d}{1:8d}{1:8d}", f"{1.0:24.16E}"]
-    path.write_text("\n".join(out) + "\n")
-
-
-def _text_lines(values: np.ndarray) -> list[str]:
-    return ["".join(f"{v:24.16E}" for v in values[k : k + 3]) for k in range(0, len(values), 3)]
-
-
 def op4_binary(
     path: Path, matrices: dict[str, np.ndarray], style: str, order: str = "<", wide: bool = False
 ) -> None:
-    """The same in Fortran records; `wide`: integers of 8 bytes."""
+    """`style`: "dense", "sparse" (one word a string) or "bigmat"; `wide`: integers of 8 bytes."""
     word = "q" if wide else "i"
     out = []
 
@@ -164,36 +88,15 @@ def op4_binary(
     path.write_bytes(b"".join(out))
 
 
-def dmig(path: Path, matrices: dict[str, np.ndarray], labels: np.ndarray, style: str) -> None:
-    """`style`: "large" (one triangle), "square" (both), "small" or "free" fields."""
+def dmig(path: Path, matrices: dict[str, np.ndarray], labels: np.ndarray) -> None:
+    """One triangle in free fields."""
     out = ["$ DMIG by hand"]
     for name, A in matrices.items():
-        form = 1 if style == "square" else 6
-        out.append(f"{'DMIG':8}{name:8}{0:8d}{form:8d}{2:8d}{0:8d}{'':16}{len(A):8d}")
-        for column in range(len(A)):
-            rows = [i for i in range(len(A)) if A[i, column] and (i >= column or style == "square")]
-            cells = [(*labels[i], A[i, column]) for i in rows]
-            grid, component = labels[column]
-            if style == "free":
-                head = f"DMIG,{name},{grid},{component},"
-                for k in range(0, len(cells), 1):
-                    g, c, v = cells[k]
-                    out.append(f"{head},{g},{c},{v:.15e}" if k == 0 else f"+,{g},{c},{v:.15e}")
-                continue
-            if style == "small":
-                g, c, v = cells[0]
-                out.append(
-                    f"{'DMIG':8}{name:8}{grid:8d}{component:8d}{'':8}{g:8d}{c:8d}{_small(v)}"
-                )
-                out += [f"{'':8}{g:8d}{c:8d}{_small(v)}" for g, c, v in cells[1:]]
-                continue
-            out.append(f"{'DMIG*':8}{name:16}{grid:16d}{component:16d}")
-            out += [
-                f"{'*':8}{g:16d}{c:16d}" + f"{v:16.9E}".replace("E", "D")[-16:] for g, c, v in cells
-            ]
+        out.append(f"{'DMIG':8}{name:8}{0:8d}{6:8d}{2:8d}{0:8d}{'':16}{len(A):8d}")
+        for column, (grid, component) in enumerate(labels):
+            rows = [i for i in range(column, len(A)) if A[i, column]]
+            head = f"DMIG,{name},{grid},{component},"
+            for i in rows:
+                out.append(f"{head},{labels[i][0]},{labels[i][1]},{A[i, column]:.15e}")
+                head = "+"
     path.write_text("\n".join(out) + "\n")
-
-
-def _small(v: float) -> str:
-    mantissa, exponent = f"{v:.2e}".split("e")
-    return f"{mantissa}{int(exponent):+d}".rjust(8)

@@ -248,6 +248,26 @@ def test_impacts_are_single_impacts(steel):
         assert result.peak_deflection[i] == pytest.approx(hit.displacement.max(), rel=1e-3)
 
 
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
+def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
+    groups = {"left": (1, lambda x: np.isclose(x[0], 0))}
+    sheet = ao.Structure(
+        parts.plate((10, 6), groups=groups),
+        ao.Shell(**parts.STEEL, thickness=2e-3),
+        [ao.Support("left")],
+    )
+    ball, law = ao.RigidMass(mass=0.01, velocity=1.0), ao.Hertz(1e9)
+    point = (0.11, 0.031)
+    blow = ([point], ball, law, 4e-4)
+    found = ao.impact_map(sheet, *blow, direction=(0, 0, -1))
+    alone = ao.extract(sheet, ao.Site((*point, 0), (0, 0, -1)), n=120)
+    force = ao.simulate(alone, ball, law, 4e-4).peak_force
+    few = ao.impact_map(sheet, *blow, direction=(0, 0, -1), n=12, modes=20).peak_force[0]
+    assert found.band == pytest.approx(ao.impact_band(ball, law))
+    assert found.error.max() < 0.05
+    assert abs(found.peak_force[0] / force - 1) < 0.1 * abs(few / force - 1)
+
+
 def test_files(mapped, tmp_path):
     read = meshio.read(mapped.write(tmp_path / "map.vtu"))
     np.testing.assert_allclose(read.points, mapped.points)

@@ -7,7 +7,6 @@ told with its count and its lines.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -50,14 +49,6 @@ class Account:
     cards: list[tuple[str, Place, Fate]] = field(default_factory=list)
     #: options and fields of cards that are read: what they are, the place of the card, their fate
     options: list[tuple[str, Place, Fate]] = field(default_factory=list)
-
-    def add(self, card: str, place: Place, fate: Fate) -> None:
-        """Account for one card."""
-        self.cards.append((card, place, fate))
-
-    def counts(self) -> Counter[str]:
-        """Number of cards of each kind."""
-        return Counter(fate.kind for _, _, fate in self.cards)
 
     def refuse(self) -> None:
         """MeshError for the first card or option that is refused."""

@@ -9,7 +9,7 @@ from typing import Any
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Deck, listed
-from antiosc.io.neutral import FileMesh
+from antiosc.io.neutral import FileMesh, Model
 from antiosc.io.request import FileReader, Request
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
@@ -18,7 +18,7 @@ from antiosc_decks.sources import BULK as _BULK
 
 
 def _reader(
-    read: Callable[..., Any], model_of: Callable[..., dict[str, Any]]
+    read: Callable[..., Any], model_of: Callable[..., Model]
 ) -> Callable[[Request], FileMesh]:
     """The reader of a dialect, from that of its mesh and that of its model."""
 

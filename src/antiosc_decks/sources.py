@@ -63,8 +63,7 @@ class Sources:
             No such file, one outside the deck's folder, one that includes itself.
         """
         named = named.strip().strip("'\"").strip()
-        if not named:
-            raise at.error("an include without the name of a file.")
+        at.needs(named, "an include without the name of a file.")
         try:
             path = self._path(named)
             inside = path.is_relative_to(self.root)
@@ -77,10 +76,8 @@ class Sources:
                 f"{named[:80]!r} lies outside the folder {folder!r}, from which "
                 f"{self.name} may include files; name the folder that holds them all by root=."
             )
-        if not found:
-            raise at.error(f"there is no file {named[:80]!r} beside {self.name}.")
-        if path in self._open:
-            raise at.error(f"{named[:80]!r} includes itself.")
+        at.needs(found, f"there is no file {named[:80]!r} beside {self.name}.")
+        at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
         if len(self._open) >= DEEPEST_INCLUDE:
             raise at.error(f"files include one another more than {DEEPEST_INCLUDE} deep.")
         self._open.append(path)

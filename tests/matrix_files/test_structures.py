@@ -8,11 +8,7 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.fem.structure import matrices
-from matrix_writers import (
-    dmig,
-    matrix_market,
-    spring_frame,
-)
+from matrix_writers import dmig, matrix_market, spring_frame
 
 K, M, LABELS = spring_frame()
 
@@ -103,7 +99,7 @@ def test_supports_by_nodes_are_rows_left_out(tmp_path):
 
 def test_coordinates_of_nodes_beside_labels(tmp_path):
     """Files that name their dofs need coordinates by node alone."""
-    dmig(tmp_path / "km.pch", {"KAAX": K, "MAAX": M}, LABELS, "free")
+    dmig(tmp_path / "km.pch", {"KAAX": K, "MAAX": M}, LABELS)
     nodes = np.array([[10 * k, 0.1 * k, 0.0, 0.0] for k in range(1, 8)])
     one = tmp_path / "km.pch"
     part = ao.Structure.from_files(one, one, map=nodes[::-1])

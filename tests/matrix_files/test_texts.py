@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 import antiosc as ao
 from antiosc.io.matrices.reading import read_pair
-from antiosc.io.matrices.source import Source
 from refusals import refused
 
 #: One matrix in all files of `GOOD`, by rows of the nodes 4 and 7.
@@ -39,14 +39,20 @@ HB = [f"{'t':72}k", f"{4:14d}{1:14d}{1:14d}{1:14d}{0:14d}",
       "   2.0  -1.0  -1.0   3.5"]  # fmt: skip
 
 GOOD = {
-    "abaqus, coordinates": ("1 1 2.\n2 1 -1.\n2 2 3.5\n", None),
+    "abaqus, coordinates": ("1 1 2.\n2 1 -1.\n2 2 3.5D+00\n", None),
     "abaqus, unsymmetric": ("*MATRIX, TYPE=UN SYMMETRIC\n1,1,2.\n2,1,-1.\n1,2,-1.\n"
                             "2,2,3.5,\n", None),
     "abaqus, labels": ("4,1,4,1,2.\n** no entry\n\n4,1,7,3,-1.\n7,3,7,3,3.5\n", LABELS),
     "mtx, words": (MTX.replace("real", "DOUBLE") + "%\n2 2 3\n\n1 1 2\n2 1 -1\n2 2 3.5\n", None),
     "mtx, repeated": (MTX + "2 2 4\n1 1 1.5\n1 1 0.5\n2 1 -1\n2 2 3.5\n", None),
+    "mtx, general": (MTX.replace("symmetric", "general")
+                     + "2 2 4\n1 1 2\n1 2 -1\n2 1 -1\n2 2 3.5\n", None),
     "mtx, zeros": ("%%MatrixMarket matrix array real general\n2 2\n2\n-1\n-1\n3.5\n", None),
     "hb": ("\n".join(HB) + "\n", None),
+    "hb, symmetric, with a right-hand side": ("\n".join(
+        [HB[0], f"{5:14d}{1:14d}{1:14d}{1:14d}{1:14d}", f"RSA{'':11}{2:14d}{2:14d}{3:14d}{0:14d}",
+         HB[3], f"{'F':14}{1:14d}{2:14d}", "   1   3   4", "   1   2   2", "   2.0  -1.0   3.5",
+         "   0.0   0.0"]), None),
     "hb, a line fewer": ("\n".join(HB).replace("(3I4)", "(8I4)"), None),
     "hb, no counts": ("\n".join([*HB[:3], HB[3].replace("(3I4)", "(I8) "), *"135", *HB[5:]]), None),
     "dmig, scalar points": (HEAD + "DMIG,KAA,4,,,4,,2.\n+,7,0,-1.\nDMIG,KAA,7,0,,7,,3.5\n",
@@ -121,78 +127,49 @@ def wrong_hb(**lines: str) -> str:
     return "\n".join(own.values()) + "\n"
 
 
-WORD = "an Abaqus matrix has lines of node, dof, node, dof, value or of row, column, value; got "
-INTS = "rows, nodes and dofs must be whole numbers."
 WRONG = {
     "no entries": ("** nothing\n", 1, "file"),
     "abaqus row 0": ("1 1 1.\n0 1 1.\n", 2, "nodes"),
-    "abaqus column 0": ("1 1 1.\n\n1 0 1.\n", 3, "nodes"),
     "abaqus node": ("4,1,4,1,1.\n2147483648,1,4,1,1.\n", 2, "nodes"),
     "abaqus words": ("one 1 1.\n", 1, "one"),
     "abaqus fields": ("1 1 1. 1\n", 1, "Abaqus"),
-    "abaqus long": ("1 1 1 " + 80 * "1" + "\n", 1, "Abaqus"),
     "last line": ("1 1 1.\n1 1 2. 3\n2 1\n", 2, "expected"),
-    "first line": ("1 1 1\n2 1 1. 1.\n2 2\n2 1 1\n", 2, "expected"),
-    "commas": ("1,1,2.\n1,1,,1\n1,1\n", 3, "expected"),
     "a word": ("1,1,2.\n1,1,x\n", 2, "number"),
-    "long line": (MTX + "2 2 1\n" + 70 * "1" + "\n", 3, "expected"),
     "mtx fraction": (MTX + "2 2 2\n1 1 1\n% \n1.5 1 1\n", 5, "columns"),
-    "mtx column": (MTX + "2 2 2\n1 1 1\n1 3 1\n", 4, "columns"),
     "mtx size": (MTX + "%\n2 2.5 1\n", 3, "positive"),
     "mtx square": (MTX + "%\n%\n2 3 1\n", 4, "square"),
     "mtx form": (MTX.replace("coordinate", "matrices") + "1\n", 1, "coordinate"),
     "mtx no size": (MTX + "%\n%\n", 3, "ends"),
     "mtx short": (MTX + "2 2 2\n1 1 1\n\n", 4, "promises"),
-    "mtx array": (
-        "%%MatrixMarket matrix array real symmetric\n3 3\n1\n1\n1\n1\n1\n", 7, "promises"),
     "infinite": (MTX + "3 3 3\n1 1 1\n3 2 inf\n3 3 1\n", None, "finite"),
     "mixed": ("1 1 2.\n1 2 -1.\n2 1 -1.\n2 2 1.\n3 2 1.\n3 3 1\n", None, "triangles"),
     "hb ends": ("\n".join(HB[:4]), 4, "ends"),
     "hb counts": (wrong_hb(_2="1 1 1"), 2, "whole"),
-    "hb words": (wrong_hb(_2="1 1 one 1"), 2, "whole"),
     "hb pattern": (wrong_hb(_3=HB[2].replace("RUA", "PUA")), 3, "without"),
     "hb kind": (wrong_hb(_3=HB[2].replace("RUA", "rza")), 3, "RZA"),
-    "hb elements": (wrong_hb(_3=HB[2].replace("RUA", "RSE")), 3, "RSE"),
     "hb square": (wrong_hb(_3=HB[2].replace(" 2", " 3", 1)), 3, "square"),
     "hb pointers": (wrong_hb(_5="   1   5   3"), 5, "pointers"),
-    "hb last pointer": (wrong_hb(_5="   1   3   4"), 5, "pointers"),
-    "hb first pointer": (wrong_hb(_5="   2   3   5"), 5, "pointers"),
     "hb row 0": (wrong_hb(_6="   1   0   1   2"), 7, "indices"),
-    "hb row 3": (wrong_hb(_6="   1   2   3   2"), 7, "indices"),
-    "hb fraction": (wrong_hb(_6="   1   2   1 1.5"), 7, "indices"),
     "hb value": (wrong_hb(_7="   2.0  -1.0  -1.0   one"), 7, "numbers"),
     "hb short": ("\n".join(HB[:6]), 6, "ends"),
     "hb format": (wrong_hb(_4=HB[3].replace("(4I4)", "(0I4)")), 4, "Fortran"),
-    "hb width": (wrong_hb(_4=HB[3].replace("E6.1", "E0.1")), 4, "Fortran"),
     "dmig no form": ("DMIG,KAA,0,,2\n", 1, "form"),
-    "dmig cut": ("$\nDMIG    KAA            0       6\n", 2, "form"),
     "dmig column": (HEAD + "DMIG,KAA,x,1,,1,1,1.\n", 2, "component"),
-    "dmig row": (HEAD + "DMIG,KAA,1,1,,1,1,1.\n$\n+,2,y,1.\n", 2, "component"),
     "dmig point 0": (HEAD + "DMIG,KAA,1,1,,-3,1,1.\n", 2, "exist"),
-    "dmig component": (HEAD + "DMIG,KAA,1,1,,3,-1,1.\n", 2, "exist"),
     "dmig no value": (HEAD + "DMIG,KAA,1,1,,1,1\n", 2, "number"),
     "dmig none": (HEAD + "DMIG,MAA,0,6,2\n", 1, "MAA"),
     "op4 form 0": (op4(form=0), 1, "2KAA"),
-    "op4 form 20": (op4(form=20), 1, "2KAA"),
-    "op4 type 5": (op4(kind=5), 1, "5KAA"),
-    "op4 type 0": (op4(kind=0), 1, "0KAA"),
     "op4 no name": (op4(name="1A"), 1, "Abaqus"),
     "op4 no layout": (op4("0E0"), 1, "2KAA"),
     "op4 nothing": (op4(rows=0, columns=0), None, "square"),
-    "op4 no column": (op4(columns=0), None, "square"),
     "op4 second": (op4() + COLUMNS + END + "MAA\n", 8, "name"),
-    "op4 column 0": (op4() + row(0, 1, 2), 2, "columns"),
     "op4 words": (op4() + row(1, 1, -1), 2, "columns"),
     "op4 record": (op4() + "one\n", 2, "whole"),
     "op4 value": (op4() + row(1, 1, 2) + "1.0 2.0\n", 3, "expected"),
     "op4 string": (op4() + row(1, 0, 4) + row((4 << 16) + 1), 3, "string"),
-    "op4 empty string": (op4() + row(1, 0, 4) + row(1), 3, "string"),
     "op4 full fields": (
         op4(rows=12345678, columns=12345678) + "1234567812345678       1\n" + E24[0]
                         + "\n" + row(12345679, 1, 1) + E24[0] + "\n", None, "together"),
-    "op4 large rows": (
-        op4(rows=65536, columns=65536) + row(1, 0, 4) + row(3, 1) + E24[0] + "\n"
-                       + row(65537, 1, 1) + E24[0] + "\n", None, "together"),
     "op4 rows": (op4() + row(1, 2, 2) + E24[0] + E24[1] + "\n", None, "column 1"),
 }  # fmt: skip
 
@@ -241,7 +218,6 @@ DAMAGED = {
     "words": (record(NAME) + record(struct.pack("<3i", 2, 1, 1)), None, "column 2"),
     "marker": (record(NAME) + struct.pack("<i4si", 4, b"abcd", 5), None, "ends with 5"),
     "cut": (record(NAME) + struct.pack("<i4s", 4, b"abcd"), None, "ends within"),
-    "end": (record(NAME) + b"abc", None, "ends within"),
     "string": (record(NAME) + record(struct.pack("<4i", 1, 0, 1, (2 << 16) + 1)), None, "string"),
     "second header": (
         record(NAME) + record(struct.pack("<3i", 3, 1, 1)) + record(b"abcd"), None, "header"),
@@ -257,6 +233,22 @@ def test_damaged_records_are_told_with_their_byte(case, tmp_path):
         read_pair(path, path)
 
 
-def test_a_table_of_no_lines(tmp_path):
-    (tmp_path / "a").write_text("x")
-    assert Source(tmp_path / "a").table([], [], 4).shape == (0, 4)
+def test_the_last_dof_may_have_no_mass(tmp_path):
+    """Abaqus's coordinate format does not say how many rows there are."""
+    (tmp_path / "K").write_text("1 1 2.\n2 1 -1.\n2 2 3.5\n")
+    (tmp_path / "M").write_text("1 1 1.\n")
+    M = read_pair(tmp_path / "K", tmp_path / "M").M
+    np.testing.assert_array_equal(M.toarray(), [[1, 0], [0, 0]])
+
+
+@pytest.mark.parametrize("count", [1, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", GOOD)
+def test_changed_files_are_read_or_refused(case, count, tmp_path):
+    rng = np.random.default_rng(1)
+    content, path = GOOD[case][0].encode(), tmp_path / "a"
+    for _ in range(count):
+        wrong, at = bytearray(content), int(rng.integers(len(content)))
+        wrong[at : at + int(rng.integers(1, 4))] = rng.choice([b"9", b" ", b"-", b"\n", b"x"])
+        path.write_bytes(bytes(wrong))
+        with contextlib.suppress(ao.InputError):
+            read_pair(path, path)

@@ -11,43 +11,23 @@ import inspect
 import shutil
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import geo_script, meshing
-from antiosc.io.cad import CAD, Names, fill, groups_of, named_solids, opened
-from antiosc.io.mixed import CELLS, as_carried, known
-from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.meshing import CAD, Names, fill, named_solids, opened
+from antiosc.io.mixed import as_carried, known
+from antiosc.io.neutral import FileMesh, IntArray, joined
 from antiosc.io.request import Request
+from antiosc.io.shapes import CELLS
 
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, *CAD)
 #: First words of gmsh's mesh files; gmsh executes any other file as a script.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 
-GMSH_KINDS = {
-    15: "vertex",
-    1: "line",
-    8: "line3",
-    2: "triangle",
-    9: "triangle6",
-    3: "quad",
-    10: "quad9",
-    16: "quad8",
-    4: "tetra",
-    11: "tetra10",
-    5: "hexahedron",
-    12: "hexahedron27",
-    17: "hexahedron20",
-    6: "wedge",
-    18: "wedge15",
-    13: "wedge18",
-    7: "pyramid",
-    19: "pyramid13",
-    14: "pyramid14",
-}
+GMSH_KINDS = {number: label for label, (_, _, number) in CELLS.items()}
 
 
 def read(ask: Request) -> FileMesh:
@@ -146,9 +126,6 @@ def _session() -> ModuleType:
     return gmsh
 
 
-# --- Arrays ---------------------------------------------------------------------------------------
-
-
 def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
     """All cells, entity after entity, and the groups of gmsh's current model.
 
@@ -159,7 +136,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
     sorted_tags = np.asarray(tags)[by_tag]
     points = np.asarray(coordinates, dtype=float).reshape(-1, 3)
 
-    def indices(node_tags: Any, width: int) -> IntArray:
+    def indices(node_tags: IntArray, width: int) -> IntArray:
         found = np.searchsorted(sorted_tags, node_tags)
         found[found == len(sorted_tags)] = 0
         if not len(sorted_tags) or not np.array_equal(sorted_tags[found], node_tags):
@@ -180,7 +157,13 @@ def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
             rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
     groups = _groups(gmsh, rows, name)
-    found = FileMesh(points, cells, "gmsh", groups_of(names, rows) | groups, aids=bool(groups))
+    of_solids = joined(
+        (label, kind, members)
+        for entity, labels in names.items()
+        for kind, members in rows.get(entity, {}).items()
+        for label in labels
+    )
+    found = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
     return as_carried(found, name)
 
 

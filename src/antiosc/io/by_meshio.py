@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
-from antiosc.io.mixed import CELLS, as_carried, known
-from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.mixed import as_carried, known
+from antiosc.io.neutral import FileMesh, IntArray, joined
 from antiosc.io.request import Request
-from antiosc.io.shapes import DIMENSION
+from antiosc.io.shapes import CELLS, DIMENSION
 
 #: Formats that meshio reads, by extension.
 FORMATS = {
@@ -66,14 +66,8 @@ def read(ask: Request) -> FileMesh:
         cells.setdefault(known(block.type, name), []).append(data)
         count[block.type] = starts[-1] + len(data)
     result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()}, "vtk")
-    parts: dict[str, dict[str, list[IntArray]]] = {}
-    for group, index, rows in _cell_sets(mesh):
-        label = mesh.cells[index].type
-        parts.setdefault(group, {}).setdefault(label, []).append(starts[index] + rows)
-    result.groups = {
-        group: {label: np.concatenate(rows) for label, rows in kinds.items()}
-        for group, kinds in parts.items()
-    }
+    sets = _cell_sets(mesh)
+    result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
     return as_carried(result, name)
 

@@ -10,14 +10,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import (
-    Block,
-    Deck,
-    Numbering,
-    Place,
-    real_number,
-    whole_number,
-)
+from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
 from antiosc.io.neutral import FileMesh
 from antiosc.io.request import Request
 from antiosc.io.shapes import CORNERS, EDGES
@@ -46,18 +39,12 @@ ORDER = {
     "quad": ((0, 2, 4, 6), (1, 3, 5, 7)),
     "tetra": ((0, 2, 4, 9), (1, 3, 5, 6, 7, 8)),
     "wedge": ((0, 2, 4, 9, 11, 13), (1, 3, 5, 10, 12, 14, 6, 7, 8)),
-    "hexahedron": (
-        (0, 2, 4, 6, 12, 14, 16, 18),
-        (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11),
-    ),
+    "hexahedron": ((0, 2, 4, 6, 12, 14, 16, 18), (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
 }
 UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
 ELEMENT_SETS = 2412, 780
 #: Groups: with four numbers for each member, and with two.
-GROUPS = {
-    **dict.fromkeys((2435, 2452, 2467, 2477), 4),
-    **dict.fromkeys((2429, 2430, 2432), 2),
-}
+GROUPS = {**dict.fromkeys((2435, 2452, 2467, 2477), 4), **dict.fromkeys((2429, 2430, 2432), 2)}
 OF_NODES, OF_ELEMENTS = 7, 8
 
 
@@ -127,9 +114,8 @@ def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
 def _take(found: _Content, number: int, rows: Lines) -> None:
     if number == UNITS_SET and len(rows) > 1:
         text, place = rows[1]
-        found.per_metre = real_number(text.split()[0] if text.split() else "", place)
-        if found.per_metre <= 0:
-            raise MeshError(f"{place}: the factor of length in data set 164 must be positive.")
+        found.per_metre = real_number("".join(text.split()[:1]), place)
+        place.needs(found.per_metre > 0, "the factor of length in data set 164 must be positive.")
     elif number in (NODES_SET, OLD_NODES_SET):
         for k in range(0, len(rows) - 1, 2):
             (head, at), (text, place) = rows[k], rows[k + 1]
@@ -145,10 +131,19 @@ def _take(found: _Content, number: int, rows: Lines) -> None:
 
 
 def _node(found: _Content, label: list[str], at: Place, x: list[str], place: Place) -> None:
-    if not label or len(x) != 3:
-        raise MeshError(f"{place}: a node needs a number and three coordinates.")
+    place.needs(label and len(x) == 3, "a node needs a number and three coordinates.")
     found.labels.append(whole_number(label[0], at))
     found.points.append([real_number(word, place) for word in x])
+
+
+def _wholes(rows: Lines, k: int, least: int, told: str, place: Place) -> tuple[list[int], int]:
+    """(whole numbers of the lines from k on, `least` or more; the line after them)."""
+    found: list[int] = []
+    while len(found) < least:
+        place.needs(k < len(rows), told)
+        found += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
+        k += 1
+    return found, k
 
 
 def _elements(found: _Content, rows: Lines) -> None:
@@ -156,26 +151,19 @@ def _elements(found: _Content, rows: Lines) -> None:
     while k < len(rows):
         text, place = rows[k]
         head = [whole_number(word, place) for word in text.split()]
-        if len(head) < 6:
-            raise MeshError(f"{place}: the head of an element has six numbers; got {len(head)}.")
+        place.needs(len(head) >= 6, f"the head of an element has six numbers; got {len(head)}.")
         label, descriptor, count = head[0], head[1], head[-1]
         k += 2 if descriptor in WITH_ORIENTATION else 1
-        nodes: list[int] = []
-        while len(nodes) < count:
-            if k >= len(rows):
-                raise MeshError(f"{place}: element {label} ends before its {count} nodes.")
-            nodes += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
-            k += 1
+        short = f"element {label} ends before its {count} nodes."
+        nodes, k = _wholes(rows, k, count, short, place)
         shape, wanted = ELEMENTS.get(descriptor, ("", 0))
         if not shape:
             kind = f"element type {descriptor}"
             found.others[kind] = found.others.get(kind, 0) + 1
             continue
-        if not len(nodes) == count == wanted:
-            raise MeshError(
-                f"{place}: element {label} of type {descriptor} has {len(nodes)} nodes, of which "
-                f"its head tells {count}; it must have {wanted}."
-            )
+        alike = len(nodes) == count == wanted
+        place.needs(alike, f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
+                    f"its head tells {count}; it must have {wanted}.")  # fmt: skip
         found.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
 
 
@@ -186,13 +174,8 @@ def _groups(found: _Content, rows: Lines, width: int) -> None:
         head = [whole_number(word, place) for word in text.split()]
         count = head[-1] if head else 0
         name = rows[k + 1][0].strip() or str(head[0] if head else "")
-        k += 2
-        numbers: list[int] = []
-        while len(numbers) < width * count:
-            if k >= len(rows):
-                raise MeshError(f"{place}: the group {name!r} ends before its {count} members.")
-            numbers += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
-            k += 1
+        short = f"the group {name!r} ends before its {count} members."
+        numbers, k = _wholes(rows, k + 2, width * count, short, place)
         nodes, elements = found.groups.setdefault(name, ([], []))
         for m in range(count):
             kind, label = numbers[width * m : width * m + 2]

@@ -17,26 +17,13 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, listed, some_rows
-from antiosc.io.fixed_entities import DIAGONALS, FixedEntities, fixed_with
-from antiosc.io.neutral import FileMesh, of_kind
-from antiosc.io.node_table import NodeTable
-from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc.io.deck import Array, Block, Deck, IntArray, listed
+from antiosc.io.neutral import KINDS, FileMesh, of_kind
+from antiosc.io.node_table import DIAGONALS, FixedEntities, NodeTable
+from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 #: (shape, geometric order) -> name of the kind of cells
-CELL_LABELS = {
-    ("point", 1): "vertex",
-    ("line", 1): "line",
-    ("line", 2): "line3",
-    ("triangle", 1): "triangle",
-    ("triangle", 2): "triangle6",
-    ("quad", 1): "quad",
-    ("quad", 2): "quad9",
-    ("tetra", 1): "tetra",
-    ("tetra", 2): "tetra10",
-    ("hexahedron", 1): "hexahedron",
-    ("hexahedron", 2): "hexahedron27",
-}
+CELL_LABELS = {(CELLS[label][0], kind.order): label for label, kind in KINDS.items()}
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -53,12 +40,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
-    starts = np.cumsum([0, *map(len, deck.blocks)])
-    every = [
-        (block, np.arange(start, start + len(block)))
-        for block, start in zip(deck.blocks, starts, strict=False)
-        if len(block)
-    ]
+    every = [(block, own) for block, own in deck.numbered() if len(block)]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
@@ -89,7 +71,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
         own = of_kind("", label) if joined else ""
-        mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
+        mesh.fixed |= {name + own: entities.of(rows) for name, rows in deck.fixed.items()}
     mesh.model = deck.model
     if joined and deck.model:
         joints = deck.model["joints"]
@@ -124,7 +106,7 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
         flat = _folded(block) | (block.shape == "triangle")
         for own, some in zip(found, (~flat, flat), strict=True):
             if some.any():
-                own.append((some_rows(block, some), elements[some]))
+                own.append((block[some], elements[some]))
     return found
 
 
@@ -160,9 +142,6 @@ def _of_dimension(
     return np.vstack(tables), np.concatenate(owners)
 
 
-# --- Second order ---------------------------------------------------------------------------------
-
-
 def _note_middles(block: Block, nodes: NodeTable) -> None:
     """Enter the middle nodes of the edges in the deck into the table."""
     if block.mids.shape[1]:
@@ -171,33 +150,17 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
         nodes.give(ends[given], block.mids[given])
 
 
-def _face_centres(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> Array:
-    """The middle of a face of four corners and four edges: −1/4 of these and 1/2 of those."""
-    corners = nodes.points[block.corners[:, list(face)]]
-    middles = nodes.points_between(block.corners[:, _edges_of(face)])
-    return np.asarray(middles.sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
+    """(the middles of a face of four corners, or of hexahedra; the nodes around them).
 
-
-def _nodes_around(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> IntArray:
-    """Corners of a face and the nodes in the middle of its edges."""
-    middles = nodes.between(block.corners[:, _edges_of(face)])
-    return np.hstack([block.corners[:, list(face)], middles])
-
-
-def _edges_of(face: tuple[int, ...]) -> IntArray:
-    return np.stack([face, np.roll(face, -1)], axis=1)
-
-
-def _cell_centres(block: Block, nodes: NodeTable) -> Array:
-    """The middle of a hexahedron of 20 nodes: −1/4 of its corners and 1/4 of its edges'."""
-    corners = nodes.points[block.corners]
-    middles = nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
-    return np.asarray((middles.sum(axis=1) - corners.sum(axis=1)) / 4)
-
-
-def _all_nodes(block: Block, nodes: NodeTable) -> IntArray:
-    """Corners and the nodes in the middle of the edges."""
-    return np.hstack([block.corners, nodes.between(block.corners[:, np.array(EDGES[block.shape])])])
+    −1/4 of the corners and 1/2 of the middles of the edges of a face, 1/4 of those of a hexahedron.
+    """
+    corners = block.corners[:, list(face)] if face else block.corners
+    edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
+    ends = block.corners[:, edges]
+    of_edges = nodes.points_between(ends).sum(axis=1) * (0.5 if face else 0.25)
+    centres = of_edges - nodes.points[corners].sum(axis=1) / 4
+    return np.asarray(centres), np.hstack([corners, nodes.between(ends)])
 
 
 def _inner(block: Block, nodes: NodeTable) -> IntArray:
@@ -208,11 +171,9 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
         return block.inner
     columns = []
     for face in rectangles(block.shape):
-        centres = _face_centres(block, nodes, face)
-        around = _nodes_around(block, nodes, face)
-        columns.append(nodes.of_face(block.corners[:, list(face)], centres, around))
+        columns.append(nodes.of_face(block.corners[:, list(face)], *_middles(block, nodes, face)))
     if block.shape == "hexahedron":
-        columns.append(nodes.new(_cell_centres(block, nodes), _all_nodes(block, nodes)))
+        columns.append(nodes.new(*_middles(block, nodes)))
     return np.stack(columns, axis=1)
 
 
@@ -222,14 +183,13 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         _note_inner(block, nodes)
         return
     for face in rectangles(block.shape):
-        centres = _face_centres(block, nodes, face)
-        for one, other in ((0, 2), (1, 3)):
-            around = _nodes_around(block, nodes, face)
-            nodes.place(block.corners[:, [face[one], face[other]]], centres, around)
+        middles = _middles(block, nodes, face)
+        for k in (0, 1):
+            nodes.place(block.corners[:, [face[k], face[k + 2]]], *middles)
     if block.shape == "hexahedron":
-        centres = _cell_centres(block, nodes)
-        for one, other in DIAGONALS:
-            nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
+        middles = _middles(block, nodes)
+        for ends in DIAGONALS:
+            nodes.place(block.corners[:, list(ends)], *middles)
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:
@@ -240,9 +200,6 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
     for column, diagonals in zip(block.inner.T, pairs, strict=True):
         for one, other in diagonals:
             nodes.give(block.corners[:, [one, other]], column)
-
-
-# --- Division -------------------------------------------------------------------------------------
 
 
 def _collapsed(block: Block) -> bool:
@@ -284,9 +241,6 @@ def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
     ordered = np.sort(around, axis=1)
     sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
     return around[sound], rows[sound]
-
-
-# --- Lines ----------------------------------------------------------------------------------------
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:

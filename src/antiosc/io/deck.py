@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base._types import BoolArray
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
+from antiosc.io.neutral import Model
 
 IntArray = NDArray[np.int64]
-Array = NDArray[np.float64]
 
 #: Largest number of a node or element; larger ones indicate a damaged file.
 LARGEST_NUMBER = 2**62
@@ -36,15 +35,26 @@ class Block:
     mids: IntArray
     #: (n, k) nodes inside faces and inside the cell, in VTK's order; (n, 0) for most
     inner: IntArray
+    #: what the elements are in a model: "solid", "shell", "beam", "rod", …
+    role: str = ""
 
     def __len__(self) -> int:
         return len(self.corners)
 
+    def __getitem__(self, some: BoolArray | IntArray) -> Block:
+        return self.mapped(lambda table: table[some])
 
-def some_rows(block: Block, some: BoolArray) -> Block:
-    """Some elements of a block."""
-    tables = (block.corners[some], block.mids[some], block.inner[some])
-    return Block(block.shape, block.type, *tables)
+    def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
+        """The block with other tables of nodes."""
+        corners, mids, inner = map(new, (self.corners, self.mids, self.inner))
+        return Block(self.shape, self.type, corners, mids, inner, self.role)
+
+    @property
+    def nodes(self) -> IntArray:
+        """All nodes of its elements, ascending."""
+        tables = (self.corners, self.mids, self.inner)
+        nodes = np.unique(np.concatenate([table.ravel() for table in tables]))
+        return nodes[nodes >= 0]
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,21 @@ class Place:
     def error(self, text: str) -> MeshError:
         """The error with the sentence `text` about this place."""
         return MeshError(f"{self}: {text}")
+
+    def needs(self, holds: object, text: str) -> None:
+        """Raise this error unless something holds."""
+        if not holds:
+            raise self.error(text)
+
+
+class Placed:
+    """A card, an entry or a line of a deck."""
+
+    place: Place
+
+    def needs(self, holds: object, text: str) -> None:
+        """MeshError with this sentence about its place, unless something holds."""
+        self.place.needs(holds, text)
 
 
 @dataclass
@@ -89,16 +114,37 @@ class Deck:
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
-    model: dict[str, Any] | None = None
+    model: Model | None = None
 
     @property
     def n_elements(self) -> int:
         """Number of elements that are cells."""
         return sum(len(block) for block in self.blocks)
 
-    def leave(self, kind: str, count: int) -> None:
-        """Count elements that are not cells."""
-        self.left[kind] = self.left.get(kind, 0) + count
+    def numbered(self) -> Iterator[tuple[Block, IntArray]]:
+        """Each block, and the numbers of its elements."""
+        start = 0
+        for block in self.blocks:
+            yield block, np.arange(start, start + len(block))
+            start += len(block)
+
+    def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
+        """The parts of blocks that some elements are, and which of these each part holds."""
+        start = 0
+        for block in self.blocks:
+            mine = (elements >= start) & (elements < start + len(block))
+            if mine.any():
+                yield block[elements[mine] - start], mine
+            start += len(block)
+
+    def nodes_of(self, elements: IntArray) -> IntArray:
+        """All nodes of some elements, ascending."""
+        every = [block.nodes for block, _ in self.blocks_of(elements)]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *every]))
+
+    def leave(self, kind: str) -> None:
+        """Count an element that is not a cell."""
+        self.left[kind] = self.left.get(kind, 0) + 1
 
 
 class Numbering:
@@ -122,12 +168,6 @@ class Numbering:
         return np.asarray(self.order[low:high][(some - first) % step == 0])
 
 
-def unique_last(labels: IntArray) -> IntArray:
-    """Index of the last entry of each label, ascending: later definitions replace earlier ones."""
-    _, first = np.unique(labels[::-1], return_index=True)
-    return np.sort(len(labels) - 1 - first)
-
-
 def whole_number(text: str, place: Place) -> int:
     """An integer of a deck; MeshError if the text is not an integer."""
     try:
@@ -138,10 +178,10 @@ def whole_number(text: str, place: Place) -> int:
         except MeshError:
             number = 0.5
         if not (abs(number) < 2**53 and number.is_integer()):
-            raise MeshError(f"{place}: {text.strip()[:40]!r} is not an integer.") from None
+            raise place.error(f"{text.strip()[:40]!r} is not an integer.") from None
         value = int(number)
     if abs(value) > LARGEST_NUMBER:
-        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+        raise place.error(f"the number {text.strip()[:40]} is too large.")
     return value
 
 
@@ -157,19 +197,14 @@ def real_number(text: str, place: Place) -> float:
         except ValueError:
             value = float("nan")
     if not np.isfinite(value) or "_" in word:
-        raise MeshError(f"{place}: {text.strip()[:40]!r} is not a number.")
+        raise place.error(f"{text.strip()[:40]!r} is not a number.")
     if abs(value) > LARGEST_REAL:
-        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+        raise place.error(f"the number {text.strip()[:40]} is too large.")
     return value if abs(value) > 1 / LARGEST_REAL else 0.0
 
 
 def listed(counts: dict[str, int]) -> str:
     """Types of elements and their numbers as text."""
-    shown = [f"{count} {kind}" for kind, count in sorted(counts.items())]
-    return _shortened(shown)
-
-
-def _shortened(words: Iterable[str], most: int = 8) -> str:
-    words = list(words)
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more
+    words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
+    more = f" and {len(words) - 8} more" if len(words) > 8 else ""
+    return ", ".join(words[:8]) + more

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
-from antiosc.io.cad import CAD
+from antiosc.io.meshing import CAD
 
 #: `Command expression;`: commands that run programs, or read or write files. They may also be names
 #: of variables; they are commands only if an argument follows.
@@ -27,9 +27,7 @@ FILE_COMMANDS = {
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer", "CreateDir"),
 }
 #: Reserved words of that kind, and those that turn a string into a name.
-WORDS = {
-    *("OnelabRun", "Plugin", "ShapeFromFile", "ListFromFile", "StringToName", "S2N"),
-}
+WORDS = {*("OnelabRun", "Plugin", "ShapeFromFile", "ListFromFile", "StringToName", "S2N")}
 #: Fields that run a program or read a file.
 FILE_FIELDS = {"ExternalProcess", "Structured", "ExternalField"}
 #: Groups of options for other programs.

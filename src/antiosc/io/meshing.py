@@ -1,9 +1,13 @@
-"""Meshing of gmsh's current model: sizes, size fields, a forecast of the number of cells."""
+"""Meshing of gmsh's current model: sizes, a forecast of the number of cells; what CAD files need.
+
+CAD files have units, assemblies and names of solids; closed surfaces of facets are filled.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import log, sqrt
 from types import ModuleType
 
@@ -12,7 +16,6 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError
 from antiosc.io.request import Request
-from antiosc.io.size_field import SizeField
 
 #: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
 SHORTER = 0.5
@@ -173,3 +176,136 @@ def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: R
     grown = f"{SHORTER * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
     gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
     return int(tag)
+
+
+# --- Wanted sizes ---------------------------------------------------------------------------------
+
+
+#: gmsh's edges come out longer than the size asked, in the mean by this factor.
+EDGE_OVER_SIZE = 1.1
+#: Cells that gmsh makes over regular ones with the edges asked, by dimension (measured).
+CELLS_MADE = {2: 1.35, 3: 0.95}
+#: Least number of faces around a full turn of a curved surface: of flat faces, and of curved ones,
+#: without which coarse elements cut off parts of a cylinder.
+AROUND_FLAT, AROUND_CURVED = 12, 6
+#: Gmsh's names of scalars on triangles and on tetrahedra.
+LISTS = {3: "ST", 4: "SS"}
+
+
+@dataclass
+class SizeField:
+    """Sizes at the corners of simplices.
+
+    Lists, as they are sent to the reading process: points (n, 3) in m, cells (c, dim + 1), and the
+    sizes of edges wanted at the points (n,) in m.
+    """
+
+    points: list[list[float]]
+    cells: list[list[int]]
+    sizes: list[float]
+
+    def expected(self) -> float:
+        """Estimated number of cells."""
+        x, cells, sizes = (np.array(a) for a in (self.points, self.cells, self.sizes))
+        sides = x[cells[:, 1:]] - x[cells[:, :1]]
+        dim = cells.shape[1] - 1
+        measure = np.sqrt(np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1))))
+        # regular simplices of edge 1 hold √2/12 and √3/4
+        share = {2: 0.5 / (3**0.5 / 4), 3: (1 / 6) / (2**0.5 / 12)}[dim]
+        return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
+
+    def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
+        """Make it a field of gmsh's current model, whose unit is `scale` metres: its tag.
+
+        `flat`: the cells have flat faces, of which curved surfaces need more.
+        """
+        x = np.array(self.points)[np.array(self.cells)] / scale
+        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
+        rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
+        view = gmsh.view.add("sizes")
+        gmsh.view.addListData(view, LISTS[sizes.shape[1]], len(rows), rows.ravel())
+        tag = int(gmsh.model.mesh.field.add("PostView"))
+        gmsh.model.mesh.field.setNumber(tag, "ViewTag", view)
+        # the sizes decide everywhere, not only on the boundary
+        for option in ("FromPoints", "ExtendFromBoundary"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", AROUND_FLAT if flat else AROUND_CURVED)
+        return tag
+
+
+# --- CAD files and surfaces -----------------------------------------------------------------------
+
+
+CAD = (".step", ".stp", ".brep", ".iges", ".igs")
+#: Files that state the unit of their coordinates.
+STATES_UNIT = (".step", ".stp", ".iges", ".igs")
+#: Angle between facets from which their common edge is an edge of the part, degrees.
+SHARP_ANGLE = 40.0
+#: (dimension, tag) -> names
+Names = dict[tuple[int, int], list[str]]
+
+
+def opened(gmsh: ModuleType, path: str) -> float:
+    """Open a file; metres per unit of its coordinates then.
+
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
+    millimetres there without one.
+    """
+    iges = path.endswith((".iges", ".igs"))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
+    gmsh.open(path)
+    return 1e-3 if iges else 1.0
+
+
+def named_solids(gmsh: ModuleType, fragments: bool, name: str) -> Names:
+    """The names of the solids of a CAD file, which are cut at each other if `fragments`."""
+    solids = gmsh.model.getEntities(3)
+    names: Names = {}
+    seen: dict[str, int] = {}
+    for entity in solids:
+        label = gmsh.model.getEntityName(*entity).rpartition("/")[2].strip()
+        if not label:
+            continue
+        seen[label] = seen.get(label, 0) + 1
+        names[entity] = [label if seen[label] == 1 else f"{label} ({seen[label]})"]
+    if not fragments:
+        return names
+    if len(solids) < 2:
+        raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
+    _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
+    gmsh.model.occ.synchronize()
+    cut: Names = {}
+    for entity, own in zip(solids, pieces, strict=False):
+        for piece in own:
+            if piece[0] == 3:
+                cut.setdefault((3, int(piece[1])), []).extend(names.get(entity, []))
+    return cut
+
+
+def fill(gmsh: ModuleType, ask: Request) -> None:
+    """Make a solid of the triangles of an open STL file.
+
+    Raises
+    ------
+    MeshError
+        A surface that is not closed.
+    """
+    gmsh.model.mesh.removeDuplicateNodes()
+    kinds, _, nodes = gmsh.model.mesh.getElements(2)
+    triangles = [np.reshape(n, (-1, 3)) for k, n in zip(kinds, nodes, strict=True) if k == 2]
+    if not triangles:
+        raise MeshError(f"{ask.name} holds no triangles.")
+    corners = np.vstack(triangles)
+    edges = np.sort(np.vstack([corners[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    if (count != 2).any():
+        raise MeshError(
+            f"{ask.name} is not closed: {int((count != 2).sum())} of {len(count)} edges do not "
+            "belong to two triangles; repair the surface (holes, facets twice), or read it as a "
+            "sheet without solid=True."
+        )
+    gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
+    gmsh.model.mesh.createGeometry()
+    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+    gmsh.model.geo.synchronize()

@@ -7,36 +7,16 @@ volumes are cut into tetrahedra, triangles beside quadrilaterals into triangles,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck
 from antiosc.io.neutral import KINDS, SERENDIPITY, FileMesh, IntArray
-from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, rectangles
+from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES, rectangles
 
-#: meshio's name -> (shape, nodes)
-CELLS = {
-    "vertex": ("point", 1),
-    "line": ("line", 2),
-    "line3": ("line", 3),
-    "triangle": ("triangle", 3),
-    "triangle6": ("triangle", 6),
-    "quad": ("quad", 4),
-    "quad8": ("quad", 8),
-    "quad9": ("quad", 9),
-    "tetra": ("tetra", 4),
-    "tetra10": ("tetra", 10),
-    "pyramid": ("pyramid", 5),
-    "pyramid13": ("pyramid", 13),
-    "pyramid14": ("pyramid", 14),
-    "wedge": ("wedge", 6),
-    "wedge15": ("wedge", 15),
-    "wedge18": ("wedge", 18),
-    "hexahedron": ("hexahedron", 8),
-    "hexahedron20": ("hexahedron", 20),
-    "hexahedron27": ("hexahedron", 27),
-}
 #: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
 GMSH_EDGES = {
     "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
@@ -107,7 +87,7 @@ def _is_mixed(mesh: FileMesh) -> bool:
 
 
 def _block(label: str, cells: IntArray, convention: str) -> Block:
-    shape, nodes = CELLS[label]
+    shape, nodes, _ = CELLS[label]
     corners, edges = CORNERS[shape], len(EDGES[shape])
     has_mids = nodes > corners
     mids, inner = np.arange(corners, corners + edges * has_mids), np.arange(corners, corners)
@@ -123,7 +103,7 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
     return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
 
 
-def _places(ours: object, theirs: object) -> IntArray:
+def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
     """The index of each of our edges or faces among theirs."""
-    listed = [frozenset(one) for one in theirs]  # type: ignore[attr-defined]
-    return np.array([listed.index(frozenset(one)) for one in ours])  # type: ignore[attr-defined]
+    listed = [frozenset(one) for one in theirs]
+    return np.array([listed.index(frozenset(one)) for one in ours])

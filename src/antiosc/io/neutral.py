@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES
+
 IntArray = NDArray[np.int64]
+#: Materials, sections, supports, masses and joints of a deck in SI units, as JSON holds them.
+Model = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -22,46 +27,37 @@ class CellKind:
     nodes: int
 
 
-#: By meshio's names.
-KINDS = {
-    "vertex": CellKind("point", 0, 1, 1, 1),
-    "line": CellKind("interval", 1, 1, 2, 2),
-    "line3": CellKind("interval", 1, 2, 2, 3),
-    "triangle": CellKind("triangle", 2, 1, 3, 3),
-    "triangle6": CellKind("triangle", 2, 2, 3, 6),
-    "quad": CellKind("quadrilateral", 2, 1, 4, 4),
-    "quad9": CellKind("quadrilateral", 2, 2, 4, 9),
-    "tetra": CellKind("tetrahedron", 3, 1, 4, 4),
-    "tetra10": CellKind("tetrahedron", 3, 2, 4, 10),
-    "hexahedron": CellKind("hexahedron", 3, 1, 8, 8),
-    "hexahedron27": CellKind("hexahedron", 3, 2, 8, 27),
+#: Shapes that a mesh carries, by the names of dolfinx.
+CARRIED = {
+    "point": "point",
+    "line": "interval",
+    "triangle": "triangle",
+    "quad": "quadrilateral",
+    "tetra": "tetrahedron",
+    "hexahedron": "hexahedron",
+}
+_EVERY = {
+    label: CellKind(
+        CARRIED[shape], DIMENSION[shape], 1 + (nodes > CORNERS[shape]), CORNERS[shape], nodes
+    )
+    for label, (shape, nodes, _) in CELLS.items()
+    if shape in CARRIED
 }
 #: Kinds that are read only as the boundary of others, or without their mid-side nodes.
-SERENDIPITY = {
-    "quad8": CellKind("quadrilateral", 2, 2, 4, 8),
-    "hexahedron20": CellKind("hexahedron", 3, 2, 8, 20),
+SERENDIPITY = {label: _EVERY.pop(label) for label in ("quad8", "hexahedron20")}
+#: By meshio's names.
+KINDS = _EVERY
+FACETS: dict[str, Sequence[tuple[int, ...]]] = {
+    "interval": ((0,), (1,)),
+    "triangle": EDGES["triangle"],
+    "quadrilateral": EDGES["quad"],
+    "tetrahedron": ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)),
+    "hexahedron": (
+        *((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4)),
+        *((1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    ),
 }
-FACETS: dict[str, list[tuple[int, ...]]] = {
-    "interval": [(0,), (1,)],
-    "triangle": [(0, 1), (1, 2), (2, 0)],
-    "quadrilateral": [(0, 1), (1, 2), (2, 3), (3, 0)],
-    "tetrahedron": [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)],
-    "hexahedron": [
-        (0, 1, 2, 3),
-        (4, 5, 6, 7),
-        (0, 1, 5, 4),
-        (1, 2, 6, 5),
-        (2, 3, 7, 6),
-        (3, 0, 4, 7),
-    ],
-}
-EDGES_OF_KIND: dict[str, list[tuple[int, int]]] = {
-    "tetrahedron": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
-    "hexahedron": [
-        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
-        *((0, 4), (1, 5), (2, 6), (3, 7)),
-    ],
-}
+EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
 
 
 @dataclass
@@ -88,7 +84,7 @@ class FileMesh:
     #: warnings about the file for the caller, one sentence each
     told: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
-    model: dict[str, Any] | None = None
+    model: Model | None = None
 
 
 @dataclass
@@ -106,9 +102,20 @@ class RawMesh:
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: as in `FileMesh`
     told: list[str] = field(default_factory=list)
-    model: dict[str, Any] | None = None
+    model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+
+def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
+    """Groups of cells from parts of them: (name, kind, rows)."""
+    found: dict[str, dict[str, list[IntArray]]] = {}
+    for name, kind, rows in parts:
+        found.setdefault(name, {}).setdefault(kind, []).append(rows)
+    return {
+        name: {kind: np.concatenate(rows) for kind, rows in kinds.items()}
+        for name, kinds in found.items()
+    }
 
 
 def of_kind(name: str, label: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base.errors import InputError, MeshError
-from antiosc.io.cad import CAD
+from antiosc.io.meshing import CAD
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -62,9 +62,6 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     elif raw.kind.shape == "interval" and raw.kind.order == 2:
         raw = replace(raw, cells=_ends_first(raw, name))
     return _compact(raw)
-
-
-# --- Choice ---------------------------------------------------------------------------------------
 
 
 def _every_row(mesh: FileMesh) -> Rows:
@@ -169,9 +166,6 @@ def keys(rows: IntArray) -> NDArray[np.uint64]:
     return mixed
 
 
-# --- Groups ---------------------------------------------------------------------------------------
-
-
 def _add_cells(raw: RawMesh, group: str, blocks: Rows) -> None:
     for label, block in blocks.items():
         _add(raw, group, kind_of(label).dim, block[:, : kind_of(label).vertices])
@@ -206,9 +200,6 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
     alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
     if len(alone):
         _add(raw, group, 0, alone[:, None])
-
-
-# --- Nodes ----------------------------------------------------------------------------------------
 
 
 def _ends_first(raw: RawMesh, name: str) -> IntArray:

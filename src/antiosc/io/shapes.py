@@ -1,11 +1,33 @@
-"""Shapes of cells in decks and files, in VTK's order: corners, then middle nodes of edges.
+"""Cells of decks and files, in VTK's order: corners, then middle nodes of edges.
 
-Straight and serendipity cells of all shapes, including those (wedges, pyramids) that are divided
+Straight and second-order cells of all shapes, including those (wedges, pyramids) that are divided
 into others.
 """
 
 from __future__ import annotations
 
+#: By meshio's names: shape, nodes, number in gmsh.
+CELLS = {
+    "vertex": ("point", 1, 15),
+    "line": ("line", 2, 1),
+    "line3": ("line", 3, 8),
+    "triangle": ("triangle", 3, 2),
+    "triangle6": ("triangle", 6, 9),
+    "quad": ("quad", 4, 3),
+    "quad8": ("quad", 8, 16),
+    "quad9": ("quad", 9, 10),
+    "tetra": ("tetra", 4, 4),
+    "tetra10": ("tetra", 10, 11),
+    "pyramid": ("pyramid", 5, 7),
+    "pyramid13": ("pyramid", 13, 19),
+    "pyramid14": ("pyramid", 14, 14),
+    "wedge": ("wedge", 6, 6),
+    "wedge15": ("wedge", 15, 18),
+    "wedge18": ("wedge", 18, 13),
+    "hexahedron": ("hexahedron", 8, 5),
+    "hexahedron20": ("hexahedron", 20, 17),
+    "hexahedron27": ("hexahedron", 27, 12),
+}
 CORNERS = {
     "point": 1,
     "line": 2,

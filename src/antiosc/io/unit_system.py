@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from antiosc.base.checks import positive, shown
 from antiosc.base.errors import InputError
@@ -22,7 +21,7 @@ class UnitSystem:
     force: float = 1.0
 
     @classmethod
-    def of(cls, unit: Any) -> UnitSystem:
+    def of(cls, unit: str | float) -> UnitSystem:
         """By name, or by the metres per unit of length, with forces in N."""
         if isinstance(unit, str):
             if unit not in SYSTEMS:

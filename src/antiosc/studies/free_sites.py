@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,13 +57,14 @@ def free_sites(
     radius: float | None,
     modes: int | None,
     band: float | None,
+    most: float = math.inf,
 ) -> FreeSites:
-    """The sites of a map and the free modes there; arguments as of `impact_map`."""
+    """The sites of a map and at most `most` free modes there; the others as of `impact_map`."""
     started = time.perf_counter()
     found = sites_of(matrices, where, direction, radius)
     structure.factorize()
     located = time.perf_counter()
-    free = _free_modes(structure, modes, band)
+    free = _free_modes(structure, modes, band, most)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(found.sites.loads.T @ phi)
@@ -77,11 +79,11 @@ def free_sites(
     return FreeSites(found, omega, phi, b, C, G, seconds)
 
 
-def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
-    """The lowest elastic modes: `count`, or as many as reach above the band."""
+def _free_modes(structure: Structure, count: int | None, band: float | None, most: float) -> Modes:
+    """The lowest elastic modes: `count`, or as many as reach above the band, at most `most`."""
     wanted = FREE_MODES if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
-    found = ModeSolver(structure).lowest(wanted, reach)
-    kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
+    found = ModeSolver(structure).lowest(wanted, reach, most)
+    kept = int(min(max(wanted, np.sum(found.omega < reach) + 1), most))
     log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
     return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)

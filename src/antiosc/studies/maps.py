@@ -8,6 +8,7 @@ is too large, the site is extracted separately.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,12 +42,16 @@ from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.histories.deflection import peak_deflections
 from antiosc.simulation.impact_band import RigidWall, impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
-from antiosc.studies.free_sites import FreeSites, free_sites
+from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap
 from antiosc.studies.map_stresses import largest_stresses
 
-#: The band where none is given, over the last free mode.
+#: The band where neither it nor a blow is given, over the last free mode.
 WITHIN = 0.5
+#: Free modes at most, where the blow says the band.
+MOST_MODES = 100
+#: Anti-oscillators of a site that are tried where none are asked for.
+COUNTS = (12, 25, 50, 100)
 #: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
 #: tolerance of the impact there.
 BEYOND, COARSE = 0.01, 1e-3
@@ -70,7 +75,7 @@ def impact_map(
     *,
     direction: Sequence[float] | None = None,
     radius: float | None = None,
-    n: int = 12,
+    n: int | None = None,
     modes: int | None = None,
     band: float | None = None,
     accuracy: float = 0.05,
@@ -93,12 +98,16 @@ def impact_map(
         Direction of impact at all sites; None: against the outward normal (solids, by group).
     radius : float, optional
         Radius of the patch, m, as for `Site`.
-    n : int
-        Anti-oscillators at each site, by the Krylov method on the free modes.
+    n : int, optional
+        Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with a
+        blow 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
     modes : int, optional
-        Number of free modes; default 20, or as many as reach 1.5 times the band.
+        Number of free modes; default 20, or as many as reach 1.5 times the band, of a band that is
+        not given at most 100.
     band : float, optional
-        Highest circular frequency of interest, rad/s; default: half the last free frequency.
+        Highest circular frequency of interest, rad/s. Default: what the blow excites
+        (`impact_band`); without a blow, with `modes`, or where 100 modes end below it, as far as
+        the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
     accuracy : float
         Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
         are extracted separately if they are at most 32; a warning states how many remain.
@@ -116,7 +125,6 @@ def impact_map(
     accuracy = positive("accuracy", accuracy)
     if radius is not None:
         radius = positive("radius", radius, "m")
-    n = whole("n", n)
     if band is not None:
         band = positive("band", band, "rad/s")
     if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
@@ -131,21 +139,27 @@ def impact_map(
         duration = positive("duration", duration, "s")
     matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
     refuse_dampers(structure, "a map")
-    seen = free_sites(structure, matrices, where, direction, radius, modes, band)
-    found, omega, b, C, G = seen.found, seen.omega, seen.b, seen.compliance, seen.inertia
+    excited = _excited(impactor, contact) if band is None and modes is None else None
+    counts = (COUNTS[0],) if excited is None else COUNTS
+    if n is not None:
+        counts = (whole("n", n),)
+    seen = free_sites(
+        structure, matrices, where, direction, radius, modes, band or excited,
+        math.inf if excited is None else MOST_MODES,
+    )  # fmt: skip
+    found, omega = seen.found, seen.omega
     sites, moved = found.sites, time.perf_counter()
+    if excited is not None:
+        band = min(excited, float(omega[-1]) / ABOVE)
     band = WITHIN * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
         raise InputError(
             f"the band {band:g} rad/s must end below the last of {len(omega)} free modes,"
             f" {omega[-1]:g} rad/s: ask for more modes."
         )
-    models = free_modes.at_sites(omega, b, C, G, n, structure.shift, "krylov")
-    left_out, reduction = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
+    models, errors = _reduced(seen, counts, structure.shift, band, accuracy)
     reduced = time.perf_counter()
-    models, error, direct = _refined(
-        structure, sites, models, (left_out, reduction), band, accuracy
-    )
+    models, error, direct = _refined(structure, sites, models, errors, band, accuracy)
     extracted = time.perf_counter()
     seconds = {
         **seen.seconds,
@@ -177,6 +191,26 @@ def impact_map(
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, seen if stress else None, result, impactor, contact, duration)
+
+
+def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
+    """The band of a blow by an impactor that moves."""
+    if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
+        return None
+    return impact_band(impactor, contact)
+
+
+def _reduced(
+    seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
+) -> tuple[SiteModels, tuple[Array, Array]]:
+    """The sites with the fewest anti-oscillators of `counts` that suffice, and their errors."""
+    of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
+    for n in counts:
+        models = free_modes.at_sites(*of_sites, n, shift, "krylov")
+        left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
+        if np.all(reduction <= accuracy / 2):
+            break
+    return models, (left_out, reduction)
 
 
 # --- What is not good enough --------------------------------------------------------------------
@@ -238,15 +272,12 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
     """Warn of blows that excite what the models of the map do not hold."""
-    if not getattr(impactor, "velocity", 0.0) > 0:
-        return
-    excited = impact_band(impactor, contact)
-    if result.band < excited:
+    excited = _excited(impactor, contact)
+    if excited is not None and result.band < excited:
         warn(
             f"the models of the map hold up to {result.band:g} rad/s, the blow excites up to"
             f" {excited:g}: the anti-oscillators are too few for this contact where the part is"
-            " thin, and forces are too large there; give band=ao.impact_band(impactor, contact) and"
-            " a larger n.",
+            " thin, and forces are too large there; give band=ao.impact_band(impactor, contact).",
             AccuracyWarning,
         )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.io.deck import Array, Deck, IntArray, Numbering, Place
 from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
 from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
 from antiosc_decks.abaqus.table import account_for
@@ -93,8 +93,7 @@ class Whole:
     def node(self, word: str, place: Place, within: Instance) -> int:
         """The node that a number or a set of one node names."""
         nodes = self.nodes(word, place, within)
-        if len(nodes) != 1:
-            raise place.error(f"{word!r} must be one node; it is {len(nodes)}.")
+        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
         return int(nodes[0])
 
     def elements(self, word: str, place: Place, within: Instance) -> IntArray:
@@ -156,11 +155,9 @@ class Whole:
         instance.first_other = len(self.others)
         deck.points = np.vstack([deck.points, mesh.points @ instance.turn.T + instance.shift])
         for block in mesh.blocks:
-            tables = (block.corners, block.mids, block.inner)
-            moved = [np.where(table >= 0, table + nodes, -1) for table in tables]
-            deck.blocks.append(Block(block.shape, block.type, *moved))
+            deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
         for kind, row in mesh.others:
-            deck.leave(kind, 1)
+            deck.leave(kind)
             self.others.append((kind, row, instance))
         deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
         for keyword, label, rows in mesh.sets:
@@ -179,14 +176,13 @@ class Whole:
         """A card *NSET or *ELSET; one of the assembly may have members in instances."""
         keyword, name, of = card.keyword, card.needed(card.keyword), within
         if wanted := card.option("INSTANCE"):
-            if wanted.upper() not in self.instances:
-                raise card.place.error(f"there is no instance {wanted!r}.")
+            card.needs(wanted.upper() in self.instances, f"there is no instance {wanted!r}.")
             of = self.instances[wanted.upper()]
         found, lost, count = [NONE], [], 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = self.find("ELSET", elements, of)
             if cells is not None:
-                found.append(nodes_of(self.deck, cells))
+                found.append(self.deck.nodes_of(cells))
             else:
                 self.deck.told.append(
                     f"{card.place}: *NSET {name} is of the set of elements {elements}, "
@@ -196,11 +192,9 @@ class Whole:
         for row in card.rows():
             if "GENERATE" in card.options:
                 found.append(self._numbered(keyword, of, _ranged(row)))
-                if strict and not len(found[-1]):
-                    raise row.place.error(
-                        f"*{keyword} in the assembly selects nothing; name the instance "
-                        "of its numbers (INSTANCE=)."
-                    )
+                row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
+                          "selects nothing; name the instance of its numbers "
+                          "(INSTANCE=).")  # fmt: skip
                 continue
             for word in filter(None, row.fields):
                 count += 1
@@ -229,25 +223,13 @@ class Whole:
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     """What selects the existing numbers in a range, which may be wide."""
-    if len(row.fields) < 2:
-        raise row.place.error("GENERATE needs a first and a last number.")
+    row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
     first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
     if step == 0 and first == last:
         step = 1
     if step < 1 or last < first:
         raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
-
-
-def nodes_of(deck: Deck, elements: IntArray) -> IntArray:
-    """All nodes of elements."""
-    found, start = [NONE], 0
-    for block in deck.blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        found += [table[own].ravel() for table in (block.corners, block.mids, block.inner)]
-        start += len(block)
-    every = np.unique(np.concatenate(found))
-    return every[every >= 0]
 
 
 def read(
@@ -319,10 +301,8 @@ def _divided(
 def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) -> Instance:
     """An instance of a part, with cards of its own."""
     name, wanted = card.needed("NAME"), card.option("PART")
-    if wanted.upper() not in parts:
-        raise card.place.error(
-            f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
-        )
+    card.needs(wanted.upper() in parts, f"the instance {name!r} is of the part {wanted!r}, which "
+               "the deck does not define.")  # fmt: skip
     spelled, cards = parts[wanted.upper()]
     cards = [*cards, *own]
     if any(c.keyword in ("NODE", "ELEMENT") for c in own):
@@ -348,8 +328,7 @@ def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) 
 def _rotation(axis: Array, degrees: float, place: Place) -> Array:
     """Rodrigues' matrix of a rotation about an axis."""
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the two points of a rotation coincide.")
+    place.needs(length != 0, "the two points of a rotation coincide.")
     x, y, z = axis / length
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.deg2rad(degrees)

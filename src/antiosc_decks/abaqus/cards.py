@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, real_number, whole_number
+from antiosc.io.deck import Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
@@ -15,7 +15,7 @@ WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
 
 
-class Row:
+class Row(Placed):
     """The fields of a data line; a comma at the end adds none."""
 
     def __init__(self, line: str, place: Place) -> None:
@@ -46,7 +46,7 @@ class Row:
 
 
 @dataclass
-class Card:
+class Card(Placed):
     """One keyword with its options and data lines."""
 
     #: without `*` and spaces, upper case
@@ -79,8 +79,7 @@ class Card:
     def needed(self, name: str) -> str:
         """Value of a required option."""
         value = self.option(name)
-        if not value:
-            raise self.place.error(f"*{self.keyword} needs {name}=.")
+        self.needs(value, f"*{self.keyword} needs {name}=.")
         return value
 
 

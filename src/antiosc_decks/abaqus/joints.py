@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
-from antiosc_decks.abaqus.assembly import NONE, Instance, Whole, nodes_of
+from antiosc_decks.abaqus.assembly import NONE, Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.properties import Orientations
 from antiosc_decks.abaqus.ties import Surface, surfaces_of, tie
@@ -61,16 +61,13 @@ class _Joints:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
                 self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
 
-    # --- Equations --------------------------------------------------------------------------------
-
     def equations(self, card: Card, within: Instance) -> None:
         """*EQUATION, whose terms may take several lines."""
         within.refuse_turned(card)
         rows = iter(card.rows())
         for row in rows:
             count = whole_number(row.word(0), row.place)
-            if not 0 < count <= LONGEST_EQUATION:
-                raise row.place.error(f"an *EQUATION of {count} terms.")
+            row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
             words: list[str] = []
             while len(words) < 3 * count:
                 place, more = row.place, next(rows, None)
@@ -87,8 +84,7 @@ class _Joints:
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
         nodes = [self.whole.nodes(word, place, within) for word, _, _ in triples]
         for (word, _, _), some in zip(triples, nodes, strict=True):
-            if not len(some):
-                raise place.error(f"*EQUATION names {word!r}, a set without nodes.")
+            place.needs(len(some), f"*EQUATION names {word!r}, a set without nodes.")
         count = len(nodes[0])
         if count > 1 and sum(len(some) > 1 for some in nodes) > 1:
             raise place.error(
@@ -99,15 +95,11 @@ class _Joints:
             terms = []
             for (_, dof, factor), some in zip(triples, nodes, strict=True):
                 motion = whole_number(dof, place) - 1
-                if not 0 <= motion < 6:
-                    raise place.error(f"*EQUATION acts on motions from 1 to 6; got {dof}.")
+                place.needs(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
                 node = int(some[k if len(some) > 1 else 0])
                 terms.append((node, motion, real_number(factor, place)))
-            if not terms[0][2]:
-                raise place.error("the first term of *EQUATION has the coefficient 0.")
+            place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
-
-    # --- Multi-point constraints ------------------------------------------------------------------
 
     def mpc(self, card: Card, within: Instance) -> None:
         """*MPC, whose lists of nodes may take several lines."""
@@ -153,16 +145,13 @@ class _Joints:
             return False
         return True
 
-    # --- Rigid bodies and couplings ---------------------------------------------------------------
-
     def rigid_body(self, card: Card, within: Instance) -> None:
         """*RIGID BODY."""
         whole, joints, place = self.whole, self.joints, card.place
         every = [whole.nodes(word, place, within)
                  for option in ("NSET", "TIENSET") if (word := card.option(option))]  # fmt: skip
         if card.option("ELSET"):
-            elements = whole.elements(card.option("ELSET"), place, within)
-            every.append(nodes_of(whole.deck, elements))
+            every.append(whole.deck.nodes_of(whole.elements(card.option("ELSET"), place, within)))
         nodes = np.unique(np.concatenate([NONE, *every]))
         if not len(nodes) and not card.option("PINNSET"):
             raise place.error(f"*{card.keyword} names no nodes (NSET= or ELSET=).")
@@ -237,11 +226,9 @@ class _Joints:
     def _mean(
         self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array
     ) -> None:
-        if node in nodes:
-            raise card.place.error(
-                f"the reference node of *{card.keyword} is one of the nodes whose mean "
-                "motion it follows; give the coupling a node of its own."
-            )
+        card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
+                   "whose mean motion it follows; give the coupling a node of its "
+                   "own.")  # fmt: skip
         self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
 
 
@@ -252,9 +239,6 @@ def _range(row: Row, start: int) -> list[int]:
     if not 1 <= first <= last <= 6:
         raise row.place.error(f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))
-
-
-# --- Constraints by the places of nodes -----------------------------------------------------------
 
 
 def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
@@ -288,8 +272,7 @@ def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
     far = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
     axis = x[far] - x[0]
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the nodes of the *MPC of type STRAIGHT coincide.")
+    place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
     across = np.linalg.svd(axis[None] / length)[2][1:]
     for k, node in enumerate(nodes):
         if k not in (0, far):
@@ -305,8 +288,7 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     """
     axis = x[-1]
     length = float(np.linalg.norm(axis))
-    if length == 0:
-        raise place.error("the *MPC of type MEANROT needs an axis.")
+    place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
     axis = axis / length
     r = x[:-1] - x[:-1].mean(axis=0)
     r = r - np.outer(r @ axis, axis)

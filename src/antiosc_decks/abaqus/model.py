@@ -8,23 +8,23 @@ listed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
-from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, roles_of, vary_thickness
-from antiosc_decks.model import copies
+from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.constraints import Term, along
 from antiosc_decks.model.finished import finished
 from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
+from antiosc_decks.model.pieces import separate_copies
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
 BESIDE = {
@@ -46,22 +46,22 @@ NAMED = {
 }
 
 
-def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
+def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     top = whole.instances[""]
     first = [(card, top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
     whole.deck.told += whole.account.unknown_options()
     materials, ignored = materials_of([card for card, _ in whole.cards])
-    doubled = copies.separate(whole.deck, roles_of(whole.deck))
+    copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder, materials)
     for card, within in whole.named(*SECTION_CARDS):
         sections.read(card, within)
-    vary_thickness(whole, builder, sections.roles)
+    vary_thickness(whole, builder)
     for card, within in whole.named("NONSTRUCTURALMASS"):
         _nonstructural(whole, builder, card, within)
-    builder.with_roles(sections.roles)
+    builder.find_nodes()
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
@@ -74,14 +74,11 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card in own:
         supports.read(card, top)
     supports.apply()
-    copies.join(builder, doubled)
+    builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
     builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
-    return finished(builder, sections.roles)
-
-
-# --- Supports -------------------------------------------------------------------------------------
+    return finished(builder)
 
 
 class _Supports:
@@ -101,11 +98,9 @@ class _Supports:
         within.refuse_turned(card)
         moved = other = False
         for row in card.rows():
-            if not row.word(1):
-                raise row.place.error("*BOUNDARY names no motion from 1 to 6.")
+            row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
             nodes = self.whole.nodes(row.word(0), row.place, within)
-            if not len(nodes):
-                raise row.place.error(f"the set of nodes {row.word(0)} has no nodes.")
+            row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
             motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
             if motions is None:
                 first = row.whole(1)
@@ -113,11 +108,8 @@ class _Supports:
                 if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
                     other = True
                     continue
-                if not 1 <= first <= last <= 6:
-                    raise row.place.error(
-                        f"*BOUNDARY fixes motions from {first} to {last}; they are counted "
-                        "from 1 to 6."
-                    )
+                row.needs(1 <= first <= last <= 6, f"*BOUNDARY fixes motions from {first} to "
+                          f"{last}; they are counted from 1 to 6.")  # fmt: skip
                 moved |= row.real(3) != 0
                 motions = range(first - 1, last)
             self.local[nodes[:, None], np.array(motions)] = True
@@ -147,14 +139,9 @@ class _Supports:
     def apply(self) -> None:
         """Give the builder the fixed motions, along the axes of the deck."""
         for node, frame in self.frames.items():
-            for part in (slice(0, 3), slice(3, 6)):
-                own = self.local[node, part]
-                own[:] = self.builder.joints.fixed_along(node, own, frame, part.start)
+            self.local[node] = self.builder.joints.fixed_along(node, self.local[node], frame)
             self.builder.joints.frames[node] = frame
         self.builder.fixed |= self.local
-
-
-# --- Masses and springs ---------------------------------------------------------------------------
 
 
 def _nonstructural(whole: Whole, builder: ModelBuilder, card: Card, within: Instance) -> None:
@@ -179,10 +166,7 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
     given = dict.fromkeys(BESIDE, 0)
     for card, within in whole.named(*BESIDE):
         rows = card.rows()
-        if not rows:
-            raise card.place.error(
-                f"*{card.keyword} without a value: a mass, stiffness or damping."
-            )
+        card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
         for kind, nodes in whole.beside(card, within):
             given[card.keyword] += 1
             if card.keyword == "MASS":
@@ -190,7 +174,7 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
             elif card.keyword == "ROTARYINERTIA":
                 builder.mass(nodes[0], 0.0, _inertia(card, rows[0], within), card.place)
             else:
-                _link(builder, orientations, card, within, kind, nodes)
+                _link(builder, orientations, (card, within), kind, nodes)
     given["MASS"] += given.pop("ROTARYINERTIA")
     left = whole.deck.left
     for keyword, number in given.items():
@@ -212,27 +196,23 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
 def _inertia(card: Card, row: Row, within: Instance) -> list[float]:
     """Moments of inertia of *ROTARY INERTIA about the axes of the deck."""
     values = row.reals(6)
-    if any(values[3:]):
-        raise card.place.error("products of inertia are not supported.")
+    card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
         within.refuse_turned(card)
-        if card.option("ORIENTATION"):
-            raise card.place.error(
-                "*ROTARY INERTIA in an orientation is not supported; give it in the "
-                "axes of the deck."
-            )
+        card.needs(not card.option("ORIENTATION"), "*ROTARY INERTIA in an orientation is not "
+                   "supported; give it in the axes of the deck.")  # fmt: skip
     return values[:3]
 
 
 def _link(
     builder: ModelBuilder,
     orientations: Orientations,
-    card: Card,
-    within: Instance,
+    given: tuple[Card, Instance],
     kind: str,
     nodes: list[int],
 ) -> None:
     """A spring or a dashpot."""
+    card, within = given
     values = card.rows()
     what = BESIDE[card.keyword][0]
     if kind.endswith("A"):
@@ -244,18 +224,11 @@ def _link(
         else:
             within.refuse_turned(card)
         terms, values = _along_motions(nodes, axes, values[0]), values[1:]
-    if len(values) != 1:
-        raise card.place.error(
-            f"*{card.keyword} needs one {what} that does not "
-            f"depend on frequency or temperature; it has {len(values)}."
-        )
+    card.needs(len(values) == 1, f"*{card.keyword} needs one {what} that does not depend on "
+               f"frequency or temperature; it has {len(values)}.")  # fmt: skip
     value = real_number(values[0].word(0), values[0].place)
-    if value < 0:
-        raise values[0].place.error(f"the {what} {value:g} is negative.")
-    if card.keyword == "SPRING":
-        builder.sprung(terms, value, card.place)
-    else:
-        builder.damped(terms, value)
+    values[0].needs(value >= 0, f"the {what} {value:g} is negative.")
+    (builder.sprung if card.keyword == "SPRING" else builder.damped)(terms, value)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
@@ -263,9 +236,5 @@ def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
     if not all(0 <= dof < 6 for dof in dofs):
         raise row.place.error("a spring or a dashpot acts on motions from 1 to 6.")
-    return [
-        (node, dof - dof % 3 + c, sign * float(axes[dof % 3, c]))
-        for node, dof, sign in zip(nodes, dofs, (1.0, -1.0), strict=False)
-        for c in range(3)
-        if axes[dof % 3, c]
-    ]
+    ends = zip(nodes, dofs, (1.0, -1.0), strict=False)
+    return [t for n, dof, sign in ends for t in along(n, axes[dof % 3], dof - dof % 3, sign)]

@@ -46,15 +46,11 @@ def _elastic(material: Material, card: Card) -> str:
     """Give a material what *ELASTIC says; its kind."""
     word = "".join(card.option("TYPE", "ISO").split()).upper()
     kind = next((one for one in ELASTIC_CONSTANTS if word.startswith(one)), "")
-    if not kind:
-        raise card.place.error(
-            f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
-            "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC."
-        )
+    card.needs(kind, f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
+               "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC.")  # fmt: skip
     values = card.first().reals() if kind == "ISO" else card.numbers()
     count = ELASTIC_CONSTANTS[kind]
-    if len(values) < count:
-        raise card.place.error(f"*ELASTIC needs {count} constants; it has {len(values)}.")
+    card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])
     material.place = card.place
     if kind == "ISO":
@@ -123,8 +119,7 @@ class Orientations:
             raise card.place.error("*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
         a, b, origin = np.reshape(first.reals(9), (3, 3)) @ of.turn.T
         normal = np.cross(a - origin, b - origin)
-        if not normal.any():
-            raise card.place.error("the two points of *ORIENTATION give no plane.")
+        card.needs(normal.any(), "the two points of *ORIENTATION give no plane.")
         one, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
         if degrees := self.degrees(name, within):
             if rows[1].word(0) != "3":
@@ -142,10 +137,8 @@ class Orientations:
     def frame(self, name: str, place: Place, within: Instance) -> Array:
         """Directions 1, 2 and 3, as rows, of an *ORIENTATION that is the same everywhere."""
         frame = self.at(name, place, within, np.zeros((1, 3)))[0]
-        if self.cylindrical(name, within):
-            raise place.error(
-                f"the orientation {name!r} is CYLINDRICAL; here it must be RECTANGULAR."
-            )
+        place.needs(not self.cylindrical(name, within), f"the orientation {name!r} is "
+                    "CYLINDRICAL; here it must be RECTANGULAR.")  # fmt: skip
         return np.asarray(frame)
 
 
@@ -167,10 +160,8 @@ def profile_of(card: Card) -> profiles.Profile:
     kind = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
     short = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
-    if not short:
-        raise card.place.error(
-            f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
-        )
+    card.needs(short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or "
+               "GENERAL.")  # fmt: skip
     needed, positive = BEAM_SECTIONS[short]
     if len(d) < needed or min(d[:positive]) <= 0:
         raise card.place.error(f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
@@ -186,6 +177,5 @@ def profile_of(card: Card) -> profiles.Profile:
             raise card.place.error("a BOX with unequal opposite walls is not supported.")
         return found
     area, about_1, mixed, about_2, torsion = d[:5]
-    if mixed:
-        raise card.place.error("I12 must be 0: rotate the section to its principal axes.")
+    card.needs(not mixed, "I12 must be 0: rotate the section to its principal axes.")
     return profiles.Profile(area, about_2, about_1, torsion, profiles.RECTANGLE)

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, Deck, IntArray, Place, real_number
+from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
-from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.properties import Orientations, profile_of
-from antiosc_decks.model.builder import Family, ModelBuilder, Rod
-from antiosc_decks.model.geometry import (
-    common_direction,
-    corners_of,
-    everywhere,
-    normals_of,
-    side_of,
-    tangents_of,
-    top_of,
-)
+from antiosc_decks.model import geometry
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material
 
 #: Sine of the angle below which a direction is normal to a shell.
@@ -37,11 +27,6 @@ OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
 PLANE = {"plane stress", "plane strain"}
 
 
-def roles_of(deck: Deck) -> list[str]:
-    """What the blocks of a deck are."""
-    return [known.role if (known := element_type(b.type)) else "other" for b in deck.blocks]
-
-
 class Sections:
     """Adds the sections of a deck to a builder."""
 
@@ -50,16 +35,14 @@ class Sections:
         self.builder = builder
         self.materials = materials
         self.orientations = Orientations(whole.cards)
-        self.roles = roles_of(whole.deck)
 
     def read(self, card: Card, within: Instance) -> None:
         """One section card."""
         elements = self.whole.elements(card.needed("ELSET"), card.place, within)
         if not len(elements):
             return  # of springs, masses, or of a set that is empty
-        starts = np.cumsum([0, *map(len, self.whole.deck.blocks)])
-        blocks = np.unique(np.searchsorted(starts, elements, side="right") - 1)
-        roles = {self.roles[k] for k in blocks}
+        blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
+        roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
             kind, arguments = self._shell(card, elements, within)
@@ -73,22 +56,19 @@ class Sections:
         elif "BEAM" in card.keyword and roles == {"beam"}:
             kind, arguments = self._beam(card, elements, within)
         else:
-            self._refuse(card, roles, {self.whole.deck.blocks[k].type for k in blocks})
+            self._refuse(card, roles, {block.type for block in blocks})
         name = self.whole.spelled(card.option("ELSET"), within)
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
-    def _refuse(self, card: Card, roles: set[str], types: set[str]) -> Any:
+    def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         kinds = ", ".join(sorted(types))
         if any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types):
             raise card.place.error(
                 f"the elements {kinds} are axisymmetric, which is not "
                 "supported; model the part, or a sector between planes of symmetry, by solids."
             )
-        if len(roles) > 1:
-            raise card.place.error(
-                f"one section for {' and '.join(sorted(roles))} elements ({kinds}); give "
-                "each kind its own."
-            )
+        card.needs(len(roles) <= 1, f"one section for {' and '.join(sorted(roles))} elements "
+                   f"({kinds}); give each kind its own.")  # fmt: skip
         raise card.place.error(
             f"*{card.keyword} for elements ({kinds}) that no element "
             "family here carries in this way."
@@ -99,26 +79,24 @@ class Sections:
             raise place.error(f"there is no material {name!r} (*MATERIAL, NAME=).")
         return self.materials[name.upper()]
 
-    def _isotropic(self, card: Card, what: str) -> dict[str, Any]:
+    def _isotropic(self, card: Card, what: str) -> Arguments:
         material = self._material(card.needed("MATERIAL"), card.place)
         E, nu = self.builder.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.builder.rho(material)}
 
-    # --- Solids, plane parts, rods ----------------------------------------------------------------
-
-    def _solid(self, card: Card, within: Instance) -> tuple[str, dict[str, Any]]:
+    def _solid(self, card: Card, within: Instance) -> tuple[str, Arguments]:
         material = self._material(card.needed("MATERIAL"), card.place)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
             return "Solid", self._isotropic(card, "solids")
-        arguments: dict[str, Any] = {"stiffness": stiffness, "rho": self.builder.rho(material)}
+        arguments: Arguments = {"stiffness": stiffness, "rho": self.builder.rho(material)}
         if name := card.option("ORIENTATION"):
             arguments["axes"] = self.orientations.frame(name, card.place, within)[:2].tolist()
         else:
             within.refuse_turned(card)
         return "AnisotropicSolid", arguments
 
-    def _plane(self, card: Card, roles: set[str]) -> tuple[str, dict[str, Any]]:
+    def _plane(self, card: Card, roles: set[str]) -> tuple[str, Arguments]:
         if len(roles) > 1:
             self._refuse(card, roles, set())
         thickness = _positive(card, "thickness") * self.builder.units.length
@@ -130,13 +108,10 @@ class Sections:
         given, units = self._isotropic(card, "solids"), self.builder.units
         area = _positive(card, "area of rods")
         E, mass = given["E"] / units.stress, given["rho"] / units.density * area
-        self.builder.add_rods(elements, Rod(E, given["nu"], area, 0.0, mass, card.place))
+        rod = Rod(E, given["nu"], area, mass, card.place)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
-    # --- Shells -----------------------------------------------------------------------------------
-
-    def _shell(
-        self, card: Card, elements: IntArray, within: Instance
-    ) -> tuple[str, dict[str, Any]]:
+    def _shell(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
         if "COMPOSITE" in card.options:
             return self._laminate(card, elements, card.rows(), within)
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -148,24 +123,24 @@ class Sections:
         offset = self._offset(card, elements, thickness)
         return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
 
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> dict[str, Any]:
+    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Arguments:
         word = card.option("OFFSET").upper()
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
         if not share:
             return {}
-        if common_direction(normals_of(self.whole.deck, elements), least=1 - 1e-6) is None:
+        if geometry.curved(self.whole.deck, elements):
             self.whole.deck.told.append(
                 f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
             )
         length = self.builder.units.length
-        side = side_of(self.whole.deck, elements, length)
+        side = geometry.side_of(self.whole.deck, elements, length)
         return {"offset": -share * thickness * length, **side}
 
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row], within: Instance
-    ) -> tuple[str, dict[str, Any]]:
+    ) -> tuple[str, Arguments]:
         deck, length = self.whole.deck, self.builder.units.length
-        normals = normals_of(deck, elements)
+        normals = geometry.normals_of(deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), within)]
@@ -196,9 +171,11 @@ class Sections:
         alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
         return "Laminate", {
             "layers": layers,
-            "axis": axis[0].tolist() if alike else everywhere(deck, elements, axis, length),
+            "axis": axis[0].tolist()
+            if alike
+            else geometry.everywhere(deck, elements, axis, length),
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
-            "top": top_of(deck, elements, length),
+            "top": geometry.top_of(deck, elements, length),
         }
 
     def _directions(self, name: str, place: Place, within: Instance, elements: IntArray) -> Array:
@@ -207,11 +184,11 @@ class Sections:
         Where that about an axis is the normal of a shell, it is direction 2.
         """
         deck = self.whole.deck
-        centres = np.array([x.mean(axis=0) for x in corners_of(deck, elements)])
+        centres = np.array([x.mean(axis=0) for x in geometry.corners_of(deck, elements)])
         frames = self.orientations.at(name, place, within, centres)
         first = frames[:, 0]
         if self.orientations.cylindrical(name, within):
-            normals = normals_of(deck, elements)
+            normals = geometry.normals_of(deck, elements)
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
@@ -219,9 +196,7 @@ class Sections:
             first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
         return first
 
-    # --- Beams ------------------------------------------------------------------------------------
-
-    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, dict[str, Any]]:
+    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
@@ -237,10 +212,11 @@ class Sections:
         elif profile.I_side != profile.I or any(shares):
             within.refuse_turned(card)
         offset = shares[0] * profile.height
-        if all(shares):
-            raise card.place.error("a beam off its nodes in both directions is not supported.")
+        card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
-            tangent = common_direction(tangents_of(self.whole.deck, elements), least=1 - 1e-9)
+            tangent = geometry.common_direction(
+                geometry.tangents_of(self.whole.deck, elements), least=1 - 1e-9
+            )
             if tangent is None:
                 raise card.place.error(
                     "OFFSET2 is read for beams in one direction only; give each "
@@ -269,15 +245,11 @@ def _turned(axis: Array, own: Array, normals: Array, place: Place) -> float:
 def _positive(card: Card, what: str) -> float:
     """The thickness or the area in the first line, 1 where it is left out."""
     value = card.first().real(0, 1.0)
-    if value <= 0:
-        raise card.first().place.error(f"the {what} must be above 0; it is {value:g}.")
+    card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value
 
 
-# --- *NODAL THICKNESS -----------------------------------------------------------------------------
-
-
-def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) -> None:
+def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
     """Thicknesses by *NODAL THICKNESS, the mean of each element.
 
     CalculiX takes them whether or not the section says so.
@@ -290,14 +262,12 @@ def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) ->
                 at_node[whole.nodes(row.word(0), row.place, within)] = row.real(1)
     if not cards:
         return
-    place, varying, start = cards[0][0].place, 0, 0
+    place, varying = cards[0][0].place, 0
     length = builder.units.length
     families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
     by_section = np.array([*families, np.nan])[builder.of_element]
-    for block, role in zip(whole.deck.blocks, roles, strict=True):
-        own = np.arange(start, start + len(block))
-        start += len(block)
-        if role == "shell":
+    for block, own in whole.deck.numbered():
+        if block.role == "shell":
             nodes = np.hstack([block.corners, block.mids])
             values = np.where(nodes >= 0, at_node[nodes], np.nan)
             values = np.where(np.isfinite(values), values, by_section[own, None])

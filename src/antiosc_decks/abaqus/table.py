@@ -157,7 +157,7 @@ def account_for(cards: list[Card], name: str) -> Account:
         if card.keyword == "STEP":
             count, step = count + 1, count
         fate = _at_step(card.keyword, CARDS.get(card.keyword, UNKNOWN), step)
-        account.add(f"*{card.keyword}", card.place, fate)
+        account.cards.append((f"*{card.keyword}", card.place, fate))
         if fate.kind == "read":
             for option in card.options:
                 label = f"*{card.keyword}, {option}="

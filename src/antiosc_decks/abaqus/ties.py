@@ -58,26 +58,17 @@ def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[st
                 surface.alone.append(whole.nodes(row.word(0), row.place, within))
             else:
                 elements = whole.elements(row.word(0), row.place, within)
-                side = row.word(1).upper()
-                surface.faces += _faces(whole.deck.blocks, elements, side, row.place)
+                for block, _ in whole.deck.blocks_of(elements):
+                    surface.faces += _faces(block, row.word(1).upper(), row.place)
     return found
 
 
-def _faces(
-    blocks: Sequence[Block], elements: IntArray, side: str, place: Place
-) -> Iterator[tuple[IntArray, IntArray]]:
-    start = 0
-    for block in blocks:
-        own = elements[(elements >= start) & (elements < start + len(block))] - start
-        start += len(block)
-        if not len(own):
-            continue
-        corners = _corners(block.shape, side, place)
-        edges = [frozenset(edge) for edge in EDGES[block.shape]]
-        ring = zip(corners, (*corners[1:], corners[0]), strict=True)
-        around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
-        for row in own:
-            yield block.corners[row][list(corners)], block.mids[row][around]
+def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
+    corners = _corners(block.shape, side, place)
+    edges = [frozenset(edge) for edge in EDGES[block.shape]]
+    ring = zip(corners, (*corners[1:], corners[0]), strict=True)
+    around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
+    yield from zip(block.corners[:, list(corners)], block.mids[:, around], strict=True)
 
 
 def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
@@ -85,10 +76,8 @@ def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
         return tuple(range(CORNERS[shape]))
     sides = SOLID_FACES.get(shape, ())
     number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-    if not 1 <= number <= len(sides):
-        raise place.error(
-            f"{side or 'no side'!r} is no side of a {shape}; it must be S1 to S{len(sides)}."
-        )
+    place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a {shape}; it "
+                f"must be S1 to S{len(sides)}.")  # fmt: skip
     return sides[number - 1]
 
 
@@ -106,8 +95,7 @@ def tie(
 
     `tolerance` is in the deck's unit of length.
     """
-    if not master.faces:
-        raise place.error("the master surface of *TIE must be of faces of elements.")
+    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
     faces, edges = [], []
     for corners, mids in master.faces:
         there = len(mids) and (mids >= 0).all()
@@ -132,11 +120,8 @@ def tie(
         followed = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
         for c in range(6 if both else 3):
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
-    if far == len(nodes):
-        raise place.error(
-            "*TIE joins nothing: no node of the slave surface lies within "
-            f"{reach:.3g} of the master surface (POSITION TOLERANCE=)."
-        )
+    place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
+                f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
     if not far:
         return []
     return [

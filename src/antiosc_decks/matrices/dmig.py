@@ -15,9 +15,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.io.matrices.entries import Entries, Labels, of_labels
-from antiosc.io.matrices.formats import MatrixFormat
-from antiosc.io.matrices.source import Source, fortran, is_text
+from antiosc.io.matrices.formats import (
+    Entries,
+    Labels,
+    MatrixFormat,
+    Source,
+    fortran,
+    is_text,
+    of_labels,
+)
 from antiosc_decks.nastran.cards import fields_of
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.
@@ -41,18 +47,15 @@ def read(source: Source) -> dict[str, Entries]:
             forms[name] = _form(source, number, name, fields)
             tables.setdefault(name, [])
             continue
-        if name not in forms:
-            raise source.error(number, f"DMIG {name} has no header card before its columns.")
+        source.needs(name in forms, number, f"DMIG {name} has no header card before its columns.")
         column = _label(source, number, fields[:2])
         for k in range(3, len(fields), 4):
             group = fields[k : k + 4]
             if any(group):
                 value = _number(source, number, group[2] if len(group) > 2 else "")
                 tables[name].append((*_label(source, number, group[:2]), *column, value))
-    if not tables:
-        raise source.error(1, "the file has no DMIG card.")
-    if not any(tables.values()):
-        raise source.error(1, f"the DMIG matrices {', '.join(tables)} have no entries.")
+    source.needs(tables, 1, "the file has no DMIG card.")
+    source.needs(any(tables.values()), 1, f"the DMIG matrices {', '.join(tables)} have no entries.")
     return {
         name: of_labels(f"{source.name} ({name})", np.array(rows), forms[name] == SYMMETRIC_FORM)
         for name, rows in tables.items()
@@ -109,9 +112,6 @@ def _number(source: Source, number: int, text: str) -> float:
         return float(fortran(text.encode()))
     except ValueError:
         raise source.error(number, f"a number is expected; got {text!r}.") from None
-
-
-# -- writing
 
 
 def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:

@@ -10,9 +10,7 @@ import re
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.io.matrices.entries import Entries
-from antiosc.io.matrices.formats import MatrixFormat
-from antiosc.io.matrices.source import Source, fortran
+from antiosc.io.matrices.formats import Entries, MatrixFormat, Source, fortran
 
 #: A Fortran format of one kind of number: (10I8), (1P,4E20.12), (3D25.16).
 _FORMAT = re.compile(r"\((?:\d*P,?)?(\d*)([IEDFG])(\d+)(?:\.(\d+))?(?:E\d+)?\)")
@@ -28,8 +26,7 @@ def matches(content: bytes) -> bool:
 def read(source: Source) -> Entries:
     """The matrix of a Harwell–Boeing file; right-hand sides are left aside."""
     lines = source.lines()
-    if len(lines) < 5:
-        raise source.error(len(lines), "the file ends within its header.")
+    source.needs(len(lines) >= 5, len(lines), "the file ends within its header.")
     cards = _whole(source, lines[1], 2, 4)
     kind = lines[2][:3].decode("ascii", "replace").upper()
     if kind[0] != "R":
@@ -49,9 +46,8 @@ def read(source: Source) -> Entries:
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
     blocks: list[Array] = []
     for form, wanted in zip(formats, (columns + 1, count, count), strict=True):
-        used = -(-wanted // form[0])
-        blocks.append(_fields(source, lines[: first + used], first, used, *form, wanted))
-        first += used
+        blocks.append(_fields(source, lines, first, form, wanted))
+        first += -(-wanted // form[0])
     pointers, index, value = blocks
     starts = np.diff(pointers)
     if pointers[0] != 1 or pointers[-1] != count + 1 or (starts < 0).any():
@@ -85,15 +81,11 @@ def _format(source: Source, text: bytes) -> tuple[int, int]:
 
 
 def _fields(
-    source: Source,
-    lines: list[bytes],
-    first: int,
-    used: int,
-    per_line: int,
-    width: int,
-    wanted: int,
+    source: Source, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
 ) -> Array:
-    """`wanted` numbers of fixed width from `used` lines."""
+    """`wanted` numbers from line `first`; `form`: of a line the numbers, of these the width."""
+    per_line, width = form
+    used = -(-wanted // per_line)
     if len(lines) < first + used:
         raise source.error(len(lines), f"the file ends after {len(lines) - first} of {used} lines.")
     found = np.empty(wanted)

@@ -19,12 +19,11 @@ import scipy.sparse
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.io.matrices.entries import Entries, Labels
-from antiosc.io.matrices.formats import MatrixFormat
-from antiosc.io.matrices.source import Source, fortran, is_text
+from antiosc.io.matrices.formats import Entries, Labels, MatrixFormat, Source, fortran, is_text
 
 #: Rows from which one word does not hold length and row of a string.
 BIGMAT_ROWS = 65536
+NO_ROWS = np.zeros(0, dtype=np.int64)
 #: Form of a symmetric matrix, type of real numbers in double precision.
 SYMMETRIC_FORM, DOUBLE = 6, 2
 
@@ -55,37 +54,27 @@ def read(source: Source) -> dict[str, Entries]:
     reader = _Text(source) if is_text(source.content) else _Binary(source)
     found: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
+        label, size = f"{source.name}: the matrix {header.name}", header.rows
         if header.kind not in (1, 2):
-            raise InputError(
-                f"{source.name}: the matrix {header.name} is complex: stiffness and mass must be "
-                "real."
-            )
-        if header.rows != header.columns or header.rows < 1:
-            raise InputError(
-                f"{source.name}: the matrix {header.name} must be square; got {header.rows} rows "
-                f"and {header.columns} columns."
-            )
+            raise InputError(f"{label} is complex: stiffness and mass must be real.")
+        if size != header.columns or size < 1:
+            square = f"must be square; got {size} rows and {header.columns} columns."
+            raise InputError(f"{label} {square}")
         rows, columns, values = [], [], []
         for column, row, value in _strings(reader, header):
-            if row < 0 or row + len(value) > header.rows:
+            if row < 0 or row + len(value) > size:
                 raise InputError(
                     f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
-                    f"from row {row + 1} of {header.rows} rows."
+                    f"from row {row + 1} of {size} rows."
                 )
             some = np.flatnonzero(value)
             rows.append(row + some)
             columns.append(np.full(len(some), column))
             values.append(value[some])
-        joined = [np.concatenate([part[0][:0], *part]) if part else np.zeros(0) for part in
-                  (rows, columns, values)]  # fmt: skip
-        found[header.name] = Entries(
-            f"{source.name} ({header.name})",
-            joined[0].astype(np.int64),
-            joined[1].astype(np.int64),
-            joined[2],
-            header.rows,
-            triangle=False,
-        )
+        at, of = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
+        entries = np.concatenate([np.zeros(0), *values])
+        name = f"{source.name} ({header.name})"
+        found[header.name] = Entries(name, at, of, entries, size, triangle=False)
     return found
 
 
@@ -134,8 +123,7 @@ class _Text:
         return found
 
     def _line(self) -> str:
-        if self._at == len(self._lines):
-            raise self._source.error(self._at, "the file ends within a matrix.")
+        self._source.needs(self._at != len(self._lines), self._at, "the file ends within a matrix.")
         self._at += 1
         return self._lines[self._at - 1].decode("ascii", "replace")
 
@@ -251,9 +239,6 @@ class _Binary:
 
     def bad(self, text: str) -> InputError:
         return self._source.at_byte(self._start, f"{text}.")
-
-
-# -- writing
 
 
 def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:

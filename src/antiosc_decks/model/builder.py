@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
-from antiosc.io.deck import Array, Block, Deck, IntArray, Place, some_rows
+from antiosc.io.deck import Array, Deck, IntArray, Place
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.constraints import Constraints, Term
-from antiosc_decks.model.pieces import one_piece
+from antiosc_decks.model.pieces import SPRINGS, one_piece
 from antiosc_decks.model.properties import Material
 
 
@@ -32,18 +31,13 @@ def chosen_elements(deck: Deck) -> BoolArray:
     return chosen if deck.piece is None else one_piece(deck, chosen)
 
 
-def nodes_of_block(block: Block) -> IntArray:
-    """All nodes of a block's elements."""
-    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
-    nodes = np.unique(np.concatenate(every))
-    return nodes[nodes >= 0]
-
-
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
-#: Roles of elements that are springs between other elements; rods alone are a truss.
-SPRINGS = {"rod", "panel"}
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
+
+
+#: Of a class of antiosc, as JSON holds them.
+Arguments = dict[str, Any]
 
 
 @dataclass
@@ -51,51 +45,30 @@ class Family:
     """The section of a group of elements, as a class of antiosc and its arguments."""
 
     kind: str
-    arguments: dict[str, Any]
+    arguments: Arguments
     place: Place
 
 
 @dataclass(frozen=True)
 class Rod:
-    """The section of a rod, in the deck's units."""
+    """The section of a rod or of a shear panel, in the deck's units."""
 
     E: float
     nu: float
-    area: float
-    torsion: float
-    #: mass per length
+    #: area, of a panel thickness
+    across: float
+    #: mass per length, of a panel per area
     mass: float
     place: Place
-
-    #: what its mass is spread over: a length
-    dimension: ClassVar[int] = 1
-
-    @property
-    def across(self) -> float:
-        """Area."""
-        return self.area
-
-
-@dataclass(frozen=True)
-class Panel:
-    """The section of a shear panel, in the deck's units."""
-
-    E: float
-    nu: float
-    thickness: float
-    #: mass per area
-    mass: float
-    #: F1, F2: what of the panel is in rods along its sides 12 and 34, 23 and 41, as shares of its
-    #: thickness and width (from 1.01: of the square of its thickness)
-    effective: tuple[float, float]
-    place: Place
-
-    dimension: ClassVar[int] = 2
+    torsion: float = 0.0
+    #: F1, F2 of a panel: what of it is in rods along its sides 12 and 34, 23 and 41, as shares of
+    #: its thickness and width (from 1.01: of the square of its thickness)
+    effective: tuple[float, float] | None = None
 
     @property
-    def across(self) -> float:
-        """Thickness."""
-        return self.thickness
+    def dimension(self) -> int:
+        """Of what its mass is spread over: a length, or an area."""
+        return 1 if self.effective is None else 2
 
 
 @dataclass
@@ -112,7 +85,7 @@ class ModelBuilder:
     #: name of each family's group of elements
     names: list[str] = field(default_factory=list)
     #: number of an element -> its section, of rods and shear panels
-    rods: dict[int, Rod | Panel] = field(default_factory=dict)
+    rods: dict[int, Rod] = field(default_factory=dict)
     #: (node, place, kg, [kg m²])
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
     #: whether the deck has no other elements: the rods are a truss
@@ -133,22 +106,20 @@ class ModelBuilder:
         self.chosen = chosen_elements(self.deck)
         self.gone = np.zeros(len(self.deck.points), dtype=bool)
 
-    def with_roles(self, roles: Sequence[str]) -> None:
-        """What the blocks of the deck are; nodes of shells and beams have rotations."""
-        ends = np.cumsum([0, *map(len, self.deck.blocks)])
-        chosen = [self.chosen[slice(*some)] for some in pairwise(ends)]
-        present = {role for role, some in zip(roles, chosen, strict=True) if some.any()}
+    def find_nodes(self) -> None:
+        """Which nodes the chosen elements use; those of shells and beams have rotations."""
+        chosen = [(block, block[self.chosen[own]]) for block, own in self.deck.numbered()]
+        present = {some.role for _, some in chosen if len(some)}
         self.truss = "rod" in present and present <= SPRINGS
         every = np.zeros(len(self.used), dtype=bool)
-        for role, block, some in zip(roles, self.deck.blocks, chosen, strict=True):
-            every[nodes_of_block(block)] = True
-            own = nodes_of_block(some_rows(block, some))
-            if role not in SPRINGS or (self.truss and role == "rod"):
-                self.used[own] = True
+        for block, some in chosen:
+            every[block.nodes] = True
+            if block.role not in SPRINGS or (self.truss and block.role == "rod"):
+                self.used[some.nodes] = True
             else:
-                every[own] = False
-            if role in ("shell", "beam"):
-                self.has_rotations[own] = True
+                every[some.nodes] = False
+            if block.role in ("shell", "beam"):
+                self.has_rotations[some.nodes] = True
         #: nodes of elements that are not chosen alone
         self.gone = every & ~self.used
 
@@ -191,11 +162,9 @@ class ModelBuilder:
         if C is None:
             if material.constants is None or material.isotropic is not None:
                 return None
-            if not np.isfinite(material.constants).all():
-                raise material.place.error(
-                    f"the material {material.name!r} is given for layers alone, in "
-                    "plane stress, and cannot fill solids; give all nine constants."
-                )
+            material.needs(np.isfinite(material.constants).all(), "the material "
+                           f"{material.name!r} is given for layers alone, in plane "
+                           "stress, and cannot fill solids; give all nine constants.")  # fmt: skip
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
             S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2
@@ -215,10 +184,6 @@ class ModelBuilder:
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)
-
-    def add_rods(self, elements: IntArray, rod: Rod | Panel) -> None:
-        """Set the section of rods or shear panels."""
-        self.rods.update(dict.fromkeys(map(int, elements), rod))
 
     def tell_once(self, ignored: str) -> None:
         """Note what is ignored, once however many elements it concerns."""
@@ -260,7 +225,7 @@ class ModelBuilder:
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
             self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
 
-    def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
+    def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if len(moving) == 1:
@@ -274,6 +239,13 @@ class ModelBuilder:
         moving = self._moving(terms)
         if moving and damping:
             self.joints.dampers.append((moving, damping))
+
+    def join_copies(self, copies: list[tuple[int, int]]) -> None:
+        """Let nodes of copies follow those of what they repeat: (own node, node)."""
+        for own, node in copies:
+            self.apart.append(own)
+            for motion in range(6 if self.has_rotations[own] else 3):
+                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
         points = len(self.fixed)

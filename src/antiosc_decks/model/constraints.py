@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, Deck, IntArray, Place
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
@@ -27,6 +27,11 @@ NEGLIGIBLE_TERM = 1e-14
 def lever(r: Array) -> Array:
     """θ × r = lever θ."""
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+
+
+def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
+    """The displacement (`first` = 0) or rotation (3) of a node along an axis as terms."""
+    return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
 
 
 @dataclass
@@ -86,23 +91,26 @@ class Constraints:
         if kept:
             self.equations.append(kept)
 
-    def fixed_along(self, node: int, fixed: BoolArray, frame: Array, first: int) -> BoolArray:
-        """Motions (`first` = 0: displacements, 3: rotations) along rows of `frame` are zero.
+    def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
+        """Motions (6,) of a node along rows of `frame` are zero.
 
-        Which of those along the axes (3,) are: they become supports, the others constraints.
+        Which of those along the axes (6,) are: they become supports, the others constraints.
         """
-        along = fixed_along_axes(fixed, frame)
-        if along is not None:
-            return along
-        along = np.zeros(3, dtype=bool)
-        for direction in frame[fixed]:
-            order = np.argsort(-np.abs(direction), kind="stable")
-            if abs(direction[order[0]]) > AXIS_COSINE:
-                along[order[0]] = True
+        result = np.zeros(6, dtype=bool)
+        for first in (0, 3):
+            own = fixed[first : first + 3]
+            along = fixed_along_axes(own, frame)
+            if along is not None:
+                result[first : first + 3] = along
                 continue
-            terms = [(node, first + int(k), float(direction[k])) for k in order]
-            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
-        return along
+            for direction in frame[own]:
+                order = np.argsort(-np.abs(direction), kind="stable")
+                if abs(direction[order[0]]) > AXIS_COSINE:
+                    result[first + order[0]] = True
+                    continue
+                terms = [(node, first + int(k), float(direction[k])) for k in order]
+                self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
+        return result
 
     def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
         """(how much longer the line between two nodes becomes, its length).
@@ -111,8 +119,7 @@ class Constraints:
         """
         along = self.place(b) - self.place(a)
         length = float(np.linalg.norm(along))
-        if length == 0:
-            raise place.error("the ends of an element coincide, so that it has no direction.")
+        place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
         unit = (along / length).tolist()
         return [
             (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)
@@ -271,7 +278,7 @@ class Constraints:
         sprung = [*self.springs, *(self.dampers if dampers else ())]
         return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
-    def finished(self, units: UnitSystem) -> dict[str, Any]:
+    def finished(self, units: UnitSystem) -> Model:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
         length = units.length
         loose = self.loose()

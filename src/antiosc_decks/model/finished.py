@@ -9,7 +9,6 @@ the ends of its edge is held by a constraint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.deck import some_rows
+from antiosc.io.neutral import Model
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder
@@ -29,27 +28,26 @@ from antiosc_decks.model.rods import join_rods, make_truss
 JOINED = {"solid", "shell", "beam"}
 
 
-def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
-    """The model; `roles` of the deck's blocks: "solid", "shell", "beam", …
+def finished(builder: ModelBuilder) -> Model:
+    """The model.
 
     Raises
     ------
     MeshError
         Elements without a section, or families that cannot be combined in a structure.
     """
-    roles = list(roles)
     if builder.truss:
         make_truss(builder)
-    rods = join_rods(builder, roles, builder.chosen)
-    roles = keep(builder, builder.chosen & ~rods, roles)
-    _refuse_uncovered(builder, roles)
-    present = {role for role, block in zip(roles, builder.deck.blocks, strict=True) if len(block)}
+    rods = join_rods(builder)
+    _keep(builder, builder.chosen & ~rods)
+    _refuse_uncovered(builder)
+    present = {block.role for block in builder.deck.blocks if len(block)}
     if len(present) > 1 and not present <= JOINED:
         raise MeshError(
             f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
             "plane elements are read alone: give each kind a deck of its own."
         )
-    hold_middles(builder)
+    _hold_middles(builder)
     _drop_alone(builder)
     joints = builder.joints
     grounded = [one for one in joints.springs if len(one[0]) == 1]
@@ -69,6 +67,12 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
     pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
+    # N/m, and N m of rotations
+    size, force = builder.units.length, builder.units.force
+    springs = [
+        [_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))}]
+        for ((n, m, _),), k in (() if joined else grounded)
+    ]
     groups = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
@@ -84,12 +88,7 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         "families": groups,
         "supports": _supports(builder, count),
         "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
-        "springs": []
-        if joined
-        else [
-            [_point(builder, n), {MOTIONS[m]: k * _turned(builder, m)}]
-            for ((n, m, _),), k in grounded
-        ],
+        "springs": springs,
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in present and not stiffened,
@@ -165,11 +164,6 @@ def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> 
         joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
 
 
-def _turned(builder: ModelBuilder, motion: int) -> float:
-    """N/m or N m of a grounded spring."""
-    return builder.units.force * builder.units.length ** (1 if motion >= 3 else -1)
-
-
 def _point(builder: ModelBuilder, node: int) -> list[float]:
     """Coordinates of a node in m."""
     return [float(c) * builder.units.length for c in builder.deck.points[node]]
@@ -210,21 +204,19 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:
     return [[n, sorted(fixed & known)] for n, fixed in found.items() if fixed & known]
 
 
-def _refuse_uncovered(builder: ModelBuilder, roles: Sequence[str]) -> None:
-    start = 0
-    for role, block in zip(roles, builder.deck.blocks, strict=True):
-        if role == "other":
+def _refuse_uncovered(builder: ModelBuilder) -> None:
+    for block, own in builder.deck.numbered():
+        if block.role == "other":
             raise MeshError(
                 f"{builder.deck.name} has {len(block)} {block.type} elements, which no element "
                 "family here carries (solids, plane stress and strain, shells, beams)."
             )
-        bare = int((builder.of_element[start : start + len(block)] < 0).sum())
+        bare = int((builder.of_element[own] < 0).sum())
         if bare:
             raise MeshError(
                 f"{builder.deck.name}: {bare} of {len(block)} {block.type} elements have no "
                 "section, so their material is not known."
             )
-        start += len(block)
 
 
 def _supports(builder: ModelBuilder, count: int) -> list[Any]:
@@ -240,40 +232,29 @@ def _supports(builder: ModelBuilder, count: int) -> list[Any]:
     return supports
 
 
-def keep(builder: ModelBuilder, kept: BoolArray, roles: list[str]) -> list[str]:
-    """Leave out elements, and what acts on their nodes; the roles of the blocks that remain."""
+def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
+    """Leave out elements, and what acts on nodes of those that are not chosen."""
     if kept.all():
-        return roles
-    ends = np.cumsum([0, *map(len, builder.deck.blocks)])
-    own = [kept[a:b] for a, b in pairwise(ends)]
-    roles = [role for role, some in zip(roles, own, strict=True) if some.any()]
-    builder.deck.blocks = [
-        some_rows(block, some) for block, some in zip(builder.deck.blocks, own, strict=True)
-        if some.any()
-    ]  # fmt: skip
+        return
+    deck, gone = builder.deck, builder.gone
+    blocks = [block[kept[own]] for block, own in deck.numbered()]
+    deck.blocks = [block for block in blocks if len(block)]
     number = np.cumsum(kept) - 1
-    sets = builder.deck.element_sets
-    builder.deck.element_sets = {name: number[one[kept[one]]] for name, one in sets.items()}
+    sets = deck.element_sets.items()
+    deck.element_sets = {name: number[one[kept[one]]] for name, one in sets}
     builder.of_element = builder.of_element[kept]
-    _leave(builder)
-    return roles
-
-
-def _leave(builder: ModelBuilder) -> None:
-    """Drop what acts on nodes of elements that are not chosen."""
-    gone = builder.gone
     left = builder.joints.keep(
         lambda terms: not any(n < len(gone) and gone[n] for n, _, _ in terms)
     )
-    kept = [one for one in builder.masses if not gone[one[0]]]
-    left, builder.masses = left + len(builder.masses) - len(kept), kept
+    masses = [one for one in builder.masses if not gone[one[0]]]
+    left, builder.masses = left + len(builder.masses) - len(masses), masses
     if left:
         builder.ignored.append(
             f"{left} constraints, springs, dampers or masses on parts that are left out"
         )
 
 
-def hold_middles(builder: ModelBuilder) -> None:
+def _hold_middles(builder: ModelBuilder) -> None:
     """Constraints for middle nodes whose edges have an end that is free."""
     fixed = builder.fixed
     held: set[tuple[int, int]] = set()

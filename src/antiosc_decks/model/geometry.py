@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,19 +20,9 @@ FULL = {
 }
 
 
-def _blocks(deck: Deck, elements: IntArray) -> Iterator[tuple[BoolArray, Array, str]]:
-    """(which of some elements, their corners (n, corners, 3), shape) of each block."""
-    start = 0
-    for block in deck.blocks:
-        mine = (elements >= start) & (elements < start + len(block))
-        if mine.any():
-            yield mine, deck.points[block.corners[elements[mine] - start]], block.shape
-        start += len(block)
-
-
 def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
     """Coordinates (k, 3) of the corners of each element."""
-    return [corners for _, x, _ in _blocks(deck, elements) for corners in x]
+    return [x for block, _ in deck.blocks_of(elements) for x in deck.points[block.corners]]
 
 
 def _unit(v: Array) -> Array:
@@ -49,7 +38,8 @@ def tangents_of(deck: Deck, elements: IntArray) -> Array:
 def normals_of(deck: Deck, elements: IntArray) -> Array:
     """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
     found = np.zeros((len(elements), 3))
-    for mine, x, _ in _blocks(deck, elements):
+    for block, mine in deck.blocks_of(elements):
+        x = deck.points[block.corners]
         found[mine] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
     return _unit(found)
 
@@ -57,8 +47,9 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
 def measures_of(deck: Deck, elements: IntArray) -> Array:
     """Lengths, areas or volumes of elements with straight edges."""
     found = np.zeros(len(elements))
-    for mine, x, shape in _blocks(deck, elements):
-        found[mine] = _measure(x[:, list(FULL.get(shape, range(x.shape[1])))])
+    for block, mine in deck.blocks_of(elements):
+        corners = FULL.get(block.shape, range(block.corners.shape[1]))
+        found[mine] = _measure(deck.points[block.corners[:, list(corners)]])
     return found
 
 
@@ -85,6 +76,11 @@ def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
     if length == 0 or (vectors @ (mean / length)).min() < least:
         return None
     return np.asarray(mean / length)
+
+
+def curved(deck: Deck, elements: IntArray) -> bool:
+    """Whether the normals of some shells differ."""
+    return common_direction(normals_of(deck, elements), least=1 - 1e-6) is None
 
 
 def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> dict[str, Any]:

@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place
-from antiosc_decks.model.builder import Family, ModelBuilder
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder
 from antiosc_decks.model.geometry import measures_of
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
@@ -41,8 +40,7 @@ def add_total(
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
-    if not total > 0:
-        raise place.error(f"the elements of the nonstructural mass have no {by}.")
+    place.needs(total > 0, f"the elements of the nonstructural mass have no {by}.")
     _spread(builder, elements, value / total * share)
 
 
@@ -50,8 +48,7 @@ def _sections(
     builder: ModelBuilder, elements: IntArray, place: Place
 ) -> tuple[IntArray, Array, Array]:
     """(dimension, thickness or area across it, density) of elements, in the deck's units."""
-    if not len(elements):
-        raise place.error("the nonstructural mass is on no element with a section.")
+    place.needs(len(elements), "the nonstructural mass is on no element with a section.")
     found = [_section(builder, int(element), place) for element in elements]
     dimension, across, density = (np.array(column) for column in zip(*found, strict=True))
     return dimension, across, density
@@ -62,8 +59,7 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
         rod = builder.rods[element]
         return rod.dimension, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
-    if number < 0:
-        raise place.error("the nonstructural mass is on an element without a section.")
+    place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
     across = 1.0
@@ -97,7 +93,7 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
             builder.add(name, elements[mine & (density == value)], own)
 
 
-def _heavier(arguments: dict[str, Any], density: float) -> dict[str, Any]:
+def _heavier(arguments: Arguments, density: float) -> Arguments:
     """Arguments of a section with more density, kg/m³."""
     own = dict(arguments)
     if "layers" in own:

@@ -1,4 +1,9 @@
-"""Pieces of a deck that nothing joins: one of them alone, or all where each is held."""
+"""Pieces of a deck that nothing joins, and elements that repeat others node by node.
+
+Of the pieces one is taken alone, or all where each is held. Copies, such as the skin and the
+doubler of a shell, get nodes of their own, because a mesh holds every cell once; these nodes follow
+those of the first: stiffness and mass add.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +11,20 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck
+from antiosc.io.deck import Block, Deck, IntArray, listed
 
+#: Roles of elements that are springs between other elements; rods alone are a truss.
+SPRINGS = {"rod", "panel"}
 #: Share of the largest eigenvalue below which no support resists a rigid motion; rounding: 1e-16.
 UNHELD = 1e-10
 
 
 def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
     """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
-    ends = np.cumsum([len(block) for block in deck.blocks])[:-1]
-    each = zip(deck.blocks, np.split(chosen, ends), strict=True)
-    label = connected([block.corners[some] for block, some in each], len(deck.points))
+    tables = [block.corners[chosen[own]] for block, own in deck.numbered()]
+    label = connected(tables, len(deck.points))
     label = label[np.concatenate([block.corners[:, 0] for block in deck.blocks])]
     pieces, count = np.unique(label[chosen], return_counts=True)
     if not 1 <= (deck.piece or 0) <= len(pieces):
@@ -104,3 +110,50 @@ def connected(tables: Iterable[IntArray], count: int) -> IntArray:
     ends = ends[:, ends[1] >= 0]
     graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+# --- Copies ---------------------------------------------------------------------------------------
+
+
+def separate_copies(deck: Deck) -> list[tuple[int, int]]:
+    """Give copies nodes of their own: (own node, node that it follows); they are told."""
+    some = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
+    made: dict[tuple[int, int], int] = {}
+    copies: dict[str, int] = {}
+    for block, ranks in zip(some, _ranks(some), strict=True):
+        for element in np.flatnonzero(ranks):
+            copies[block.type] = copies.get(block.type, 0) + 1
+            for table in (block.corners, block.mids, block.inner):
+                for k in np.flatnonzero(table[element] >= 0):
+                    own = (int(table[element, k]), int(ranks[element]))
+                    table[element, k] = made.setdefault(own, len(deck.points) + len(made))
+    if made:
+        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
+        deck.told.append(
+            f"{listed(copies)} of {deck.name} repeat other elements node by node: their "
+            "stiffness and mass add to those of these."
+        )
+    return [(own, node) for (node, _), own in made.items()]
+
+
+def _ranks(blocks: list[Block]) -> list[IntArray]:
+    """How many elements before it each element of some blocks repeats.
+
+    A triangle repeats the halves of a quadrilateral.
+    """
+    ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
+    for shape in {block.shape for block in blocks}:
+        own = [k for k, block in enumerate(blocks) if block.shape == shape]
+        tables = [blocks[k].corners for k in own]
+        if shape == "triangle":
+            quads = [block.corners for block in blocks if block.shape == "quad"]
+            tables = [np.delete(quad, k, axis=1) for quad in quads for k in range(4)] + tables
+        rows = np.sort(np.vstack(tables), axis=1)
+        label = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+        order = np.argsort(label, kind="stable")
+        rank = np.empty(len(rows), dtype=np.int64)
+        rank[order] = np.arange(len(rows)) - np.searchsorted(label[order], label[order])
+        ends = np.cumsum([len(table) for table in tables])
+        for k, part in zip(own[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
+            ranks[k] = part
+    return ranks

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.io.deck import Array, Place
+from antiosc.io.deck import Array, Place, Placed
 
 
 @dataclass
-class Material:
+class Material(Placed):
     """Linear elasticity and density in the deck's units."""
 
     name: str

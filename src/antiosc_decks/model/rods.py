@@ -14,46 +14,41 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Place
-from antiosc_decks.model.builder import SPRINGS, Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.pieces import SPRINGS
 
 #: Component of a rod's direction over the largest below which it is rounding.
 FLAT = 1e-8
 
 
-def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolArray:
-    """Springs and masses in place of the rods and panels that are kept; which elements they are.
+def join_rods(builder: ModelBuilder) -> BoolArray:
+    """Springs and masses in place of the chosen rods and panels; which elements they are.
 
     The rods of a truss stay elements.
     """
-    start, rods = 0, np.zeros(builder.deck.n_elements, dtype=bool)
+    rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
     masses: dict[int, tuple[float, Place]] = {}
-    for role, block in zip(roles, builder.deck.blocks, strict=True):
-        some = np.arange(start, start + len(block))
-        start += len(block)
-        if role not in SPRINGS or (role == "rod" and builder.truss):
+    for block, some in deck.numbered():
+        if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
             continue
         rods[some] = True
-        for k in np.flatnonzero(kept[some]):
+        kept = np.flatnonzero(builder.chosen[some])
+        for k in kept:
             nodes = list(map(int, block.corners[k]))
             rod = builder.rods.get(int(some[k]))
             if rod is None:
                 raise MeshError(
-                    f"{builder.deck.name} has {block.type} elements without a section, so that "
-                    "their material is not known."
+                    f"{deck.name} has {block.type} elements without a section, so that their "
+                    "material is not known."
                 )
-            if isinstance(rod, Panel):
-                size = _panel(builder, nodes, rod)
-            else:
-                size = _spring(builder, nodes, rod)
+            size = (_spring if rod.effective is None else _panel)(builder, nodes, rod)
             for node in nodes:
-                masses[node] = (
-                    masses.get(node, (0.0,))[0] + rod.mass * size / len(nodes),
-                    rod.place,
-                )
-        builder.deck.told.append(
-            f"the {int(kept[some].sum())} {block.type} of {builder.deck.name} are springs, with "
-            f"their mass at their {'ends' if role == 'rod' else 'corners'}."
+                before = masses.get(node, (0.0,))[0]
+                masses[node] = before + rod.mass * size / len(nodes), rod.place
+        deck.told.append(
+            f"the {len(kept)} {block.type} of {deck.name} are springs, with their mass at their "
+            f"{'ends' if block.role == 'rod' else 'corners'}."
         )
     for node, (mass, place) in masses.items():
         if mass:
@@ -67,14 +62,14 @@ def make_truss(builder: ModelBuilder) -> None:
     alike: dict[Rod, list[int]] = {}
     for k in np.flatnonzero(builder.chosen):
         rod = builder.rods.get(int(k))
-        if isinstance(rod, Rod):
+        if rod is not None and rod.effective is None:
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
         arguments = {
             "E": rod.E * units.stress,
             "nu": rod.nu,
-            "rho": rod.mass / rod.area * units.density,
-            "area": rod.area * units.length**2,
+            "rho": rod.mass / rod.across * units.density,
+            "area": rod.across * units.length**2,
         }
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
     if any(rod.torsion for rod in alike):
@@ -109,14 +104,14 @@ def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, rod.place)
-    builder.sprung(terms, rod.E * rod.area / length, rod.place)
+    builder.sprung(terms, rod.E * rod.across / length)
     if rod.torsion and builder.has_rotations[[a, b]].all():
         twist, _ = builder.joints.elongation(a, b, rod.place, 3)
-        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length, rod.place)
+        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length)
     return length
 
 
-def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
+def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
     """Add the springs of a shear panel between its corners, and along its sides; its area."""
     x = builder.deck.points[nodes]
     normal = np.cross(x[2] - x[0], x[3] - x[1])
@@ -124,18 +119,18 @@ def _panel(builder: ModelBuilder, nodes: list[int], panel: Panel) -> float:
     if not size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2:
         raise panel.place.error("the corners of a shear panel lie on one line.")
     sides, area = np.roll(x, -1, axis=0) - x, size / 2
-    builder.sprung(*_shear(panel, nodes, x, sides, normal / size), panel.place)
-    length, t = np.linalg.norm(sides, axis=1), panel.thickness
-    for k, factor in enumerate(panel.effective * 2):
+    builder.sprung(*_shear(panel, nodes, x, sides, normal / size))
+    length, t = np.linalg.norm(sides, axis=1), panel.across
+    for k, factor in enumerate((panel.effective or ()) * 2):
         width = area / (length[k] + length[(k + 2) % 4])
         if across := factor * t * (width if factor <= 1.01 else t / 2):
-            rod = Rod(panel.E, panel.nu, across, 0.0, 0.0, panel.place)
+            rod = Rod(panel.E, panel.nu, across, 0.0, panel.place)
             _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
     return area
 
 
 def _shear(
-    panel: Panel, nodes: list[int], x: Array, sides: Array, normal: Array
+    panel: Rod, nodes: list[int], x: Array, sides: Array, normal: Array
 ) -> tuple[list[Term], float]:
     """(motion of the corners at x (4, 3), in one plane or nearly so, stiffness against it)."""
     plane = np.linalg.svd(normal[None])[2][1:]
@@ -156,4 +151,4 @@ def _shear(
     G = panel.E / (2 * (1 + panel.nu))
     loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
     terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
-    return terms, G * panel.thickness / (area * shear * skew)
+    return terms, G * panel.across / (area * shear * skew)

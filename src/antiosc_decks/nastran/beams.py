@@ -8,36 +8,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.nastran.cards import Entry, motions_of
-from antiosc_decks.nastran.mesh import NastranDeck, property_of
+from antiosc_decks.nastran.mesh import Beam, NastranDeck, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
-from antiosc_decks.nastran.table import BEAMS, CELLS
+from antiosc_decks.nastran.table import BEAMS
 
 #: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
 PIECES = 16
 #: Sine below which a direction lies along the chord of a curved beam.
 ALONG = 1e-9
-
-
-@dataclass(frozen=True)
-class Beam:
-    """A beam, or a piece of one."""
-
-    #: place of its middle, from 0 to 1
-    middle: float = 0.0
-    #: whether its ends are its own
-    moved: bool = False
-    #: direction of plane 1, of a piece of a curved beam
-    height: Array | None = None
-
-
-PLAIN = Beam()
 
 
 @dataclass(frozen=True)
@@ -60,11 +44,9 @@ def divide(found: NastranDeck) -> list[End]:
     ends: list[End] = []
     points: list[Array] = list(found.deck.points)
     elements: list[Entry] = []
-    start = 0
-    for k, block in enumerate(found.deck.blocks):
-        entries = found.elements[start : start + len(block)]
-        start += len(block)
-        if CELLS[block.type].role != "beam":
+    for k, (block, numbers) in enumerate(found.deck.numbered()):
+        entries = [found.elements[number] for number in numbers]
+        if block.role != "beam":
             elements += entries
             continue
         lines: list[tuple[int, int]] = []
@@ -79,12 +61,13 @@ def divide(found: NastranDeck) -> list[End]:
                 ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
             bend = known.entry if known and entry.name == "CBEND" else None
             pieces = PIECES if bend or property_of(entry) in tapered else 1
-            heights: Any = [None] * pieces
+            heights: list[Array | None] = [None] * pieces
             x = np.array([points[row] for row in rows])
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
             inner = (1 - shares) * x[0] + shares * x[1]
             if bend:
-                inner, heights = arc(entry, bend, x, _vector(found, entry), pieces)
+                inner, directions = arc(entry, bend, x, _vector(found, entry), pieces)
+                heights = list(directions)
             chain = [rows[0], *range(len(points), len(points) + len(inner)), rows[1]]
             points += list(inner)
             for piece in range(pieces):
@@ -94,7 +77,7 @@ def divide(found: NastranDeck) -> list[End]:
                 elements.append(entry)
         none = np.zeros((len(lines), 0), dtype=np.int64)
         table: IntArray = np.array(lines, dtype=np.int64).reshape(-1, 2)
-        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none)
+        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none, block.role)
     found.elements = elements
     found.deck.points = np.array(points)
     return ends

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import takewhile, zip_longest
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, real_number, whole_number
+from antiosc.io.deck import Place, Placed, real_number, whole_number
 from antiosc_decks.sources import Sources
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
@@ -31,7 +31,7 @@ _SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
 
 @dataclass
-class Entry:
+class Entry(Placed):
     """One entry: its name, and its fields without the name, eight per line."""
 
     name: str
@@ -39,11 +39,6 @@ class Entry:
     fields: list[str] = field(default_factory=list)
     #: what is wrong with its lines; an error where the entry is read
     fault: MeshError | None = None
-
-    def needs(self, holds: object, sentence: str) -> None:
-        """MeshError with this sentence and the place of the entry, unless something holds."""
-        if not holds:
-            raise self.place.error(sentence)
 
     def text(self, k: int) -> str:
         """Field k (from 0), "" where it is blank."""
@@ -82,8 +77,7 @@ class Entry:
 def motions_of(text: str, place: Place) -> list[int]:
     """Motions 0 to 5 of components such as "123" or "1 2 3"; none of 0 and of a blank."""
     digits = "".join(text.split())
-    if not set(digits) <= set("0123456"):
-        raise place.error(f"{text!r} are not components from 1 to 6.")
+    place.needs(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
     return sorted({int(c) - 1 for c in digits} - {-1})
 
 
@@ -266,8 +260,7 @@ class Bulk:
 
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
         """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
-        if not self.entries:
-            raise place.error("a copy (=) without an entry before it.")
+        place.needs(self.entries, "a copy (=) without an entry before it.")
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)

@@ -9,11 +9,11 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, real_number, whole_number
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term, lever
+from antiosc_decks.model.constraints import Term, along, lever
 from antiosc_decks.model.nonstructural import add_mass, add_total
-from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.beams import orientation
 from antiosc_decks.nastran.cards import Entry, motions_of, through
+from antiosc_decks.nastran.coordinates import coincident, place_in
 from antiosc_decks.nastran.mesh import SETS, NastranDeck, its_property, property_of
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -54,7 +54,7 @@ class Joints:
         for name, rigid in RIGID.items():
             for entry in found.named(name):
                 rigid(self, entry)
-        for follower, node in parts.coincident(found.grids, found.deck.points, found.bulk.entries):
+        for follower, node in coincident(found.grids, found.deck.points, found.bulk.entries):
             self._follow([follower], node, ALL, found.grids[follower], own=False)
         used = found.used_sets("MPC")
         for entry in found.named("MPC"):
@@ -78,8 +78,6 @@ class Joints:
         for entry in self.found.named(*SETS["NSM"]):
             if entry.whole(0) in used:
                 self._nonstructural(entry)
-
-    # --- Rigid elements ---------------------------------------------------------------------------
 
     def _follow(
         self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry, own: bool = True
@@ -111,7 +109,7 @@ class Joints:
         words = entry.words(8)
         plain = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
         entry.needs(plain, "SECONCT is read as pairs of nodes.")
-        places = [parts.place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
+        places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
         for pair in zip(words[::2], words[1::2], strict=True):
             follower, leader = (
                 self.found.row(whole_number(word, at), at)
@@ -172,12 +170,10 @@ class Joints:
         entry.needs(terms and terms[0][2], "the first term of MPC needs a coefficient.")
         self.builder.joints.equation(terms, entry.place)
 
-    # --- Springs and dampers ----------------------------------------------------------------------
-
     def _scalars(self, kind: str) -> None:
         """Springs, dampers or masses between two motions, or of one against the ground."""
         name, width, what = SCALAR[kind]
-        known = self.found.properties(name, width)
+        known, builder = self.found.properties(name, width), self.builder
         for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
@@ -185,30 +181,21 @@ class Joints:
                 own, k = its_property(entry, name, known)
                 value = own.real(k + 1, None)
                 if name == "PELAS" and own.real(k + 2):
-                    self.builder.tell_once(f"GE of PELAS {own.text(k)}")
+                    builder.tell_once(f"GE of PELAS {own.text(k)}")
             ends = self.found.scalar_ends(entry)
             terms: list[Term] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
                 axis = self.found.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
-                unit = self.builder.units.length if first and what == "mass" else 1.0
-                terms += _along(row, axis, first, sign * unit)
+                unit = builder.units.length if first and what == "mass" else 1.0
+                terms += along(row, axis, first, sign * unit)
+            entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
             if what != "mass":
-                self._add(entry, terms, what, value)
-                continue
-            entry.needs(value >= 0, f"{entry.name} has a negative mass.")
-            if value:
+                (builder.sprung if what == "stiffness" else builder.damped)(terms, value)
+            elif value:
                 # three of them, one along each axis, are one mass
                 share = value / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0
-                self.builder.scalar_mass(terms, value * self.factor, share * self.factor)
-
-    def _add(self, entry: Entry, terms: list[Term], what: str, value: float) -> None:
-        """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
-        entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
-        if what == "stiffness":
-            self.builder.sprung(terms, value, entry.place)
-        else:
-            self.builder.damped(terms, value)
+                builder.scalar_mass(terms, value * self.factor, share * self.factor)
 
     def _bush(self, entry: Entry, own: Entry, at: int) -> None:
         """Springs and dampers at one place, of CBUSH on rigid arms; `at`: where `own` begins."""
@@ -235,11 +222,14 @@ class Joints:
                 armed = entry.name not in ON_LINE
                 if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - where):
                     row = self.builder.joints.leader(row)
-                    terms += _along(row, arm, 3, sign)
-                terms += _along(row, axis, first, sign)
-            for what, values in zip(("stiffness", "damping"), constants, strict=True):
-                if values[k]:
-                    self._add(entry, terms, what, values[k])
+                    terms += along(row, arm, 3, sign)
+                terms += along(row, axis, first, sign)
+            stiffness, damping = (values[k] for values in constants)
+            entry.needs(stiffness >= 0, f"{entry.name} has a negative stiffness.")
+            entry.needs(damping >= 0, f"{entry.name} has a negative damping.")
+            if stiffness:
+                self.builder.sprung(terms, stiffness)
+            self.builder.damped(terms, damping)
 
     def _constants(self, name: str, own: Entry, at: int) -> Constants:
         """(stiffnesses, dampings) of the six motions; what is not taken is told."""
@@ -253,9 +243,9 @@ class Joints:
                 told(f"what of PBUSH1D {own.text(0)} is not K or C")
         elif name == "CGAP":  # as linear solutions take it: a spring
             is_open = own.real(1) > 0
-            along = own.real(4) if is_open else own.real(3, 1e8)
-            across = 0.0 if is_open else own.real(5, own.real(6) * along)
-            values["K"][:3] = along, across, across
+            normal = own.real(4) if is_open else own.real(3, 1e8)
+            across = 0.0 if is_open else own.real(5, own.real(6) * normal)
+            values["K"][:3] = normal, across, across
             told(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
                  f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
         else:
@@ -296,8 +286,6 @@ class Joints:
         y = v - (v @ line) * line
         y /= np.linalg.norm(y)
         return np.stack([line, y, np.cross(line, y)])
-
-    # --- Masses -----------------------------------------------------------------------------------
 
     def _at_a_point(self, entry: Entry) -> None:
         """CONM2: a rigid body, whose centre of mass may lie beside its node."""
@@ -386,8 +374,3 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
     found = motions_of(text, entry.place)
     entry.needs(found and "0" not in text, f"{text!r} are not components from 1 to 6.")
     return tuple(found)
-
-
-def _along(row: int, axis: Array, first: int, factor: float) -> list[Term]:
-    """The motion of a node along an axis as terms."""
-    return [(row, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,8 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
-from antiosc_decks.nastran import parts
 from antiosc_decks.nastran.cards import Bulk, Entry, through
-from antiosc_decks.nastran.coordinates import Systems
+from antiosc_decks.nastran.coordinates import SCOPE, Systems, label_of, moved_parts, scope_parts
 from antiosc_decks.nastran.table import CELLS, NEAREST, account_for, fate_of, is_other, renew
 from antiosc_decks.sources import Sources
 
@@ -23,6 +21,18 @@ from antiosc_decks.sources import Sources
 SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
 #: Elements between scalar motions, by the first letters of their names.
 SCALARS = ("CELAS", "CDAMP", "CMASS")
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam, or a piece of one."""
+
+    #: place of its middle, from 0 to 1
+    middle: float = 0.0
+    #: whether its ends are its own
+    moved: bool = False
+    #: direction of plane 1, of a piece of a curved beam
+    height: Array | None = None
 
 
 @dataclass
@@ -43,7 +53,7 @@ class NastranDeck:
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
     #: what is special about elements that are beams, by their number
-    beams: dict[int, Any] = field(default_factory=dict)
+    beams: dict[int, Beam] = field(default_factory=dict)
     #: entries that are read as others, in the deck's terms
     converted: list[str] = field(default_factory=list)
 
@@ -91,8 +101,7 @@ class NastranDeck:
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
         row = int(self.nodes.rows(np.array([label + place.scope]))[0])
-        if row < 0:
-            raise place.error(f"there is no GRID {label}.")
+        place.needs(row >= 0, f"there is no GRID {label}.")
         return row
 
     def at(self, entry: Entry, k: int) -> int:
@@ -159,7 +168,7 @@ def read(
             own = f"a superelement of the type {entry.text(1)}"
             whole = entry.text(1).upper() in ("", "PRIMARY")
             entry.needs(whole, f"{own} is not read; write its elements out.")
-    parts.scope(bulk.entries)
+    scope_parts(bulk.entries)
     found = _nodes(bulk, name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
     for name, sentence in NEAREST.items():
@@ -178,9 +187,6 @@ def _sets(numbers: set[int]) -> str:
     return f"set{'s' * (len(numbers) > 1)} {shown}"
 
 
-# --- Nodes ----------------------------------------------------------------------------------------
-
-
 def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
@@ -197,8 +203,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
 
     def position(label: int, place: Place) -> Array:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
-        if not 0 <= row < len(grids):
-            raise place.error(f"there is no GRID {label}.")
+        place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:
             number = _given(grids[row], 1, default)
             c = np.array(grids[row].reals(2, 5))
@@ -206,7 +211,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         return placed[row]
 
     systems = Systems(bulk.entries, position)
-    moved = parts.moved(bulk.entries, position, systems)
+    moved = moved_parts(bulk.entries, position, systems)
     systems.move(moved)
     placed.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
@@ -259,9 +264,6 @@ def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
     return given.whole(k, 0)
 
 
-# --- Elements -------------------------------------------------------------------------------------
-
-
 def _defaults(found: NastranDeck) -> None:
     """Blank fields of CBAR and CBEAM are those of BAROR and BEAMOR."""
     for name, given in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
@@ -299,7 +301,7 @@ def _elements(found: NastranDeck) -> None:
             seen = set()
         if cell is None:
             if is_other(entry.name):
-                found.deck.leave(entry.name, 1)
+                found.deck.leave(entry.name)
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
@@ -318,11 +320,12 @@ def _elements(found: NastranDeck) -> None:
         for row, k in np.argwhere(lost):
             entry = some[row][0]
             raise entry.place.error(
-                f"{name} {entry.whole(0)} has the node {table[row, k] % parts.SCOPE}, for which "
+                f"{name} {entry.whole(0)} has the node {table[row, k] % SCOPE}, for which "
                 "there is no GRID."
             )
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
-        found.deck.blocks.append(Block(cell.shape, name, rows[:, :corners], mids, mids[:, :0]))
+        tables = rows[:, :corners], mids, mids[:, :0]
+        found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
         found.elements += [entry for entry, _ in some]
 
 
@@ -340,14 +343,11 @@ def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -
     return known[number]
 
 
-# --- Groups ---------------------------------------------------------------------------------------
-
-
 def set_groups(found: NastranDeck) -> None:
     """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
     numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
     for number in map(int, np.unique(numbers[numbers > 0])):
-        for name in filter(None, (parts.label(number), found.bulk.names.get(number))):
+        for name in filter(None, (label_of(number), found.bulk.names.get(number))):
             found.deck.element_sets[name] = np.flatnonzero(numbers == number)
     for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
         if rows := [rows for rows, _, _ in constraints(found, number)]:

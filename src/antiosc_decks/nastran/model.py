@@ -7,50 +7,48 @@ loads are ignored and listed.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from antiosc.io.deck import IntArray, Place
+from antiosc.io.neutral import Model
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.account import lines
-from antiosc_decks.model import copies
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.finished import finished
+from antiosc_decks.model.pieces import separate_copies
 from antiosc_decks.model.rods import hold_without_stiffness
 from antiosc_decks.nastran import beams
 from antiosc_decks.nastran.cards import motions_of
 from antiosc_decks.nastran.joints import MASSES, Joints
 from antiosc_decks.nastran.mesh import NastranDeck, constraints, grid_defaults, set_groups
 from antiosc_decks.nastran.properties import Properties
-from antiosc_decks.nastran.table import CELLS, tell_damping
+from antiosc_decks.nastran.table import tell_damping
 
 
-def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
+def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     found.account.refuse()
     tell_damping(found.account, found.bulk.entries)
     given = found.parameter("WTMASS")
     factor = given.real(1, None) if given else 1.0
     ends = beams.divide(found)
-    roles = [CELLS[block.type].role for block in found.deck.blocks]
-    doubled = copies.separate(found.deck, roles)
+    copies = separate_copies(found.deck)
     set_groups(found)
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
     Properties(found, builder, factor).read()
-    builder.with_roles(roles)
+    builder.find_nodes()
     _supports(found, builder)
     joints = Joints(found, builder, factor)
     joints.read()
     beams.join(builder, ends)
-    copies.join(builder, doubled)
+    builder.join_copies(copies)
     joints.read_masses()
     autospc = found.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)
     found.deck.left.clear()
     builder.ignored += [*found.converted, *found.account.ignored()]
-    return finished(builder, roles)
+    return finished(builder)
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
@@ -78,8 +76,6 @@ def _fix(
     builder.fix(rows[scalar], [0])
     builder.fix(rows[~scalar & ~turned], motions)
     for row in rows[turned]:
+        own = np.isin(np.arange(6), motions)
         frame = found.frame(int(row), place)
-        for first in (0, 3):
-            own = np.isin(np.arange(first, first + 3), motions)
-            along = builder.joints.fixed_along(int(row), own, frame, first)
-            builder.fix(np.array([row]), [first + int(k) for k in np.flatnonzero(along)])
+        builder.fixed[row] |= builder.joints.fixed_along(int(row), own, frame)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +12,12 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.model import geometry
-from antiosc_decks.model.builder import Family, ModelBuilder, Panel, Rod
+from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material, isotropic, tube
-from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
+from antiosc_decks.nastran.beams import offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.mesh import NastranDeck, defined_once, property_of
-from antiosc_decks.nastran.parts import SCOPE, label
+from antiosc_decks.nastran.coordinates import SCOPE, label_of
+from antiosc_decks.nastran.mesh import Beam, NastranDeck, defined_once, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.table import CELLS, PROPERTIES
 
@@ -58,28 +57,23 @@ class Properties:
                 continue
             entry = known.get(int(number))
             if entry is None:
-                raise MeshError(self._unknown(every[elements[0]], int(number) % SCOPE))
+                raise self._unknown(every[elements[0]], int(number) % SCOPE)
             for wrong in sorted(n for n in names if entry.name not in CELLS[n].properties):
                 raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
-            OF_PROPERTY.get(entry.name, Properties._beams)(
-                self, entry, label(int(number)), elements
-            )
+            add = OF_PROPERTY.get(entry.name, Properties._beams)
+            add(self, entry, label_of(int(number)), elements)
 
-    def _unknown(self, element: Entry, number: int) -> str:
-        """Sentence on an element without a property that is read."""
-        label = f"{element.place}: {element.name} {element.whole(0)} has the property {number}, "
-        others = (
-            entry.name
-            for entry in self.found.bulk.entries
-            if entry.name.startswith("P") and entry.text(0) == str(number)
-        )
-        kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), None)
+    def _unknown(self, element: Entry, number: int) -> MeshError:
+        """The error of an element without a property that is read."""
+        others = [entry.name for entry in self.found.bulk.entries
+                  if entry.name.startswith("P") and entry.text(0) == str(number)]  # fmt: skip
+        kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), "")
+        what = f"which is none of {', '.join(PROPERTIES)} in the deck."
         if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
             instead = " or ".join(CELLS[element.name].properties)
-            return f"{label}a {kind}, which is not supported; give it as {instead}."
-        return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."
-
-    # --- Materials --------------------------------------------------------------------------------
+            what = f"a {kind}, which is not supported; give it as {instead}."
+        label = f"{element.name} {element.whole(0)}"
+        return element.place.error(f"{label} has the property {number}, {what}")
 
     def _material_of(self, entry: Entry) -> Material:
         """A material in the deck's units."""
@@ -116,9 +110,8 @@ class Properties:
     def _material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field k (from 0)."""
         number = entry.number(k)
-        some = "MAT1, MAT2, MAT8, MAT9 or MAT11"
-        told = f"there is no {some} with the number {number % SCOPE}."
-        entry.needs(number in self._materials, told)
+        entry.needs(number in self._materials, "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with "
+                    f"the number {number % SCOPE}.")  # fmt: skip
         return self._materials[number]
 
     def _elastic(self, material: Material, what: str) -> tuple[float, float, float]:
@@ -139,28 +132,22 @@ class Properties:
                 "over the section"
             )
 
-    # --- Solids, rods and panels ------------------------------------------------------------------
-
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         fluid = entry.text(6) not in ("", "SMECH")
         entry.needs(not fluid, f"PSOLID with FCTN={entry.text(6)} is not a solid.")
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
-        kind, arguments = "Solid", dict[str, Any](rho=self.builder.rho(material))
+        kind, arguments = "Solid", Arguments(rho=self.builder.rho(material))
         if stiffness is None:
             arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
         else:
-            entry.needs(
-                number and number != "-1",
-                f"PSOLID with {material.name} has its directions in each "
-                "element's own system (CORDM); give CORDM = 0 or a rectangular system.",
-            )
+            entry.needs(number not in ("", "-1"), f"PSOLID with {material.name} has its directions "
+                        "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
+                        "system.")  # fmt: skip
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
-            kind, arguments = (
-                "AnisotropicSolid",
-                {"stiffness": stiffness, **arguments, "axes": axes},
-            )
+            arguments = {"stiffness": stiffness, **arguments, "axes": axes}
+            kind = "AnisotropicSolid"
         self.builder.add(name, elements, Family(kind, arguments, entry.place))
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -185,7 +172,8 @@ class Properties:
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         E, nu, density = self._elastic(self._material(entry, k), "rods")
         mass = density * area + extra * self.factor
-        self.builder.add_rods(elements, Rod(E, nu, area, torsion, mass, entry.place))
+        rod = Rod(E, nu, area, mass, entry.place, torsion)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHEAR."""
@@ -194,9 +182,8 @@ class Properties:
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         mass = density * t + entry.real(3) * self.factor
         effective = (entry.real(4), entry.real(5))
-        self.builder.add_rods(elements, Panel(E, nu, t, mass, effective, entry.place))
-
-    # --- Beams ------------------------------------------------------------------------------------
+        panel = Rod(E, nu, t, mass, entry.place, effective=effective)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
@@ -212,7 +199,7 @@ class Properties:
         tangents = geometry.tangents_of(self.found.deck, elements)
         apart: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
-            beam = self.found.beams.get(int(element), PLAIN)
+            beam = self.found.beams.get(int(element), Beam())
             own = self.found.elements[element]
             height = orientation(self.found, own, tangent) if beam.height is None else beam.height
             offset = 0.0 if beam.moved else offset_along(self.found, own, height)
@@ -224,15 +211,13 @@ class Properties:
             profile = one.profile
             height = np.array(key[:3])
             if one.angle:
-                entry.needs(
-                    not key[3],
-                    f"{entry.name} with I12 and with offsets of its elements is "
-                    "not supported; rotate the section to its principal axes.",
-                )
+                entry.needs(not key[3], f"{entry.name} with I12 and with offsets of its elements "
+                            "is not supported; rotate the section to its principal "
+                            "axes.")  # fmt: skip
                 side = np.cross(tangents[some[0]], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
-            arguments: dict[str, Any] = {
+            arguments: Arguments = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),
                 "rho": density + self._beside(one.extra, profile.A),
@@ -243,8 +228,6 @@ class Properties:
             }
             group = name if len(apart) == 1 else f"{name} along {key[:3]}"
             self.builder.add(group, elements[some], Family("Beam", arguments, entry.place))
-
-    # --- Shells -----------------------------------------------------------------------------------
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHELL."""
@@ -259,11 +242,8 @@ class Properties:
                 )
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
-        entry.needs(
-            not entry.text(10),
-            "PSHELL with MID4, which couples stretching with bending, is not "
-            "supported; give the layers by PCOMP, or an offset.",
-        )
+        entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
+                    "is not supported; give the layers by PCOMP, or an offset.")  # fmt: skip
         material = self._material(entry, 1)
         same = material.plane is None and entry.whole(3) == entry.whole(1)
         plain = same and entry.real(4, 1.0) == 1
@@ -319,7 +299,7 @@ class Properties:
             )
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
-    def _given(self, entry: Entry, thickness: float) -> dict[str, Any]:
+    def _given(self, entry: Entry, thickness: float) -> Arguments:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
         membrane, bending, across = (
@@ -364,22 +344,18 @@ class Properties:
             layer["rho"] += extra
         for own, offset, some in self._by_thickness(elements, total, entry):
             one = self.found.elements[some[0]]
-            one.needs(
-                math.isclose(own, total, rel_tol=1e-9),
-                f"{one.name} {one.text(0)} has thicknesses of its own, which do not apply to the "
-                f"plies of {entry.name}.",
-            )
+            alike = math.isclose(own, total, rel_tol=1e-9)
+            one.needs(alike, f"{one.name} {one.text(0)} has thicknesses of its own, which do not "
+                      f"apply to the plies of {entry.name}.")  # fmt: skip
             offset += off if abs(off) > 1e-9 * total else 0.0
             self._directed(entry, name, some, "Laminate", {"layers": layers}, offset)
 
     def _ply(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         if material.plane is not None:
             Q = _plane(material)
-            if np.abs(Q[:2, 2]).max() > 1e-9 * np.abs(Q).max():
-                raise material.place.error(
-                    f"{material.name} couples stretching with shear, which plies "
-                    "here do not; give the ply along its fibres by MAT8."
-                )
+            plain = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
+            material.needs(plain, f"{material.name} couples stretching with shear, which plies "
+                           "here do not; give the ply along its fibres by MAT8.")  # fmt: skip
             S = np.linalg.inv(Q)
             G, nan = Q[2, 2], np.nan
             constants = [1 / S[0, 0], 1 / S[1, 1], nan, -S[0, 1] / S[0, 0], nan, nan, G, G, G]
@@ -393,7 +369,7 @@ class Properties:
         name: str,
         elements: IntArray,
         kind: str,
-        arguments: dict[str, Any],
+        arguments: Arguments,
         offset: float,
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
@@ -410,12 +386,7 @@ class Properties:
         self.builder.add(name, elements, Family(kind, own, entry.place))
 
     def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
-        if (
-            geometry.common_direction(
-                geometry.normals_of(self.found.deck, elements), least=1 - 1e-6
-            )
-            is None
-        ):
+        if geometry.curved(self.found.deck, elements):
             self.builder.tell_once(
                 f"the area of the offset surface of {entry.name} {entry.text(0)}, that at the "
                 "nodes is taken"
@@ -475,10 +446,8 @@ def _moduli(entry: Entry) -> tuple[float, float | None, float]:
 def _plane(material: Material) -> Array:
     """Stresses (σ1, σ2, τ12) of plane strains (3, 3)."""
     if material.plane is not None:
-        if not np.linalg.eigvalsh(material.plane).min() > 0:
-            raise material.place.error(
-                f"the stiffness of {material.name} is not positive definite."
-            )
+        sound = np.linalg.eigvalsh(material.plane).min() > 0
+        material.needs(sound, f"the stiffness of {material.name} is not positive definite.")
         return material.plane
     E1, E2, _, n12, _, _, G12, *_ = _constants(material)
     n21 = n12 * E2 / E1

@@ -163,10 +163,7 @@ def is_other(name: str) -> bool:
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
     """What becomes of the entries of a deck."""
-    account = Account(name)
-    for entry in entries:
-        account.add(entry.name, entry.place, fate_of(entry.name))
-    return account
+    return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
 
 
 def renew(entries: Sequence[Entry]) -> list[Entry]:

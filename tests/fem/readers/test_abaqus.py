@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +12,6 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
-from antiosc.io import conversion
-from antiosc.io.deck import Block
-from antiosc_decks.abaqus import assembly as abaqus_assembly
 from paths import DECKS
 
 pytestmark = pytest.mark.fem
@@ -26,16 +21,6 @@ def volume(mesh: ao.Mesh) -> float:
     return compat.integrate(compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 7), mesh.dolfinx)
 
 
-def nodes_of(mesh: ao.Mesh, group: str) -> set[tuple[float, ...]]:
-    """Rounded coordinates of all vertices in a group."""
-    found = set()
-    for dim, entities in mesh.group(group).items():
-        nodes = compat.entity_vertices(mesh.dolfinx, dim)[entities]
-        x = mesh.dolfinx.geometry.x[np.unique(nodes)]
-        found |= {tuple(float(c) for c in np.round(p, 9) + 0.0) for p in x}
-    return found
-
-
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
@@ -43,21 +28,6 @@ def write(path: Path, text: str) -> Path:
 
 NODES = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
-
-
-@pytest.mark.slow
-def test_sets_are_read_in_any_case_and_spacing():
-    mesh = ao.read_mesh(DECKS / "sets.inp")
-    assert mesh.cell == "hexahedron"
-    assert mesh.n_cells == 2
-    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
-    assert {"Left", "Right", "Both", "range", "FOOT", "nested", "Far", "All"} <= set(mesh.groups)
-    assert len(mesh.group("Both")[3]) == len(mesh.group("range")[3]) == 2
-    assert nodes_of(mesh, "Left") == {(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)}
-    foot = {(0, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)}
-    assert nodes_of(mesh, "FOOT") == foot
-    assert nodes_of(mesh, "nested") == foot | {(2, 0, 0)}
-    assert nodes_of(mesh, "Far") == {(2, y, z) for y in (0, 1) for z in (0, 1)}
 
 
 def test_a_comment_before_the_first_keyword_may_be_quoted(tmp_path):
@@ -70,34 +40,6 @@ def test_units_scale_the_mesh():
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)
     with pytest.raises(ao.InputError, match="unit must be one of 'm', 'mm'"):
         ao.read_mesh(DECKS / "sets.inp", unit="miles")
-
-
-@pytest.mark.parametrize("shape", ["hexahedron", "wedge", "pyramid"])
-def test_cuts_agree_for_every_numbering(shape):
-    """Every numbering of two cells on one rectangle: the same diagonal, and the whole volume."""
-    corners = {
-        "hexahedron": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
-        "wedge": [(0, 0, 0), (1, 0, 0), (0, 0, 1)],
-        "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1)],
-    }[shape]
-    if shape == "hexahedron":
-        corners += [(x, y, 1) for x, y, _ in corners]
-    if shape == "wedge":
-        corners += [(x, 1, z) for x, _, z in corners]
-    x = np.array(corners, dtype=float)
-    size = {"hexahedron": 1.0, "wedge": 0.5, "pyramid": 1 / 3}[shape]
-    rng = np.random.default_rng(1)
-    for _ in range(50):
-        order = rng.permutation(len(x))
-        table = order[None, :]
-        points = np.zeros_like(x)
-        points[order] = x
-        none = table[:, :0]
-        block = Block(shape, shape, table, none, none)
-        tetra, rows = conversion._simplices(block)
-        edges = points[tetra[:, 1:]] - points[tetra[:, :1]]
-        assert np.abs(np.linalg.det(edges)).sum() / 6 == pytest.approx(size, rel=1e-12)
-        assert (rows == 0).all()
 
 
 @pytest.mark.slow
@@ -115,29 +57,6 @@ def test_curved_cells_keep_their_sides_when_they_are_cut():
     np.testing.assert_allclose(radius[outer], 2, atol=1e-4)
 
 
-def test_instances_are_moved_and_turned():
-    with pytest.raises(ao.MeshError, match="2 pieces"):  # the parts only touch
-        ao.read_mesh(DECKS / "instances.inp")
-    deck = abaqus_assembly.read(DECKS / "instances.inp", "instances.inp").deck
-    tip = deck.points[deck.node_sets["Tip"]]
-    np.testing.assert_allclose(np.unique(tip[:, 1].round(12)), [3.0], atol=1e-15)
-    np.testing.assert_allclose(np.unique(tip[:, 0].round(12)), [1.0, 2.0], atol=1e-15)
-    assert set(deck.element_sets) >= {"Bar-1.body", "Bar-2.body", "everything", "Bar-1"}
-    assert len(deck.element_sets["everything"]) == 2
-    mesh = ao.read_mesh(DECKS / "instances.inp", cells="Bar-2.body")
-    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
-    assert nodes_of(mesh, "Tip") == nodes_of(mesh, "Bar-2.end")
-
-
-def test_quadratic_beams_give_their_middle_node_second():
-    mesh = ao.read_mesh(DECKS / "frame.inp")
-    assert (mesh.cell, mesh.order, mesh.n_cells) == ("interval", 2, 2)
-    deck = abaqus_assembly.read(DECKS / "frame.inp", "frame.inp").deck
-    ends = deck.points[deck.blocks[0].corners]
-    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 1.0)
-    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
-
-
 def test_an_include_through_a_link_out_of_the_folder_is_refused(tmp_path):
     folder = tmp_path / "in" / "deeper"
     folder.mkdir(parents=True)
@@ -146,13 +65,3 @@ def test_an_include_through_a_link_out_of_the_folder_is_refused(tmp_path):
     path = write(folder / "part.inp", "*INCLUDE, INPUT=link.inp\n")
     with pytest.raises(ao.MeshError, match="outside the folder"):
         ao.read_mesh(path)
-
-
-def test_cut_decks_are_read_or_refused_but_never_crash(tmp_path):
-    text = (DECKS / "sets.inp").read_text().replace("*include, input=sets_more.inp\n", "")
-    for end in range(0, len(text), 37):
-        path = write(tmp_path / "part.inp", text[:end] or "*")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with contextlib.suppress(ao.MeshError):
-                abaqus_assembly.read(path, "part.inp")

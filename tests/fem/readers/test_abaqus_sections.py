@@ -8,8 +8,6 @@ import pytest
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
 from antiosc.base.errors import MeshError
 
-# --- Materials ------------------------------------------------------------------------------------
-
 #: Stiffness by rows 11, 22, 33, 12, 13, 23, as Abaqus counts them; 10 · row + column of its half.
 FULL = np.array([[10.0 * min(i, j) + max(i, j) for j in range(1, 7)] for i in range(1, 7)])
 FULL += 100 * np.eye(6)
@@ -91,8 +89,6 @@ def test_a_density_for_materials_without_one(tmp_path):
         read(tmp_path, text)
 
 
-# --- Shells ---------------------------------------------------------------------------------------
-
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
 PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 
@@ -156,10 +152,7 @@ def test_thicknesses_at_nodes(tmp_path):
         f"All of thickness 0.325 ({place})": pytest.approx((3.25e-4, -1.625e-4)),
         f"CAP of thickness 0.25 ({last})": (pytest.approx(2.5e-4), None),
     }
-    assert model["ignored"] == [
-        "the variation of the thickness within 2 elements (*NODAL THICKNESS, "
-        f"{line(text, '*NODAL')}), the mean of the corners is taken in each"
-    ]
+    assert f"within 2 elements (*NODAL THICKNESS, {line(text, '*NODAL')})" in model["ignored"][0]
     text = BENT + SHELL.format("") + STEEL + "*NODAL THICKNESS\n9,.25\n10,.25\n"
     model, deck = read(tmp_path, text)
     thin = {name.partition(" (")[0]: one["thickness"] for name, _, one, _ in model["families"]}
@@ -173,8 +166,6 @@ def test_thicknesses_at_nodes(tmp_path):
     assert [kind for _, kind, _, _ in model["families"]] == ["Laminate"]
     assert any("NODAL THICKNESS" in sentence for sentence in model["ignored"])
 
-
-# --- Beams and plane sections ---------------------------------------------------------------------
 
 BOX = [(5 * 4**3 - 3 * 3**3) / 12, (4 * 5**3 - 3 * 3**3) / 12]
 

@@ -9,10 +9,8 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc.io import by_meshio
-from antiosc.io.mixed import GMSH_EDGES, _block
 from antiosc.io.neutral import FileMesh
 from antiosc.io.request import Request
-from antiosc.io.shapes import CORNERS, EDGES
 
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)], dtype=float)
 
@@ -91,23 +89,3 @@ def test_cells_that_nothing_carries(monkeypatch):
 
 
 # --- Several kinds of cells -----------------------------------------------------------------------
-
-KINDS = {
-    "tetra10": ("tetra", 10), "pyramid13": ("pyramid", 13), "wedge15": ("wedge", 15),
-    "hexahedron20": ("hexahedron", 20), "triangle6": ("triangle", 6), "quad8": ("quad", 8),
-    "wedge18": ("wedge", 18), "hexahedron27": ("hexahedron", 27), "quad9": ("quad", 9),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("convention", ["vtk", "gmsh"])
-@pytest.mark.parametrize("label", KINDS)
-def test_middle_nodes_in_both_orders(label, convention):
-    """In gmsh's order the k-th middle node lies on the k-th of its edges."""
-    shape, nodes = KINDS[label]
-    corners, edges = CORNERS[shape], EDGES[shape]
-    block = _block(label, np.arange(nodes)[None], convention)
-    assert block.corners.tolist() == [list(range(corners))]
-    order = GMSH_EDGES.get(shape, edges) if convention == "gmsh" else edges
-    where = {frozenset(edge): corners + k for k, edge in enumerate(order)}
-    assert block.mids.tolist() == [[where[frozenset(edge)] for edge in edges]]
-    assert sorted(block.inner[0].tolist()) == list(range(corners + len(edges), nodes))

@@ -182,19 +182,12 @@ def test_cells_of_several_dimensions_have_their_groups():
     assert found == {
         "a": {"tetra": [0, 1, 2], "triangle": [0, 1]}, "b": {"line": [0]}, "none": {},
     }  # fmt: skip
-    assert mesh.told == [
-        "before",
-        "a deck holds 6 elements; 3 of them are cells of the mesh, which leaves out 2 MASS, 1 "
-        "SPRINGA.",
-    ]
+    assert mesh.told[0] == "before"
+    assert "2 MASS, 1 SPRINGA" in mesh.told[1]
 
 
 def test_elements_without_volume_are_refused():
     deck = deck_of(["quad", "quad"], 1)
     deck.blocks[1].corners[0, 1:] = deck.blocks[1].corners[0, 0]
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match="1 quad elements of a deck use one node several times"):
         as_mesh(deck)
-    assert str(caught.value) == (
-        "1 quad elements of a deck use one node several times so that they have no volume or area; "
-        "delete them."
-    )

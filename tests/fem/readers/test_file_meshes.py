@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from antiosc.io import merging
+from antiosc.io import reading
 from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
 from antiosc.io.reading import _alone
 from antiosc.io.selection import selected
@@ -56,9 +56,6 @@ def test_a_mesh_comes_back_through_json_and_arrays():
     same(unpacked(json.loads(json.dumps(head)), arrays), whole())
 
 
-# --- Merging --------------------------------------------------------------------------------------
-
-
 def test_nodes_at_one_place_become_the_first_of_them():
     """Two cubes with nodes of their own at their common face; the joints follow."""
     points = np.vstack([POINTS[:8], POINTS[[1, 8, 9, 2, 5, 10, 11, 6]] + 1e-4])
@@ -71,7 +68,7 @@ def test_nodes_at_one_place_become_the_first_of_them():
         "masses": [[[terms, terms], [[1.0]], 2.0]], "among": [(15, [(8, 0.5), (9, 0.5)])],
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
-    found = merging.merged(mesh, 1e-3)
+    found = reading.merged(mesh, 1e-3)
     np.testing.assert_array_equal(found.points, np.vstack([points[:8], points[[9, 10, 13, 14]]]))
     assert found.cells["hexahedron"].tolist() == [list(range(8)), [1, 8, 9, 2, 5, 10, 11, 6]]
     assert {n: r.tolist() for n, r in found.node_sets.items()} == {"a": [1, 2], "b": [8]}
@@ -84,11 +81,8 @@ def test_nodes_at_one_place_become_the_first_of_them():
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
     mesh.model = {"apart": [8, 3], "joints": {}}
-    assert len(merging.merged(mesh, 1e-3).points) == 13
-    assert len(merging.merged(mesh, 1e-5).points) == 16
-
-
-# --- Selection ------------------------------------------------------------------------------------
+    assert len(reading.merged(mesh, 1e-3).points) == 13
+    assert len(reading.merged(mesh, 1e-5).points) == 16
 
 
 WRONG = {

@@ -15,8 +15,8 @@ import meshio
 
 import antiosc as ao
 from antiosc.io.conversion import EDGES
-from antiosc.io.mixed import CELLS, GMSH_EDGES, GMSH_FACES
-from antiosc.io.shapes import rectangles
+from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
+from antiosc.io.shapes import CELLS, rectangles
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
@@ -113,7 +113,7 @@ def test_serendipity_cells_get_their_nodes(tmp_path):
 @pytest.mark.parametrize("name", ["tetra10", "hexahedron27", "wedge15", "wedge18", "pyramid14"])
 def test_gmsh_orders_its_second_order_nodes_as_the_table_says(name):
     gmsh = pytest.importorskip("gmsh")
-    shape, nodes = CELLS[name]
+    shape, nodes, _ = CELLS[name]
     family = {"tetra": "Tetrahedron", "wedge": "Prism", "pyramid": "Pyramid"}
     gmsh.initialize()
     try:

@@ -5,39 +5,27 @@ The parsers are called here directly; `tests/fem/assembly/test_from_deck.py` bui
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.properties import isotropic, of_stiffness
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-MM = UnitSystem.of("mm")
 
 
 @pytest.fixture
 def abaqus(tmp_path):
-    def model(text: str, density=None):
-        path = tmp_path / "part.inp"
-        path.write_text(text)
-        whole = abaqus_assembly.read(path, path.name)
-        return abaqus_model.model_of(whole, MM, density), whole.deck
-
-    return model
+    return partial(inp.read, tmp_path)
 
 
 @pytest.fixture
 def bulk(tmp_path):
-    def model(text: str, density=None):
-        path = tmp_path / "part.bdf"
-        path.write_text(text)
-        found = nastran.read(path, path.name)
-        return nastran_model.model_of(found, MM, density), found.deck
-
-    return model
+    return partial(bdf.read, tmp_path)
 
 
 def constants(E, nu, G) -> np.ndarray:
@@ -49,12 +37,9 @@ def constants(E, nu, G) -> np.ndarray:
     return np.linalg.inv(S)
 
 
-# --- Materials and sections -----------------------------------------------------------------------
-
 NODES = "*NODE,NSET=N\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
-BAR = NODES + "*ELEMENT,TYPE=B31,ELSET=ALL\n1,1,2\n"
 DENSITY = "*DENSITY\n2.E-9\n"
 STEEL = "*MATERIAL,NAME=M\n*ELASTIC\n2E5,.3\n" + DENSITY
 SOLID = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
@@ -126,36 +111,6 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     assert given["axis"] == axis
 
 
-def test_a_rigid_body_of_elements_is_that_of_their_nodes(abaqus):
-    shell = "*ELEMENT,TYPE=S4,ELSET=CAP\n2,5,6,7,8\n*SHELL SECTION,ELSET=CAP,MATERIAL=M\n1.\n"
-    deck = CUBE + shell + SOLID + "\n" + STEEL + "*NODE\n99,5,5,20\n*NSET,NSET=TOP\n5,6,7,8\n"
-    models = [
-        abaqus(deck + f"*RIGID BODY,REF NODE=99,{kind}\n")[0] for kind in ("ELSET=CAP", "NSET=TOP")
-    ]
-    assert models[0]["joints"] == models[1]["joints"]
-    assert len(models[0]["joints"]["equations"]) > 0
-
-
-def test_one_number_of_a_round_beam_is_its_radius(abaqus):
-    section = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=CIRC\n2.\n"
-    model, deck = abaqus(BAR + section + STEEL)
-    assert model["families"][0][2]["section"]["A"] == pytest.approx(4e-6 * np.pi)
-    assert model["families"][0][2]["orientation"] == [0, 0, -1]
-    assert "taken for the radius" in deck.told[0]
-
-
-def test_what_of_a_material_is_not_taken_is_listed(abaqus):
-    two = STEEL.replace("2E5,.3\n", "2E5,.3,20\n1E5,.3,500\n") + "*PLASTIC\n200.,0.\n"
-    model, _ = abaqus(CUBE + SOLID + two + "*STEP\n*STATIC\n*CLOAD\n1,1,5.\n*END STEP\n")
-    assert model["families"][0][2]["E"] == pytest.approx(2e11)
-    text = "; ".join(model["ignored"])
-    for words in ("*ELASTIC of other temperatures", "*PLASTIC", "CLOAD"):
-        assert words in text
-
-
-# --- Supports, masses, springs --------------------------------------------------------------------
-
-
 def fixed(deck) -> dict[str, list[int]]:
     return {name.removeprefix("fixed "): (rows + 1).tolist() for name, rows in deck.fixed.items()}
 
@@ -195,25 +150,6 @@ def test_one_of_the_three_constants_may_be_missing(bulk, given, E, nu):
     assert model["families"][0][2]["E"] == pytest.approx(E)
     assert model["families"][0][2]["nu"] == pytest.approx(nu)
     assert not any("MAT1" in text for text in model["ignored"])
-
-
-def test_a_shear_modulus_that_contradicts_is_told(bulk):
-    model, _ = bulk(QUAD.replace("2.+5,,.3", "2.+5,5.+4,.3"))
-    assert "G of MAT1 1, which does not follow" in model["ignored"][0]
-
-
-PLY = "MAT8,2,9.+4,2.+4,.3,5.+3,4.+3,3.+3,2.-9\n"
-
-
-def test_a_shell_of_one_ply(bulk):
-    quad = GRIDS + "CQUAD4,1,1,1,2,3,4\nPSHELL,1,2,.4,2\n"
-    model, _ = bulk(quad + PLY.replace("4.+3,3.+3", ","))
-    ((_, family, given, _),) = model["families"]
-    assert family == "Laminate"
-    (layer,) = given["layers"]
-    assert layer["thickness"] == pytest.approx(4e-4)
-    assert layer["G13"] == layer["G23"] == pytest.approx(5e9)
-    assert "rigid transverse shear of MAT8 2" in model["ignored"][0]
 
 
 @pytest.mark.parametrize(

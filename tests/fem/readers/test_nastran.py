@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import math
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from antiosc.fem.platform import compat
 from antiosc_decks.nastran import mesh as nastran
 from antiosc_decks.nastran.coordinates import System
 from paths import DECKS
+from refusals import refused
 
 pytestmark = pytest.mark.fem
 
@@ -33,16 +34,6 @@ def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
     assert distance.min(axis=0).max() < 1e-6
     assert len(ours.group("4")[3]) == 3
     assert set(ours.group("SPC 1")) == {2}
-
-
-@pytest.mark.slow
-def test_a_solid_deck_is_a_structure():
-    tube = ao.read_model(DECKS / "tube.bdf")
-    by_hand = ao.Structure(
-        tube.mesh, ao.Solid(1e9, 0.3, 1000.0), [ao.Support(lambda x: np.isclose(x[2], 0))]
-    )
-    assert tube.dofs == by_hand.dofs
-    assert tube.mass == pytest.approx(1000 * volume(tube.mesh), rel=1e-9)
 
 
 @pytest.mark.slow
@@ -69,10 +60,7 @@ def test_a_plate_of_quadrilaterals_and_triangles():
         mesh,
         ao.Shell(2.1e11, 0.3, shells[0].rho, 2e-3),
         supports,
-        attached=[
-            ao.PointMass((0.3, 0.05, 0), 0.5),
-            ao.Spring((0.3, 0.05, 0), {"z": 25e3}),
-        ],
+        attached=[ao.PointMass((0.3, 0.05, 0), 0.5), ao.Spring((0.3, 0.05, 0), {"z": 25e3})],
     )
     # three cells are coarse: quadrilaterals beside a triangle are 2 % stiffer than five triangles
     corner = ao.Site((0.3, 0.05, 0), (0, 0, 1))
@@ -112,50 +100,6 @@ GRIDS = "".join(
     )
 )
 CUBE = GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
-SOLID = "PSOLID,1,1\nMAT1,1,1.+9,,.3,1000.\n"
-REFUSED = {
-    "no property": (CUBE, "line 9 .*CHEXA 1 has the property 1, which is none of"),
-    "no material": (CUBE + "PSOLID,1,1\n", "no MAT1, .* with the number 1"),
-    "no density": (CUBE + "PSOLID,1,1\nMAT1,1,1.+9,,.3\n", "'MAT1 1' has no density"),
-    "rigid": (CUBE + SOLID + "RBE1,9,1,123,2,3\n", "line 13 .*RBE1 is not supported"),
-    "mpc": (CUBE + SOLID + "MPC,1,1,1,0.,2,1,-1.\n", "line 13 .*first term of MPC"),
-    "rbe3": (CUBE + SOLID + "RBE3,9,,1,123,1.,12,2,3\n", "line 13 .*independent nodes move by"),
-    "rbar": (CUBE + SOLID + "RBAR,9,1,2,123\n", "line 13 .*RBAR is read with CNA or CNB"),
-    "spring": (CUBE + SOLID + "CELAS2,9,-1.,1,1,2,1\n", "negative stiffness"),
-    "bush": (CUBE + SOLID + "CBUSH,9,9,1,2\nPBUSH,9,K,1.,2.\n", "CBUSH needs the system CID"),
-    "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "CROD 9 has the property 9"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_would_change_the_answer_is_refused(tmp_path, case):
-    text, message = REFUSED[case]
-    path = tmp_path / "part.bdf"
-    path.write_text(text)
-    with pytest.raises(ao.MeshError, match=message):
-        ao.read_model(path)
-
-
-@pytest.mark.slow
-def test_a_layered_plate_is_the_laminate(tmp_path):
-    text = (
-        GRIDS
-        + "CQUAD4,1,1,1,2,3,4,30.\nPCOMP,1,,,,,,,SYM\n,8,.01,0.,,8,.02,90.\n"
-        + "MAT8,8,1.4+11,1.+10,.3,5.+9,5.+9,3.+9,1600.\nSPC1,1,123456,1,4\n"
-    )
-    path = Path(tmp_path / "part.bdf")
-    path.write_text(text)
-    plate = ao.read_model(path)
-    ply = ao.Layer(1.4e11, 1e10, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.01)
-    inner = ao.Layer(1.4e11, 1e10, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.02, 90)
-    axis = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0)
-    stack = ao.Laminate([ply, inner, inner, ply], axis, (0, 0, 1))
-    by_hand = ao.Structure(plate.mesh, stack, [ao.Support(lambda x: np.isclose(x[0], 0))])
-    assert plate.mass == pytest.approx(1600 * 0.06, rel=1e-12)
-    site = ao.Site((0.6, 0.5, 0), (0, 0, 1))
-    assert ao.extract(plate, site, n=4).k0 == pytest.approx(
-        ao.extract(by_hand, site, n=4).k0, rel=1e-9
-    )
 
 
 def test_copies_of_entries(tmp_path):
@@ -185,3 +129,27 @@ def test_an_include_beside_the_file_that_includes(tmp_path):
     path = tmp_path / "part.bdf"
     path.write_text("INCLUDE 'parts/all.inc'\n")
     assert nastran.read(path, path.name).deck.n_elements == 1
+
+
+def test_systems_by_grids_and_within_each_other(tmp_path):
+    """CORD1R, C and S by three grids, two in one card; CORD2 in another system."""
+    text = "GRID,1,,1.,2.,3.\nGRID,2,,1.,3.,3.\nGRID,3,,1.,2.,5.\n"
+    text += "CORD1R,11,1,2,3\nCORD1C,12,1,2,3,13,1,3,2\nCORD1S,14,1,2,3\n"
+    text += "CORD2R,15,11,1.,2.,3.,1.,2.,5.,\n,4.,2.,3.\n"
+    text += "GRID,21,11,1.,2.,3.\nGRID,22,12,2.,90.,3.\nGRID,23,13,2.,0.,1.\n"
+    text += "GRID,24,14,2.,90.,90.\nGRID,25,14,2.,30.,0.\nGRID,26,15,1.,2.,3.\n"
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    found = nastran.read(path, path.name)
+    # system 11: z is y of the deck, x is z, y is x; system 13: z is z, x is y, y is -x
+    expected = [(3, 5, 4), (3, 5, 3), (1, 4, 4), (3, 2, 3), (1, 2 + math.sqrt(3), 4), (5, 8, 5)]
+    np.testing.assert_allclose(found.deck.points[3:], expected, atol=1e-12)
+    for wrong, at, word in (
+        ("CORD1R,16,1,2,9\nGRID,27,16\n", 15, "GRID 9"),
+        ("CORD1R,16,1,2,27\nGRID,27,16\n", 16, "itself"),
+        ("GRID,27,19\n", 15, "no coordinate system"),
+        ("CORD2R,16,,0.,0.,0.,1.,0.,0.,\n,2.,0.,0.\nGRID,27,16\n", 15, "on one line"),
+    ):
+        path.write_text(text + wrong)
+        with refused(at, word, ao.MeshError):
+            nastran.read(path, path.name)

@@ -173,9 +173,7 @@ def test_plies_from_the_bottom(families, name, symmetric, bottom):
         card += "," + ",".join(words[k : k + 8]) + "\n"
     (((kind, given),), ignored) = families("CQUAD4,1,7,1,2,3,4,30.,.02\n" + card + MAT8)
     assert kind == "Laminate"
-    assert ignored == [
-        f"where the nonstructural mass of {name} 7 lies, it is spread over the section"
-    ]
+    assert f"nonstructural mass of {name} 7" in ignored[0]
     expected = [(0, 1e-4), (45, 1e-4), (-30, 3e-4)]
     if symmetric:
         expected += expected[::-1]

@@ -9,8 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,9 +28,6 @@ from paths import MESHES
 pytestmark = pytest.mark.fem
 
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
-
-
-# --- What is no file, or breaks its reader --------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["folder", "pipe", "device", "empty", "loop", "long"])
@@ -72,7 +67,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
 )
 def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says):
     (tmp_path / "part.msh").write_text("$MeshFormat\n")
-    monkeypatch.setattr(isolation.server, "ask", lambda request: (code, answer))
+    monkeypatch.setattr(isolation, "ask", lambda request: (code, answer))
     assert says in refusal(tmp_path / "part.msh")
 
 
@@ -86,8 +81,8 @@ def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
 @pytest.mark.slow
 def test_the_reading_process_may_be_lost(tmp_path):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
-    os.kill(isolation.server._process.pid, signal.SIGKILL)
-    isolation.server._process.wait()
+    os.kill(isolation._process.pid, signal.SIGKILL)
+    isolation._process.wait()
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
@@ -101,10 +96,10 @@ from antiosc.io import isolation
 from antiosc.io.reading import read
 from pathlib import Path
 threading.Thread(target=read, args=(Path({str(path)!r}),), daemon=True).start()
-while isolation.server._process is None:
+while isolation._process is None:
     time.sleep(0.01)
 time.sleep(0.5)
-print(isolation.server._process.pid, flush=True)
+print(isolation._process.pid, flush=True)
 os._exit(0)
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -149,13 +144,10 @@ def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
 def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
     for name in ("SECRET", "OMPI_COMM_WORLD_RANK"):
         monkeypatch.setenv(name, "told")
-    isolation.server._end()  # the one that runs began before
+    isolation._end()  # the one that runs began before
     path = tmp_path / "part.geo"
     path.write_text(BAR + 'Physical Curve(StrCat("of ", GetEnv("SECRET"))) = {1};')
     assert set(ao.read_mesh(path).groups) == {"of "}
-
-
-# --- The same mesh --------------------------------------------------------------------------------
 
 
 def test_a_file_comes_back_as_gmsh_holds_it(session):
@@ -210,10 +202,3 @@ def test_groups_are_the_same_on_two_ranks(tmp_path):
     """
     path = str(grid(tmp_path / "many.msh", 10, 8))
     assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2
-
-
-def told(path: Path) -> list[str]:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        ao.read_mesh(path)
-    return [str(w.message) for w in caught if issubclass(w.category, ao.AntioscWarning)]

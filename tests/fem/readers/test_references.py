@@ -84,8 +84,6 @@ def test_a_part_without_an_instance_is_told(tmp_path):
     assert any("'Q'" in text for text in deck.told)
 
 
-# --- Nastran --------------------------------------------------------------------------------------
-
 SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
 CONTROL = {
     "SPC=1\n": ("x", [2, 3]),
@@ -131,23 +129,6 @@ def test_what_is_defined_twice_must_be_the_same(tmp_path, what):
         bdf.read(tmp_path, BLOCK + entries)
     again = {"c": bdf.CYCLIC * 2, "m": bdf.MAT1, "p": "PSOLID,7,1\n"}[what[0]]
     bdf.read(tmp_path, BLOCK + again)
-
-
-def test_a_material_of_one_name(tmp_path):
-    with pytest.raises(MeshError, match="more than once"):
-        inp.read(tmp_path, CUBE + inp.STEEL)
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        "RBE2,9,1,123456,2,1\n", "RBAR,9,3,3,123456\n",
-        "RBE3,9,,1,123,1.,123,1,2,\n,3\n", "SPC1,1,1,99\n", "SPC,1,99,1\n",
-    ],
-)  # fmt: skip
-def test_entries_name_other_nodes_that_are_there(tmp_path, entry):
-    with pytest.raises(MeshError, match=r"follow itself|that there is not|no GRID"):
-        bdf.read(tmp_path, BLOCK + entry)
 
 
 def test_springs_along_an_orientation(tmp_path):

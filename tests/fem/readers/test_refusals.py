@@ -7,22 +7,13 @@ from __future__ import annotations
 
 import pytest
 
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from refusals import refused
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-SI = UnitSystem(1.0, 1.0)
 
-
-def read_as_model(reader, model_of, path, text: str) -> None:
-    path.write_text(text)
-    model_of(reader(path, path.name), SI, None)
-
-
-# --- Abaqus and CalculiX --------------------------------------------------------------------------
 
 NODES = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
@@ -35,7 +26,6 @@ SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n"
 BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION="
 WHOLE = CUBE + SOLID + MATERIAL
 AXES = "*ORIENTATION,NAME=O\n"
-SPRING = "*ELEMENT,TYPE=SPRINGA,ELSET=K\n"
 
 
 def composite(orientation: str, layer: str = "") -> str:
@@ -45,47 +35,17 @@ def composite(orientation: str, layer: str = "") -> str:
 
 ABAQUS = {
     "no nodes": ("*ELEMENT,TYPE=C3D8\n", None, "defines"),
-    "no set name": (CUBE + "*NSET\n1\n", None, "NSET="),
-    "copy of nothing": (CUBE + "*ELGEN\n7,2,1,1\n", None, "defined"),
     "arc": (NODES + "*NGEN,LINE=C\n1,2\n", None, "straight"),
-    "biased": (NODES + "*NFILL,BIAS=2.\nA,B,2,1\n", None, "distances"),
     "singular": (NODES + "*NFILL,SINGULAR=1\nA,B,2,1\n", None, "distances"),
-    "one end": (NODES + "*NGEN\n1\n", None, "numbers"),
     "unknown end": (NODES + "*NGEN\n1,99\n", None, "exist"),
-    "backwards": (NODES + "*NGEN\n8,1\n", None, "fit"),
     "unequal sets": (NODES + "*NFILL\nA,B,2,1\n", None, "nodes"),
-    "no lines": ("*NODE,NSET=A\n1,0,0,0\n*NODE,NSET=B\n9,1,0,0\n*NFILL\nA,B,0,1\n", None, "lines"),
     "axisymmetric": (SHEET.replace("S4", "CAX4R") + SOLID + MATERIAL, None, "axisymmetric"),
-    "turned inertia": (
-        WHOLE + AXES + "1,0,0,0,1,0\n*ELEMENT,TYPE=ROTARYI,ELSET=W\n9,1\n"
-        "*ROTARY INERTIA,ELSET=W,ORIENTATION=O\n1.,2.,3.\n", None, "INERTIA"),
     "a truss without a section": (
         NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n" + MATERIAL, None, "section"),
     "leftover": (WHOLE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n", None, "DASHPOTA"),
-    "spring of length 0": (
-        WHOLE.replace("*ELEMENT", "9,0,0,0\n*ELEMENT", 1)
-        + SPRING
-        + "9,1,9\n*SPRING,ELSET=K\n\n5.\n*BOUNDARY\n1,PINNED\n", None, "ends"),
-    "spring without k": (WHOLE + SPRING + "9,1,2\n*SPRING,ELSET=K\n", None, "stiffness"),
-    "nonlinear spring": (WHOLE + "*SPRING,ELSET=K,NONLINEAR\n1\n", None, "nonlinear"),
-    "foundation": (WHOLE + "*FOUNDATION\nALL,F1,1.\n", None, "supported"),
-    "submodel": (WHOLE + "*BOUNDARY,SUBMODEL\n1,1\n", None, "SUBMODEL"),
-    "short transform": (
-        WHOLE + "*NSET,NSET=ALL\n1\n*TRANSFORM,NSET=ALL\n1,0,0\n", None, "coordinates"),
-    "sphere": (
-        WHOLE.replace("*NODE", "*NODE,NSET=N", 1) + "*TRANSFORM,NSET=N,TYPE=S\n0,0,0,1,0,0\n",
-        None, "TYPE=R"),
-    "parallel axes": (
-        WHOLE.replace("*NODE", "*NODE,NSET=N", 1) + "*TRANSFORM,NSET=N\n1,0,0,2,0,0\n",
-        None, "no axes"),
     "on the axis": (
         WHOLE.replace("*NODE", "*NODE,NSET=N", 1) + "*TRANSFORM,NSET=N,TYPE=C\n0,0,0,0,0,1\n",
         None, "no axes"),
-    "mass without m": (WHOLE + "*ELEMENT,TYPE=MASS,ELSET=Q\n9,1\n*MASS,ELSET=Q\n", None, "value"),
-    "products": (
-        WHOLE + "*ELEMENT,TYPE=ROTARYI,ELSET=Q\n9,1\n*ROTARY INERTIA,ELSET=Q\n1,1,1,.1\n",
-        None, "products"),
-    "few constants": (CUBE + SOLID + PLY.replace(",1E9,1E9,1E9", ""), None, "constants"),
     "hyperelastic": (
         CUBE + SOLID + MATERIAL.replace("*ELASTIC", "*ELASTIC,TYPE=COUPLED TRACTION"),
         None, "TYPE=COUPLED"),
@@ -101,7 +61,6 @@ ABAQUS = {
         + SOLID
         + MATERIAL, None, "stress"),
     "dimensions": (BAR + BEAM + "PIPE\n1\n0,1,0\n" + MATERIAL, None, "PIPE"),
-    "no dimension": (BAR + BEAM + "RECT\n0.,1\n0,1,0\n" + MATERIAL, None, "RECT"),
     "section": (BAR + BEAM + "I\n1\n0,1,0\n" + MATERIAL, None, "SECTION=I"),
     "mixed moment": (BAR + BEAM + "GENERAL\n1,1,.1,1,1\n0,1,0\n" + MATERIAL, None, "must"),
     "off in both": (
@@ -111,8 +70,6 @@ ABAQUS = {
     "spherical axes": (
         composite(AXES.replace("=O", "=O,SYSTEM=SPHERICAL") + "1,0,0,0,1,0\n"),
         None, "RECTANGULAR"),
-    "axes without points": (composite(AXES), None, "RECTANGULAR"),
-    "no plane": (composite(AXES + "1,0,0,2,0,0\n"), None, "plane"),
     "turn about 1": (composite(AXES + "1,0,0,0,1,0\n1,30\n"), None, "about"),
     "layers in a solid": (CUBE + SOLID + PLY, None, "layers"),
     "a cell of no family": (CUBE.replace("C3D8", "DC3D8") + MATERIAL, None, "family"),
@@ -124,10 +81,8 @@ ABAQUS = {
 def test_abaqus(tmp_path, case):
     text, line, word = ABAQUS[case]
     with refused(line, word, MeshError):
-        read_as_model(abaqus_assembly.read, abaqus_model.model_of, tmp_path / "part.inp", text)
+        inp.read(tmp_path, text)
 
-
-# --- Nastran --------------------------------------------------------------------------------------
 
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,1.+9,,.3,1000.\n"
@@ -140,16 +95,10 @@ MAT9 = "MAT9,1,3.,1.,1.,0.,0.,0.,3.,\n,1.,0.,0.,0.,3.,0.,0.,0.,\n,1.,0.,0.,1.,0.
 NASTRAN = {
     "no grids": ("BEGIN BULK\nMAT1,1,1.\nENDDATA\n", None, "nodes"),
     "no bulk": ("BEGIN BULK\nENDDATA\n", None, "contains"),
-    "components": (BLOCK + "SPC1,1,78,1\n", None, "components"),
     "no mass matrix": (BLOCK + "CONM1,9,1,,-1.\n", None, "that"),
     "pins": (CBAR.replace("0.,0.,1.", "0.,0.,1.,,\n,17") + "PBARL,1,1,,ROD\n,.1\n", None, "from 1"),
     "a copy of nothing": ("BEGIN BULK\n=,*1\n", None, "before"),
-    "a rod without area": (BLOCK + "CROD,9,9,1,2\nPROD,9,1\n", None, "area"),
-    "no component": (BLOCK + "CELAS2,9,1.,1\n", None, "component"),
-    "no stiffness": (BLOCK + "CELAS2,9,,3,4\n", None, "CELAS2"),
-    "no node": (BLOCK + "CONM2,9,,,1.\n", None, "empty"),
     "mixed moment": (CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,1.5\n", None, "below"),
-    "no area": (CBAR + "PBAR,1,1,0.,1.,1.\n", None, "needs"),
     "no width": (CBAR + "PBARL,1,1,,BAR\n,0.,1.\n", None, "dimensions"),
     "a type": (CBAR + "PBARL,1,1,,X\n,1.,1.,.1,.1\n", None, "type"),
     "does not fit": (CBAR + "PBARL,1,1,,I\n,1.,1.,1.,1.,.6,.6\n", None, "other"),
@@ -159,18 +108,7 @@ NASTRAN = {
         CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,YES,.5,2.,1.,1.\n",
         None, "section"),
     "one constant": (BLOCK.replace("1.+9,,.3", ",,.3"), None, "MAT1"),
-    "plane strain": (QUAD + "PSHELL,1,1,.1,-1\n", None, "strain"),
-    "coupled": (QUAD + "PSHELL,1,1,.1,1,,,,,\n,,,1\n", None, "couples"),
-    "fluid": (BLOCK.replace("PSOLID,1,1", "PSOLID,1,1,,,,,PFLUID"), None, "FCTN=PFLUID"),
-    "symmetric half": (QUAD + "PCOMP,1,,,,,,,SMEAR\n,1,.1,0.\n", None, "LAM=SMEAR"),
-    "no ply": (QUAD + "PCOMP,1,0.\n", None, "PCOMP"),
-    "own thickness of a stack": (
-        QUAD.replace(",3,4\n", ",3,4,,,\n,,,.2,.2,.2,.2\n") + "PCOMP,1,,,,,,,,\n,1,.1,0.\n",
-        None, "thicknesses"),
-    "no thickness": (QUAD + "PSHELL,1,1,,1\n", None, "thickness"),
-    "ratio": (QUAD + "PSHELL,1,1,.1,1,-2.\n", None, "PSHELL"),
     "elements' axes": (BLOCK.replace("MAT1,1,1.+9,,.3,1000.", MAT9), None, "each"),
-    "a layered solid": (BLOCK.replace("PSOLID,1,1", "PCOMPS,1"), None, "PCOMPS"),
     "no orientation": (CBAR.replace(",0.,0.,1.", "") + "PBARL,1,1,,ROD\n,.1\n", None, "missing"),
     "along the axis": (
         CBAR.replace("0.,0.,1.", "1.,0.,0.") + "PBARL,1,1,,ROD\n,.1\n", None, "along"),
@@ -187,4 +125,38 @@ NASTRAN = {
 def test_nastran(tmp_path, case):
     text, line, word = NASTRAN[case]
     with refused(line, word, MeshError):
-        read_as_model(nastran.read, nastran_model.model_of, tmp_path / "part.bdf", text)
+        bdf.read(tmp_path, text)
+
+
+TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
+PLATE = "CQUAD4,1,7,1,2,3,4\n"
+WITH_LINES = {
+    **{f"{card} {prop}": (f"{card}{bdf.MAT1}{prop},7,1\nPARAM,7\nPELAS,7,1.\n", 9, f"as {instead}")
+       for card, prop, instead in (
+           (bdf.HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
+           (TUBE, "PWELD", "PTUBE"), (PLATE, "PLPLANE", "PSHELL or PCOMP"),
+           ("CBAR,1,7,1,2,0.,1.,0.\n", "PBCOMP", "PBAR"))},
+    "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
+    "material": (f"{bdf.HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),
+    "solid of plies": (f"{bdf.HEXA}PSOLID,7,3\nMAT8,3,9.,8.,.1,3.,,,1.\n", 12, "nine constants"),
+    "shell of a solid": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT9,3,1.\n,,,,,,,,\n,,,,,,,1.\n",
+                         11, "not a material of shells"),
+    "indefinite": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT2,3,1.,2.,,1.,,1.,1.\n", 11, "definite"),
+    "spoint": (f"SPOINT,100,THRU,10000102\n{bdf.HEXA}", 9, "SPOINT from 100"),
+    "mass of nothing": (f"{bdf.HEXA}PSOLID,7,1\nCMASS2,9,1.\n", 12, "no node"),
+    "place of a station": (f"{BEAM}PBEAM,7,1,6.,5.,3.,,4.,,\n,NO,1.5,3.,2.\n", 10, "X/XB"),
+    "place of a profile": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,1.5,.1\n", 10, "X/XB"),
+    "no end": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,.5,.1\n", 10, "no section at X/XB = 1"),
+    **{f"a bush along {k}": (
+        f"{bdf.HEXA}PSOLID,7,1\nCBUSH,9,9,1,2\nPBUSH,9,K{k * ','}1.\n", 12, "CID")
+       for k in (2, 3, 5, 6)},
+    "contact": (f"{bdf.HEXA}BCONTACT,1\n", 11, "contact"),
+    "element": (f"{bdf.HEXA}CFAST,9,9,1,2\n", 11, "CFAST"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WITH_LINES)
+def test_nastran_by_its_line(tmp_path, case):
+    text, line, word = WITH_LINES[case]
+    with refused(line, word, MeshError):
+        bdf.read(tmp_path, bdf.GRIDS + text + bdf.MAT1)

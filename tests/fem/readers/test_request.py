@@ -21,16 +21,6 @@ def asked(monkeypatch) -> list[tuple]:
     return found
 
 
-@pytest.mark.parametrize("hard", [resource.RLIM_INFINITY, 5000, 10**9])
-def test_memory_and_core_files_are_limited(asked, monkeypatch, hard):
-    monkeypatch.setattr(resource, "getrlimit", lambda what: (hard, hard))
-    Request("/a/b", "b", memory=10**6).limit_memory()
-    most = 5000 if hard == 5000 else 10**6
-    assert asked == [
-        ("limit", resource.RLIMIT_AS, (most, hard)), ("limit", resource.RLIMIT_CORE, (0, hard)),
-    ]  # fmt: skip
-
-
 def test_time_is_that_of_the_file_or_of_the_caller(asked):
     Request("/a/b", "b").allow(12.5)
     assert ("signal", signal.SIGPROF, signal.SIG_DFL) in asked

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 from antiosc.io import neutral, shapes
-from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
+from antiosc.io.mixed import GMSH_FACES
 from antiosc.io.node_table import NodeTable
-from antiosc_decks.abaqus.elements import element_type
-from antiosc_decks.abaqus.model import NAMED
+from antiosc_decks.abaqus.mesh import element_type
 from antiosc_decks.abaqus.ties import SOLID_FACES
 
-#: by their dimension
-SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]
 BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 POINTS = {
     "triangle": BASE["triangle"],
@@ -52,29 +49,6 @@ def test_volumes_are_closed_by_their_faces(shape):
     assert len(shapes.rectangles(shape)) == sum(len(face) == 4 for face in faces)
 
 
-@pytest.mark.parametrize("shape", ["triangle", "quad"])
-def test_sheets_have_their_edges_in_order(shape):
-    n = len(POINTS[shape])
-    assert shapes.CORNERS[shape] == n
-    assert shapes.DIMENSION[shape] == 2
-    assert list(shapes.EDGES[shape]) == [(k, (k + 1) % n) for k in range(n)]
-    assert shapes.rectangles(shape) == ([(0, 1, 2, 3)] if n == 4 else [])
-
-
-def test_kinds_of_cells_have_the_nodes_of_their_order():
-    for kind in {**neutral.KINDS, **neutral.SERENDIPITY}.values():
-        simplex = kind.shape in SIMPLICES
-        d = SIMPLICES.index(kind.shape) if simplex else 2 + (kind.shape == "hexahedron")
-        assert kind.dim == d
-        assert kind.vertices == (d + 1 if simplex else 2**d)
-        whole = (d + 1) * (d + 2) // 2 if simplex else 3**d
-        inner = 1 if d == 2 else 7
-        expected = kind.vertices if kind.order == 1 else whole
-        if kind in neutral.SERENDIPITY.values():
-            expected = whole - inner
-        assert kind.nodes == expected
-
-
 @pytest.mark.parametrize("shape", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
 def test_facets_of_kinds(shape):
     x = np.array(POINTS[{"quadrilateral": "quad", "tetrahedron": "tetra"}.get(shape, shape)])
@@ -90,17 +64,6 @@ def test_facets_of_kinds(shape):
         assert np.linalg.matrix_rank(corners[1:] - corners[0]) == 2
     count = Counter(frozenset(e) for facet in facets for e in edges if set(e) <= set(facet))
     assert count == dict.fromkeys(map(frozenset, edges), 2)
-
-
-@pytest.mark.parametrize("axis", range(3))
-def test_supports_of_symmetry(axis):
-    """Symmetry fixes the motion across the plane and rotations along it, antisymmetry the rest."""
-    others = {0, 1, 2} - {axis}
-    symmetric = {axis, *(3 + k for k in others)}
-    assert set(NAMED[f"{'XYZ'[axis]}SYMM"]) == symmetric
-    assert set(NAMED[f"{'XYZ'[axis]}ASYMM"]) == set(range(6)) - symmetric
-    assert set(NAMED["PINNED"]) == {0, 1, 2}
-    assert set(NAMED["ENCASTRE"]) == set(range(6))
 
 
 def test_inner_nodes_of_the_hexahedron_of_27():
@@ -129,11 +92,6 @@ def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
     assert sorted(map(sorted, faces)) == sorted(map(sorted, own))
     around = {frozenset(face): rings(face) for face in own}
     assert all(rings(face) == around[frozenset(face)] for face in faces)
-
-
-@pytest.mark.parametrize(("shape", "edges"), GMSH_EDGES.items())
-def test_edges_of_gmsh_are_those_of_the_cell(shape, edges):
-    assert Counter(map(frozenset, edges)) == Counter(map(frozenset, shapes.EDGES[shape]))
 
 
 def test_middles_that_are_placed_lie_there_among_their_nodes():

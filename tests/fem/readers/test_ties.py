@@ -38,8 +38,6 @@ def row_of(terms, count: int) -> np.ndarray:
     return row
 
 
-# --- Ties -----------------------------------------------------------------------------------------
-
 #: Places of the nodes of a face in its own coordinates.
 TRIANGLE = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
 SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0.0)])
@@ -116,16 +114,9 @@ def test_nodes_within_reach_of_a_face_are_tied(tmp_path, option, reach):
     """By default 0.05 of the mean edge of the master, as Abaqus has it."""
     tied, told, lines = tie_at(tmp_path, [0.99 * reach, 1.01 * reach, -0.99 * reach], option)
     assert tied == [0, 2]
-    assert told == [
-        f"line {lines + 3} of a.inp: 1 of 3 slave nodes of *TIE lie further than {reach} from the "
-        "master surface and are not tied (POSITION TOLERANCE=)."
-    ]
-    with pytest.raises(MeshError) as caught:
+    assert told[0].startswith(f"line {lines + 3} of a.inp: 1 of 3 slave nodes")
+    with refused(lines + 2, "nothing", MeshError):
         tie_at(tmp_path, [1.01 * reach, 2.0], option)
-    assert str(caught.value) == (
-        f"line {lines + 2} of a.inp: *TIE joins nothing: no node of the slave surface lies within "
-        f"{reach} of the master surface (POSITION TOLERANCE=)."
-    )
 
 
 @pytest.mark.parametrize(
@@ -160,8 +151,6 @@ def test_the_nearest_of_many_faces_is_taken(tmp_path):
         right |= {count + 1 + k: -0.375, count + 2 + k: -0.125}
         assert found == pytest.approx(right)
 
-
-# --- Surfaces -------------------------------------------------------------------------------------
 
 #: Nodes of the sides S1, S2, … of elements, by Abaqus' manual.
 SIDES = {
@@ -209,8 +198,6 @@ def test_surfaces_of_several_kinds_and_of_nodes(tmp_path):
     assert (found["A"].nodes + 1).tolist() == [1, 2, 3, 4, 5, 7, 8, 11, 12]
     assert (found["B"].nodes + 1).tolist() == [2, 3]
 
-
-# --- Couplings ------------------------------------------------------------------------------------
 
 ANY = np.round(RNG.normal(size=(6, 3)), 3)
 SET = "*NSET,NSET=N\n1,2,3\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*SURFACE,NAME=L,TYPE=NODE\nN,\n6,\n"
@@ -265,16 +252,11 @@ PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
 WRONG = {
     "*EQUATION\n0\n": (1, "terms"),
     "*EQUATION\n2\n1,1,1.\n": (2, "ends"),
-    "*EQUATION\n2\n": (1, "ends"),
     "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "X"),
     f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (6, "equation"),
     "*EQUATION\n2\n1,1,1.,2,7,1.\n": (2, "got"),
-    "*EQUATION\n2\n1,0,1.,2,1,1.\n": (2, "got"),
     "*EQUATION\n2\n1,1,0.,2,1,1.\n": (2, "coefficient"),
-    "*EQUATION\n2\n1,1,1.,2,1,x\n": (2, "number"),
     "*MPC\nPLANE,1,2,3\n": (1, "PLANE"),
-    "*MPC\nSTRAIGHT,1,2\n": (1, "STRAIGHT"),
-    "*MPC\nMEANROT,1,2\n": (1, "MEANROT"),
     "*MPC\nTIE,1,2,3\n": (1, "TIE"),
     "*MPC\nBEAM,1,2\n": (1, "BEAM"),
     "*MPC\nUSER,1,2\n": (1, "USER"),

@@ -14,7 +14,7 @@ pytest.importorskip("gmsh")
 import gmsh
 
 import antiosc as ao
-from antiosc.io import geo_script, server
+from antiosc.io import geo_script, isolation
 from mesh_files import refusal
 from paths import MESHES
 
@@ -57,7 +57,7 @@ def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "gmsh.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", ["", *sys.path])
-    server._end()  # the next one has to import gmsh
+    isolation._end()  # the next one has to import gmsh
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
     assert not (tmp_path / "mark").exists()
 

@@ -32,10 +32,10 @@ from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
+from antiosc.io.meshing import SizeField
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.io.request import GRADING as USUAL, Refinement
-from antiosc.io.size_field import SizeField
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000

@@ -11,6 +11,7 @@ half of SLEPc's time to the same residual, but a whole map with 20 modes is 1.14
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -78,11 +79,16 @@ class ModeSolver:
         self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
-    def lowest(self, count: int, reach: float = 0.0) -> Modes:
-        """At least the `count` lowest modes and all up to `reach` rad/s, or all there are."""
+    def lowest(self, count: int, reach: float = 0.0, most: float = math.inf) -> Modes:
+        """At least the `count` lowest modes and all up to `reach` rad/s, or all there are.
+
+        The search up to `reach` ends at about `most` modes.
+        """
         found = self._at_least(count)
         while not found.complete and found.omega.max(initial=0.0) < reach:
-            found = self._at_least(len(found.omega) + max(FEWEST_MORE, len(found.omega) // 2))
+            if len(found.omega) >= most:
+                break
+            found = self._at_least(int(min(_expected(found.omega, reach), most)))
         return found
 
     def _at_least(self, count: int) -> Modes:
@@ -165,6 +171,21 @@ class ModeSolver:
             / float(dot(structure.comm, x, multiply(structure.M, x)))
             + structure.shift
         )
+
+
+def _expected(omega: Array, reach: float) -> int:
+    """How many modes to seek, if as many as a power law of those known has up to `reach`.
+
+    Modes are dense as ω^-1/2 in beams, ω^0 in plates and ω² in solids; each round of a search
+    begins anew, and few of them are wanted.
+    """
+    known = len(omega)
+    more = max(FEWEST_MORE, known // 2)
+    if known < FEWEST_MORE or not omega[known // 2 - 1] > 0:
+        return known + more
+    octaves = np.log2(omega[-1] / omega[known // 2 - 1])
+    power = np.clip(1 / max(octaves, 1 / 3), 0.5, 3.0)
+    return known + int(np.clip(known * ((reach / omega[-1]) ** power - 1), more, 4 * known))
 
 
 def _dense_modes(

@@ -12,8 +12,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.io.matrices.entries import Labels
-from antiosc.io.matrices.source import Source
+from antiosc.io.matrices.formats import Labels, Source
 
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30
@@ -195,8 +194,7 @@ def _table(source: Source) -> tuple[str, Array]:
             continue  # a comment, or the heading of the table
         lines.append(_numbered(source, k + 1, text.split()))
         numbers.append(k + 1)
-    if not lines:
-        raise source.error(1, "the map has no row of numbers.")
+    source.needs(lines, 1, "the map has no row of numbers.")
     table = source.table(lines, numbers, len(lines[0].split()))
     if not np.isfinite(table).all():
         raise InputError(f"{source.name} must hold finite numbers.")

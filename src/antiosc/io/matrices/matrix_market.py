@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array
-from antiosc.io.matrices.entries import Entries
-from antiosc.io.matrices.source import Source
+from antiosc.io.matrices.formats import Entries, Source
 
 #: First word of the file.
 BANNER = b"%%MatrixMarket"
@@ -30,8 +29,7 @@ def read(source: Source) -> Entries:
     if form not in ("coordinate", "array"):
         raise source.error(1, f"the format must be coordinate or array; got {form!r}.")
     used = [k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"%")]
-    if not used:
-        raise source.error(len(lines), "the file ends before the size of the matrix.")
+    source.needs(used, len(lines), "the file ends before the size of the matrix.")
     shape = _shape(source, lines[used[0]], used[0] + 1, 3 if form == "coordinate" else 2)
     if shape[0] != shape[1]:
         raise source.error(
