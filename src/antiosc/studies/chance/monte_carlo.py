@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
@@ -17,7 +18,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.files import check_readable, complete
-from antiosc.base.progress import counting, world_rank
+from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.executors import as_they_come, check_executor
 from antiosc.studies.chance.inputs import checked, draws, value
@@ -71,9 +72,9 @@ def monte_carlo(
         What makes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
         `Client.get_executor()`. What it loses is recorded as failed.
     store : path, optional
-        A CSV file of the finished runs, written as they come, on MPI ranks by the first. If it
-        exists, its runs are taken and only the others are made, those that failed included: a
-        broken campaign goes on.
+        A CSV file of the finished runs, written as they come. If it exists, its runs are taken
+        and only the others are made, those that failed included: a broken campaign goes on. Not on
+        several MPI ranks that all make the same calls: give an executor on one of them.
 
     Returns
     -------
@@ -91,6 +92,12 @@ def monte_carlo(
     given, size = checked(inputs), checks.whole("n", n, most=MOST)
     check_executor(executor)
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
+    mpi = sys.modules.get("mpi4py.MPI")
+    if store is not None and executor is None and mpi is not None and mpi.COMM_WORLD.size > 1:
+        raise InputError(
+            f"store is one file, and {mpi.COMM_WORLD.size} MPI ranks would all write it: run the"
+            " campaign on one, with executor=mpi4py.futures.MPIPoolExecutor()."
+        )
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, drawn)
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
@@ -223,12 +230,8 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
 def _storing(
     path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> Iterator[Callable[[], None]]:
-    """What stores the rows so far, where it takes little of the time; at the end all, or so far.
-
-    Of MPI ranks the first writes. At the start it writes what all ranks read there, and more only
-    after they have begun: they agree on the runs that are to be made.
-    """
-    if path is None or world_rank():
+    """What stores the rows so far, where it takes little of the time; at the end all, or so far."""
+    if path is None:
         yield lambda: None
         return
     due, pending = 0.0, False
