@@ -33,7 +33,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances
 from antiosc.fem.linalg.petsc_algebra import csr, lower
-from antiosc.fem.linalg.solvers import Distributed
+from antiosc.fem.linalg.solver_choice import Distributed
 from antiosc.fem.linalg.substructures import Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
 

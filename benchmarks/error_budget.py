@@ -31,7 +31,7 @@ from random_parts import Case, drawn, geometry
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.fem.error import cell_sizes
+from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.errors.error_budget import amplitudes
@@ -211,8 +211,8 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     # also the first shape, whose stiffness is compared
     first = estimator(part).of_cells(model.shapes[:, :2])
     energies = energies / energies.sum() + first / first.sum()
-    ratio = cell_sizes.ratios(mesh.comm, energies, goal, order, mesh.tdim)
-    grown = cell_sizes.growth(mesh.comm, ratio, mesh.tdim)
+    ratio = bisection.ratios(mesh.comm, energies, goal, order, mesh.tdim)
+    grown = bisection.growth(mesh.comm, ratio, mesh.tdim)
     return ratio * max(1.0, grown / most) ** (1 / mesh.tdim)
 
 

@@ -79,16 +79,12 @@ from antiosc.fem.assembly.spiders import (
 from antiosc.fem.assembly.tie import (
     Tie as Tie,
 )
-from antiosc.fem.elements.anisotropic import (
-    AnisotropicSolid as AnisotropicSolid,
-)
 from antiosc.fem.elements.beam import (
     Beam as Beam,
+    Truss as Truss,
 )
-from antiosc.fem.elements.plate_section import (
+from antiosc.fem.elements.sections import (
     Layer as Layer,
-)
-from antiosc.fem.elements.section import (
     Section as Section,
 )
 from antiosc.fem.elements.shell import (
@@ -96,10 +92,8 @@ from antiosc.fem.elements.shell import (
     Shell as Shell,
 )
 from antiosc.fem.elements.solid import (
+    AnisotropicSolid as AnisotropicSolid,
     Solid as Solid,
-)
-from antiosc.fem.elements.truss import (
-    Truss as Truss,
 )
 from antiosc.fem.extraction.extract import (
     extract as extract,

@@ -39,18 +39,6 @@ def test_slender_beams_have_the_textbook_frequencies(ends, equation):
     np.testing.assert_allclose(found, betas, rtol=1e-10)
 
 
-def test_tabulated_roots():
-    """R. D. Blevins, Formulas for Natural Frequency and Mode Shape (1979), table 8-1."""
-    table = {
-        ("clamped", "free"): [1.87510407, 4.69409113, 7.85475744],
-        ("free", "free"): [4.73004074, 7.85320462, 10.9956078],
-        ("pinned", "free"): [3.92660231, 7.06858275, 10.21017612],
-    }
-    for ends, betas in table.items():
-        found = np.sqrt(struck(UNIT, (*ends, 1.0)).natural_frequencies(3))
-        np.testing.assert_allclose(found, betas, rtol=1e-8)
-
-
 @pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
 def test_hinged_beam_fulfils_the_articles_equation_in_both_spectra(beam):
     """None of 200 is missed, above the cut-off either (where the pure shear mode joins)."""
@@ -113,52 +101,3 @@ def test_frequencies_against_the_spectral_beam(supports):
         spectral.natural_frequencies()[rigid : rigid + 25],
         rtol=1e-8,
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("supports", "corrected"),
-    [(("clamped", "free", 0.6), True), (("free", "free", 0.3), False)],
-)
-def test_beams_in_other_units_have_the_same_numbers(supports, corrected):
-    """In units of 3 kg, 0.4 m and 0.07 s: every result by its dimension."""
-    kg, m, s = 1 / 3, 1 / 0.4, 1 / 0.07
-    other = UniformBeam(
-        EI=THICK.EI * kg * m**3 / s**2, rhoA=THICK.rhoA * kg / m, length=THICK.length * m,
-        kGA=THICK.kGA * kg * m / s**2, rhoI=THICK.rhoI * kg * m,
-    )  # fmt: skip
-    one, two = struck(THICK, supports), struck(other, supports)
-    x = np.array([0.0, 0.13, 0.3])
-    models = one.anti_oscillators(2, x), two.anti_oscillators(2, m * x)
-    modes = [b.modes(2, at, static_correction=corrected) for b, at in ((one, x), (two, m * x))]
-    units = {
-        "m0": kg, "k0": kg / s**2, "m": kg, "omega": 1 / s, "participation": kg, "shapes": 1.0,
-        "b": kg**-0.5, "weight": kg**0.5, "r": s**2 / kg, "x": m, "residual": s**2 / kg,
-    }  # fmt: skip
-    rooted = {"shapes": kg**-0.5}
-    for pair, own in ((models, units), (modes, units | rooted)):
-        for name, unit in own.items():
-            if not hasattr(pair[0], name):
-                continue
-            first, second = (np.asarray(getattr(each, name), dtype=float) for each in pair)
-            atol = 1e-7 * np.abs(second).max(initial=1e-300)
-            np.testing.assert_allclose(first * unit, second, rtol=0, atol=atol, err_msg=name)
-        first, second = (each.hidden for each in pair)
-        if first is not None and first.size:
-            np.testing.assert_allclose(first * kg**-0.5, second, rtol=1e-7, atol=1e-12)
-        first, second = (each.inertia for each in pair)
-        assert (first is None) == (second is None)
-        if first is None:
-            continue
-        lengths = np.repeat([1.0, m], 3)
-        mass = kg if pair is models else kg**0.5
-        scale = np.full(len(first.momentum), mass)
-        scale[3:] = kg**0.5  # hidden motions of unit mass
-        atol = 1e-7 * np.abs(second.momentum).max()
-        np.testing.assert_allclose(
-            first.momentum * scale[:, None] * lengths, second.momentum, rtol=0, atol=atol
-        )
-        np.testing.assert_allclose(first.point * m, second.point, rtol=1e-12)
-        np.testing.assert_allclose(
-            first.matrix * kg * lengths * lengths[:, None], second.matrix, rtol=1e-12
-        )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError
-from antiosc.closed_form.laminates import SupportedLaminate
+from antiosc.closed_form.plates import SupportedLaminate
 
 A, D, S = np.diag([9e7, 4e7, 2e7]), np.diag([80.0, 30.0, 15.0]), np.diag([6e6, 5e6])
 

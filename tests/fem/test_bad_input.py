@@ -145,19 +145,6 @@ def test_a_function_that_fails_says_its_own_error():
 # --- No file stays behind -------------------------------------------------------------------------
 
 
-def test_a_model_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
-    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0], omega=[1e3])
-
-    def interrupted(*arguments, **options):
-        arguments[0].write(b"half of it")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(np, "savez", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        model.save(tmp_path / "model.npz")
-    assert list(tmp_path.iterdir()) == []
-
-
 # --- On two ranks ---------------------------------------------------------------------------------
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
 from mesh_files import one_sentence, refused, write
 
 pytestmark = pytest.mark.fem
@@ -67,33 +65,6 @@ def test_sites(clamped, arguments, text):
     with refused(text) as caught:
         ao.extract(clamped, ao.Site(**arguments))
     assert one_sentence(str(caught.value))
-
-
-def test_a_site_outside_or_held(clamped):
-    with refused(
-        r"is 0.05 m off the structure; its nearest point is \(0.2, 0.02, 0.04\) m.*snap=True"
-    ):
-        ao.extract(clamped, ao.Site((0.2, 0.02, 0.09), (0, 0, -1)))
-    with refused(r"0.06 m off the structure.*farther than 0.0594 m, 2 %"):  # no snap reaches it
-        ao.extract(clamped, ao.Site((0.2, 0.02, 0.1), (0, 0, -1)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AntioscWarning)
-        with refused(r"\(0, 0.02, 0.01\) m is fixed by supports .*it cannot move"):
-            ao.extract(clamped, ao.Site((0, 0.02, 0.01), (1, 0, 0)))
-
-
-def test_numbers_of_anti_oscillators(clamped):
-    site = ao.Site((0.2, 0.02, 0.04), (0, 0, -1))
-    with refused(rf"n must be below the structure's {clamped.dofs} dofs; got {clamped.dofs}"):
-        ao.extract(clamped, site, n=clamped.dofs)
-    with refused(r"n must be a whole number >= 0; got 2.5"):
-        ao.extract(clamped, site, n=2.5)
-    with refused(r"n must be a whole number >= 0; got -1"):
-        ao.extract(clamped, site, n=-1)
-    with refused("method"):
-        ao.extract(clamped, site, n=3, method="magic")
-    with refused(r"tol must be > 0"):
-        ao.extract(clamped, site, n=3, tol=0)
 
 
 @pytest.mark.parametrize(

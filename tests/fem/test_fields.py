@@ -125,22 +125,6 @@ def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     np.testing.assert_allclose(at_rest, still, atol=1e-8 * np.abs(still).max())
 
 
-def test_a_superposition_converges_to_the_full_field():
-    """The same force on both: modes left out are quasi-static, so the corrected field is near."""
-    structure = sheet()
-    history = ao.simulate(ao.full(structure, SITE), ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), DURATION)
-    times = np.linspace(0.1, 1, 7) * DURATION
-    whole = history.field(times)
-    errors = []
-    for n in (2, 4, 8):
-        model = ao.superposition(structure, SITE, n, static_correction=True)
-        near = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), DURATION)
-        errors.append(np.abs(near.field(times) - whole).max() / np.abs(whole).max())
-    assert errors[0] < 0.2
-    assert errors[2] < errors[1] < errors[0]
-    assert errors[2] < 0.01
-
-
 def test_bodies_without_shapes_say_so(tmp_path, hit):
     structure, history = hit
     history.model.save(tmp_path / "model.npz")
@@ -157,6 +141,12 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
     assert not (tmp_path / "none.pvd").exists()
     with pytest.raises(ao.InputError, match="floor"):
         history.field(1e-4, "floor")
+    other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    with pytest.raises(ao.InputError, match="extracted"):
+        ao.write_series(other, history, tmp_path / "series.pvd")
+    with pytest.raises(ao.InputError, match="within"):
+        ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
+    assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]
 
 
 @pytest.mark.filterwarnings("ignore:the compliance under a point load")
@@ -294,21 +284,3 @@ def test_names_that_make_no_series(tmp_path, hit):
         with pytest.raises(ao.InputError, match=says):
             ao.write_series(structure, history, tmp_path / name, [0.0])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
-
-
-def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
-    structure, history = hit
-    history.model.save(tmp_path / "model.npz")
-    loaded = ao.AntiOscillators.load(tmp_path / "model.npz")
-    striker = ao.RigidMass(0.1, 1.0)
-    bare = ao.simulate(loaded, striker, ao.Hertz(1e9), duration=DURATION, step=1e-5)
-    with pytest.raises(ao.InputError, match="has no shapes"):
-        ao.probe(structure, bare, (0.1, 0.03))
-    with pytest.raises(ao.InputError, match="has no shapes"):
-        bare.field(0.0)
-    other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
-    with pytest.raises(ao.InputError, match="extracted"):
-        ao.write_series(other, history, tmp_path / "series.pvd")
-    with pytest.raises(ao.InputError, match="within"):
-        ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
-    assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]

@@ -186,7 +186,7 @@ def test_what_all_ranks_made_has_one_number(guarded):
 
 def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
     """Also where one part has several names; superelements are whole on every rank already."""
-    from antiosc.fem.assembly import share
+    from antiosc.fem.assembly import parts as share
 
     monkeypatch.setattr(share, "whole", lambda mesh: f"{mesh}, whole")
 

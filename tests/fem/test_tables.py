@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 from antiosc.fem.fields.series import TYPES
 from antiosc.fem.mesh import conformity
-from antiosc.fem.site import patches
+from antiosc.fem.site import sites
 
 pytestmark = pytest.mark.fem
 
@@ -46,13 +46,13 @@ def test_kinds_of_cells_have_their_numbers_in_vtk():
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_rules_of_patches_are_exact(count):
     """Moments of Hertz's pressure on a disc, and on a segment (Catalan numbers)."""
-    x, w = patches.segment(count)
+    x, w = sites.segment(count)
     assert (x.shape, w.sum()) == ((count, 1), pytest.approx(1))
     for k in range(count):
         exact = factorial(2 * k) / factorial(k) / factorial(k + 1) / 4**k
         assert w @ x[:, 0] ** (2 * k) == pytest.approx(exact)
         assert w @ x[:, 0] ** (2 * k + 1) == pytest.approx(0, abs=1e-14)
-    x, w = patches.disc(count)
+    x, w = sites.disc(count)
     assert (x.shape, w.sum()) == ((2 * count**2, 2), pytest.approx(1))
     radial = 1.0  # 3 ∫ (1 - s²)^k s² ds
     for k in range(max(1, count - 1)):

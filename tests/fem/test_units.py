@@ -53,11 +53,6 @@ def test_only_materials_that_readers_make_massless_have_such_fast_waves():
     assert "1.64e+08" in plausible.of_material(ao.Solid(modulus, 0.3, rho=7.85e-6))  # kg/mm³
 
 
-def test_a_mass_with_the_radius_of_its_tip_is_no_foam():
-    ao.Sphere(0.2, 210e9, 0.3, mass=0.05)  # a warning is an error here
-    ao.Sphere(8.0, 210e9, 0.3, mass=2.0)
-
-
 def test_materials_in_si_units_are_told_nothing_of():
     steel = ao.Solid(**parts.STEEL)
     rubber, diamond = ao.Solid(5e6, 0.49, 1100.0), ao.Solid(1.05e12, 0.1, 3510.0)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.body import Body, checked_body
+from antiosc.models.body import checked_body
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3], local_compliance=2e-8, radius=3e-3)
 
@@ -32,17 +31,6 @@ def test_a_bare_body_has_the_defaults():
     assert bare.modal().omega.tolist() == [0.0]
 
 
-BALL = ao.Sphere(0.01, 210e9, 0.3, 7850.0)
-
-
-@pytest.mark.parametrize(
-    "body", [ao.RigidMass(1.0), BALL, ao.Obstacle(), ao.Impactor(MODEL), MODEL]
-)
-def test_own_bodies_answer_by_themselves(body):
-    assert isinstance(body, Body)
-    assert checked_body("body", body) is body
-
-
 def test_a_foreign_striker_hits_as_a_rigid_mass_does():
     foreign = with_more(velocity=1.5, gap=1e-4)
     hits = [
@@ -65,22 +53,3 @@ def test_the_patch_of_a_foreign_body_counts_like_a_model_s():
     assert checked_body("body", foreign).patch_radius == 3e-3
     assert ao.Impactor(foreign).local_compliance == ao.Impactor(MODEL).local_compliance == 2e-8
     assert ao.Impactor(MODEL).patch_radius == 3e-3
-
-
-def test_the_radius_of_a_ball_is_not_that_of_a_patch():
-    assert BALL.patch_radius is None
-
-
-@pytest.mark.parametrize(
-    ("said", "match"),
-    [
-        ({"velocity": "fast"}, "velocity of impactor"),
-        ({"gap": -1e-3}, "gap of impactor must be >= 0"),
-        ({"gap": np.nan}, "gap of impactor"),
-        ({"local_compliance": -1e-9}, "local_compliance of impactor must be >= 0"),
-        ({"radius": 0.0}, "radius of impactor must be > 0"),
-    ],
-)
-def test_what_a_foreign_body_says_is_checked(said, match):
-    with pytest.raises(ao.InputError, match=match):
-        ao.simulate(MODEL, with_more(**said), ao.Hertz(1e9), 1e-3)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.models.first_order import first_order
 
 OMEGA = np.geomspace(0.05, 60.0, 40)
@@ -123,18 +120,6 @@ def test_several_sites_and_files(tmp_path):
     model.save(tmp_path / "model.npz")
     for one in (model, ao.AntiOscillators.load(tmp_path / "model.npz")):
         np.testing.assert_allclose(one.site_modes().receptance(OMEGA), exact, rtol=1e-7)
-
-
-def test_what_adds_energy_or_does_not_fit_is_refused():
-    with pytest.raises(InputError, match="semidefinite"):
-        ao.DampingMatrix([[1.0, 2.0], [2.0, 1.0]])
-    with pytest.raises(InputError, match="semidefinite"):
-        ao.DampingMatrix(np.eye(2), [(np.array([[0.0, 1.0], [1.0, 1.0]]), 1.0)])
-    with pytest.raises(InputError, match="tau"):
-        ao.DampingMatrix(np.eye(1), [(np.eye(1), 0.0)])
-    model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[1.0], omega=[2.0])
-    with pytest.raises(InputError, match="2 coordinates"):
-        replace(model, damping=ao.DampingMatrix(np.eye(3)))
 
 
 def test_the_soil_cone_is_static_as_the_half_space_and_radiates():

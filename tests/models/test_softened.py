@@ -62,13 +62,6 @@ def test_a_free_body_keeps_its_rigid_motion():
     np.testing.assert_allclose(new.dynamic_stiffness(omega), direct, rtol=1e-7)
 
 
-def test_a_model_without_errors_is_its_own_correction():
-    given = model(share=0.0)
-    new = given.corrected()
-    np.testing.assert_allclose(new.omega, given.omega, rtol=1e-12)
-    np.testing.assert_allclose(new.m, given.m, rtol=1e-9)
-
-
 def test_shapes_momentum_and_participation_follow():
     rng = np.random.default_rng(2)
     n, dofs = 6, 9
@@ -97,29 +90,6 @@ def test_truncation_and_files_keep_the_errors(tmp_path):
     read = ao.AntiOscillators.load(tmp_path / "model.npz")
     np.testing.assert_array_equal(read.strain_error, given.strain_error)
     np.testing.assert_array_equal(read.corrected().omega, given.corrected().omega)
-
-
-def test_sorting_by_frequency_turns_the_errors_too():
-    given = model()
-    back = np.arange(given.n)[::-1]
-    rows = np.append(0, 1 + back)
-    turned = ao.AntiOscillators(
-        m0=given.m0, k0=given.k0, m=given.m[back], omega=given.omega[back],
-        strain_error=given.strain_error[np.ix_(rows, rows)],
-    )  # fmt: skip
-    np.testing.assert_allclose(turned.strain_error, given.strain_error)
-
-
-@pytest.mark.parametrize("wrong", [-np.eye(7), np.eye(3), np.triu(np.ones((7, 7)))])
-def test_errors_that_are_no_energies_are_refused(wrong):
-    given = model()
-    with pytest.raises(ao.InputError, match="strain_error"):
-        ao.AntiOscillators(m0=0.2, k0=1e5, m=given.m, omega=given.omega, strain_error=wrong)
-
-
-def test_no_correction_without_an_estimate():
-    with pytest.raises(ao.InputError, match="error='estimate'"):
-        ao.AntiOscillators(m0=1.0, k0=1e5, m=[1.0], omega=[10.0]).corrected()
 
 
 def test_a_misfit_counts_beside_the_error():

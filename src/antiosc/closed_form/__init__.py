@@ -11,9 +11,8 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 
 from antiosc.base import checks
 from antiosc.closed_form import zener
-from antiosc.closed_form.laminates import SupportedLaminate
 from antiosc.closed_form.plate_patch import plate_patch
-from antiosc.closed_form.plates import SupportedPlate
+from antiosc.closed_form.plates import SupportedLaminate, SupportedPlate
 from antiosc.closed_form.struck import BeamModes, StruckBeam
 from antiosc.closed_form.uniform import UniformBeam
 

@@ -28,13 +28,18 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.brief import Brief
 from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
-from antiosc.models import one_site, saved_models, several_sites, softened
+from antiosc.models import reduced_modes, saved_models, softened
 from antiosc.models.body import several_contact_points
-from antiosc.models.coupled_modes import checked_size
 from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.models.driving_point import with_slide
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.model_info import ModelInfo
-from antiosc.models.parameters import Parameters
+from antiosc.models.parameters import (
+    Parameters,
+    checked_at_one_site,
+    checked_at_sites,
+    checked_size,
+)
 from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
 from antiosc.models.site_modes import SiteModes
 
@@ -126,9 +131,9 @@ class AntiOscillators(Brief, Parameters):
             for name in ("strain_error", "strain_misfit"):
                 if getattr(self, name) is not None:
                     raise InputError(f"{name} belongs to a model of one site.")
-            checks.store(self, **several_sites.checked(self))
+            checks.store(self, **checked_at_sites(self))
         else:
-            checks.store(self, **one_site.checked(self))
+            checks.store(self, **checked_at_one_site(self))
         if isinstance(self.damping, DampingMatrix):
             checks.store(self, damping=checked_size(self, self.damping, given))
 
@@ -152,21 +157,6 @@ class AntiOscillators(Brief, Parameters):
             *([("from", self.info.structure)] if self.info.structure else []),
         ]
 
-    @property
-    def mass_shares(self) -> Array:
-        """Shares (N,) of the anti-oscillators in the static mass, m_i/m_st.
-
-        Several sites: tr(m_st^-1 m_i)/p, whatever combinations of the sites are taken.
-        """
-        if self.sites:
-            return several_sites.mass_shares(self)
-        return np.asarray(self.m / self.m_st)
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the displacements u of several sites, (p,); () for one."""
-        return several_sites.labels(self) if self.sites else ()
-
     def dynamic_stiffness(self, omega: ArrayLike) -> Numbers:
         """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
 
@@ -181,7 +171,7 @@ class AntiOscillators(Brief, Parameters):
             hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
         if self.slide is not None:
             x = x[..., np.newaxis, np.newaxis]
-            return several_sites.with_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
+            return with_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
         return np.asarray(self.k0 - x * (self.m0 + hung))
 
     def truncated(self, n: int) -> AntiOscillators:
@@ -282,11 +272,11 @@ class AntiOscillators(Brief, Parameters):
 
     @cached_property
     def _site_modes(self) -> SiteModes:
-        return several_sites.site_modes(self)
+        return reduced_modes.site_modes(self)
 
     @cached_property
     def _modal(self) -> ModalBody:
-        return one_site.modal(self)
+        return reduced_modes.modal(self)
 
     def to_matrices(
         self,

@@ -71,8 +71,8 @@ class InModes(Body):
 class _Foreign(Body):
     """A foreign body: what it says of itself, checked, and the defaults for the rest."""
 
-    def __init__(self, name: str, body: Any) -> None:
-        self._body: LinearBody = body
+    def __init__(self, name: str, body: LinearBody) -> None:
+        self._body = body
         self.velocity = getattr(body, "velocity", Body.velocity)
         if not isinstance(self.velocity, Motion):
             self.velocity = checks.number(f"the velocity of {name}", self.velocity, "m/s")
@@ -111,7 +111,7 @@ def checked_body(name: str, body: Any) -> Body:
     )
 
 
-def places_of(body: Any) -> dict[str, tuple[float, ...]]:
+def places_of(body: object) -> dict[str, tuple[float, ...]]:
     """Where the sites of an extracted body lie [m], by name; "" is the name of a single one."""
     info = info_of(body)
     named = {"": info.point} if info.points is None else info.points

@@ -123,7 +123,7 @@ def _keep(of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, floa
     )
 
 
-def _factor(name: str, matrix: Any, size: int | None) -> Array:
+def _factor(name: str, matrix: object, size: int | None) -> Array:
     """L (r, n) of matrix = L'L; InputError for what is not symmetric and semidefinite."""
     found = checks.array(name, matrix, (size, size))
     if found.shape[0] != found.shape[1]:

@@ -92,6 +92,19 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
     return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
+def with_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
+    """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
+
+    That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
+    """
+    if not slide.any():
+        return Z
+    own = slide[:, slide.any(axis=0)]
+    pushed = Z @ own
+    small = x * np.eye(own.shape[1]) - own.T @ pushed
+    return np.asarray(Z + pushed @ np.linalg.solve(small, np.swapaxes(pushed, -1, -2)))
+
+
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     """Spectral radius of Z^-1 (change of Z) (N,) at each damped pole if its mass is added to m0.
 

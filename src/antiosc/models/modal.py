@@ -95,7 +95,7 @@ class Damping(Given):
         }
 
 
-def as_damping(value: Any) -> Damping | None:
+def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
     """A Damping of itself, of one ratio or of the ratios of the modes; None for None."""
     if value is None or isinstance(value, Damping):
         return value
@@ -345,7 +345,7 @@ def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:
     return total
 
 
-def checked_basis(basis: Any) -> tuple[Array, ...]:
+def checked_basis(basis: object) -> tuple[Array, ...]:
     """Blocks of columns with equal numbers of rows; not copied, since they may be large."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
     if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):

@@ -134,7 +134,7 @@ class ModelInfo(Brief):
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, given: Any) -> ModelInfo:
+    def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
         """A record of itself or of a mapping, whose unknown names are `notes`; else InputError."""
         if isinstance(given, ModelInfo):
             return given
@@ -195,7 +195,7 @@ _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name 
 UNKNOWN = ModelInfo()
 
 
-def info_of(body: Any) -> ModelInfo:
+def info_of(body: object) -> ModelInfo:
     """The record of a body; an empty one of a body without."""
     info = getattr(body, "info", None)
     return info if isinstance(info, ModelInfo) else UNKNOWN

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -164,7 +163,7 @@ class ModalState(Given):
             checks.store(self, first_order=checks.array("first_order", self.first_order, (2, None)))
 
 
-def unit_vector(name: str, value: Any) -> Array:
+def unit_vector(name: str, value: object) -> Array:
     """`value` (3,) scaled to length 1, or InputError."""
     vector = checks.array(name, value, (3,))
     length = float(np.linalg.norm(vector))

@@ -1,4 +1,4 @@
-"""The parameters of an anti-oscillator model, which all that is computed from them reads."""
+"""The parameters of an anti-oscillator model of one site or several: checks, and what follows."""
 
 from __future__ import annotations
 
@@ -12,10 +12,22 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.models.body import Body
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo
-from antiosc.models.motion import Inertia
+from antiosc.models.motion import Inertia, unit_vector
+from antiosc.models.site_modes import columns_of_sites, unit_vectors
+
+#: m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
+MASS_ROUNDING = 1e-12
+#: Parameters that only a model of several sites has.
+OF_SEVERAL = ("columns", "dependence", "rigid", "slide")
+#: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
+ASYMMETRY = 1e-9
+#: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
+ENERGY_ROUNDING = 1e-8
+#: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
+UNRESISTED = 1e-11
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,6 +83,226 @@ class Parameters(Body):
         """Static mass m0 + sum(m_i) [kg], also of free bodies. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
 
+    @property
+    def mass_shares(self) -> Array:
+        """Shares (N,) of the anti-oscillators in the static mass, m_i/m_st.
+
+        Several sites: tr(m_st^-1 m_i)/p, whatever combinations of the sites are taken.
+        """
+        if not self.sites:
+            return np.asarray(self.m / self.m_st)
+        scale = 1 / np.sqrt(np.maximum(self.m_st.diagonal(), np.finfo(float).tiny))
+        unit = self.m_st * scale[:, None] * scale
+        P = scale[:, None] * self.P
+        return np.asarray(np.sum(P * (np.linalg.pinv(unit, hermitian=True) @ P), axis=0) / len(P))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the displacements u of several sites, (p,); () for one."""
+        if self.dependence is None:
+            return ()
+        found = [""] * self.dependence.shape[1]
+        for name, columns in self.columns.items():
+            for which, column in enumerate(columns):
+                own = np.flatnonzero(self.dependence[column])
+                if own.size == 1 and self.dependence[column, own[0]] == 1 and not found[own[0]]:
+                    found[own[0]] = name if which == 0 else f"{name} across {which}"
+        return tuple(found)
+
+
+def checked_at_one_site(model: Parameters) -> dict[str, Any]:
+    """The parameters of one site as they are stored; InputError for those outside their range.
+
+    They are sorted by frequency.
+    """
+    for name in OF_SEVERAL:
+        given = getattr(model, name)
+        empty = name == "columns" and isinstance(given, dict) and not given
+        if not (given is None or empty):
+            raise InputError(
+                f"{name} belongs to a model of several sites: give its P and the names of its "
+                "sites too."
+            )
+    m, omega = checks.positives("m", model.m, "kg"), checks.positives("omega", model.omega, "rad/s")
+    if m.shape != omega.shape:
+        raise InputError(
+            f"m and omega must have one entry per anti-oscillator;"
+            f" got {m.size} masses and {omega.size} frequencies."
+        )
+    order = np.argsort(omega, kind="stable")
+    m0 = checks.number("m0", model.m0, "kg")
+    total = float(m.sum()) + max(m0, 0.0)
+    if m0 < 0 and -m0 <= MASS_ROUNDING * total:
+        m0 = 0.0
+    k0 = checks.nonnegative("k0", model.k0, "N/m")
+    checks.nonnegative("m0", m0, "kg")
+    if total == 0 and k0 == 0:
+        raise InputError(
+            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
+            "stiffness; give it one."
+        )
+    columns = np.concatenate(([0], 1 + order))
+    found: dict[str, Any] = {
+        "m0": m0,
+        "k0": k0,
+        "m": checks.kept(m[order]),
+        "omega": checks.kept(omega[order]),
+        "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
+    }
+    if model.radius is not None:
+        found["radius"] = checks.positive("radius", model.radius, "m")
+    if model.participation is not None:
+        p = checks.array("participation", model.participation, columns.shape)
+        found["participation"] = checks.kept(p[columns])
+    if model.direction is not None:
+        found["direction"] = unit_vector("direction", model.direction)
+    if model.strain_error is not None:
+        own = checked_error("strain_error", model.strain_error, columns.size)
+        found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
+    if model.strain_misfit is not None:
+        if model.strain_error is None:
+            raise InputError("strain_misfit belongs to a strain_error, which is missing.")
+        work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
+        found["strain_misfit"] = checks.kept(work[np.ix_(columns, columns)])
+    return found | in_space(model, columns)
+
+
+def checked_error(name: str, given: Array, size: int) -> Array:
+    """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
+    E = checks.array(name, given, (size, size))
+    scale = np.sqrt(np.maximum(np.diag(E), 0.0))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = E / scale[:, None] / scale
+    if np.abs(unit - unit.T).max(initial=0.0) > ENERGY_ROUNDING or (
+        np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0) < -ENERGY_ROUNDING * size
+    ):
+        raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
+    return checks.kept((E + E.T) / 2)
+
+
+def checked_symmetric(name: str, given: Array, size: int) -> Array:
+    """`given` (size, size), symmetric; InputError otherwise."""
+    E = checks.array(name, given, (size, size))
+    if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
+        raise InputError(f"{name} must be symmetric.")
+    return checks.kept((E + E.T) / 2)
+
+
+def checked_at_sites(model: Parameters) -> dict[str, Any]:
+    """The parameters of several sites as they are stored; InputError for those outside their range.
+
+    They are sorted by frequency.
+    """
+    if model.m is not None and np.ndim(model.m) != 3:
+        raise InputError("with several sites the inertias are given as P, not as m.")
+    if model.P is None:
+        raise InputError("several sites need P (p, N), the inertias of the constraint modes.")
+    k0 = checks.array("k0", model.k0, (None, None))
+    p = len(k0)
+    if k0.shape != (p, p):
+        raise InputError(f"k0 must be square (p, p); got shape {k0.shape}.")
+    m0 = checks.array("m0", model.m0, (p, p))
+    omega = checks.positives("omega", model.omega, "rad/s")
+    P = checks.array("P", model.P, (p, omega.size))
+    order = np.argsort(omega, kind="stable")
+    omega, P = omega[order], P[:, order]
+    m0 = _semidefinite("m0", m0, np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1)))
+    k0 = _semidefinite("k0", k0, 1 / stiffness_scale(k0, m0 + P @ P.T, omega))
+    if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
+        raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
+    dependence = np.eye(p) if model.dependence is None else model.dependence
+    dependence = checks.array("dependence", dependence, (None, p))
+    if not model.columns and len(model.sites) != len(dependence):
+        raise InputError(
+            f"sites must name the {len(dependence)} columns, or columns say which site has which; "
+            f"got {checks.shown(model.sites)}."
+        )
+    columns = columns_of_sites(model.columns or list(model.sites), len(dependence))
+    if tuple(columns) != tuple(model.sites):
+        raise InputError(
+            f"sites and columns must name the same sites; got {checks.shown(model.sites)} and "
+            f"{checks.shown(list(columns))}."
+        )
+    rows = np.concatenate((np.arange(p), p + order))
+    rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
+    rigid = checks.array("rigid", rigid, (p, None))
+    hidden = 0 if model.inertia is None else max(0, len(model.inertia.momentum) - rows.size)
+    slide = np.zeros((p, hidden)) if model.slide is None else model.slide
+    slide = checks.array("slide", slide, (p, None if model.inertia is None else hidden))
+    return {
+        "k0": checks.kept(k0),
+        "m0": checks.kept(m0),
+        "m": checks.kept(P.T[:, :, None] * P.T[:, None, :]),
+        "omega": checks.kept(omega),
+        "P": checks.kept(P),
+        "sites": tuple(columns),
+        "columns": columns,
+        "dependence": checks.kept(dependence),
+        "rigid": checks.kept(rigid),
+        "slide": checks.kept(slide),
+        **_of_sites(model, len(columns)),
+        **_directed(model, rows, len(dependence)),
+        **in_space(model, rows, slide.shape[1]),
+    }
+
+
+def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
+    """`matrix` made symmetric; InputError unless it is symmetric and positive semidefinite.
+
+    Rounding is judged against the square roots `size` (p,) of its usual diagonal.
+    """
+    unit = matrix / np.where(size > 0, size, 1.0)[:, None] / np.where(size > 0, size, 1.0)
+    lowest = np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0)
+    if lowest < -ASYMMETRY or np.any(np.abs(unit - unit.T) > ASYMMETRY):
+        raise InputError(f"{name} must be symmetric and positive semidefinite.")
+    free = matrix.diagonal() <= 0  # but for rounding
+    return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
+
+
+def _of_sites(model: Parameters, count: int) -> dict[str, Any]:
+    """What each site has of its own: the compliance and the radius of its patch."""
+    local = checks.array("local_compliance", model.local_compliance, None)
+    if local.shape not in ((), (count,)) or np.any(local < 0):
+        raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
+    local = np.broadcast_to(local, (count,))
+    radii = model.radius if isinstance(model.radius, list | tuple) else [model.radius] * count
+    if len(radii) != count:
+        raise InputError(f"radius needs one entry for each of {count} sites; got {len(radii)}.")
+    radius = tuple(None if r is None else checks.positive("radius", r, "m") for r in radii)
+    return {"local_compliance": checks.kept(local), "radius": radius}
+
+
+def _directed(model: Parameters, rows: Index, columns: int) -> dict[str, Any]:
+    """The directions of the columns, and the weights of the shapes, sorted by `rows`."""
+    found: dict[str, Any] = {}
+    if model.direction is not None:
+        directions = checks.array("direction", model.direction, (columns, 3))
+        found["direction"] = checks.kept(unit_vectors("direction", directions))
+    if model.participation is not None:
+        weight = checks.array("participation", model.participation, (rows.size, 3))
+        found["participation"] = checks.kept(weight[rows])
+    return found
+
+
+def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
+    """Displacements (p, q) of the sites in the rigid-body modes of unit mass that k0 permits."""
+    scale = stiffness_scale(k0, m_st, omega)
+    stiff = k0 * scale[:, None] * scale
+    values, vectors = np.linalg.eigh((stiff + stiff.T) / 2)
+    free = scale[:, None] * vectors[:, np.abs(values) < UNRESISTED]
+    mass = free.T @ m_st @ free
+    root = np.linalg.cholesky(mass) if mass.size else mass
+    return np.asarray(np.linalg.solve(root, free.T).T)
+
+
+def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
+    """1/sqrt (p,) of the diagonal of k0 + s m_st, s the lowest omega^2 of the model."""
+    mass, stiffness = np.abs(m_st.diagonal()), np.abs(k0.diagonal())
+    s = float(omega[0]) ** 2 if omega.size else 0.0
+    if s == 0.0 and np.any(mass > 0):
+        s = float(np.max(stiffness[mass > 0] / mass[mass > 0]))
+    return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
+
 
 def in_space(model: Parameters, rows: Index, slides: int | None = None) -> dict[str, Any]:
     """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
@@ -100,3 +332,19 @@ def in_space(model: Parameters, rows: Index, slides: int | None = None) -> dict[
         nodes = None if model.shapes is None else len(model.shapes)
         found["hidden"] = checks.array("hidden", model.hidden, (nodes, slides))
     return found
+
+
+def checked_size(model: Parameters, damping: DampingMatrix, given: Any) -> DampingMatrix:
+    """The damping of a model sorted as its frequencies, which were given in another order."""
+    lead, hidden = model.lead, model.hidden_count
+    size = lead + model.n + hidden
+    if damping.n != size:
+        raise InputError(
+            f"the damping of this model needs a matrix of its {size} coordinates ({lead} of sites, "
+            f"{model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
+        )
+    order = np.argsort(np.asarray(given, dtype=float), kind="stable")
+    if np.array_equal(order, np.arange(order.size)):
+        return damping
+    rows = np.concatenate((np.arange(lead), lead + order, np.arange(lead + order.size, size)))
+    return along(damping, np.eye(size)[:, rows])

@@ -158,6 +158,6 @@ def _labels(
     return labels.reshape(-1, 2)
 
 
-def _listed(value: Any) -> list[Any]:
+def _listed(value: object) -> list[Any]:
     """The items of a list or tuple; any other value is one item."""
     return list(value) if isinstance(value, list | tuple | range) else [value]

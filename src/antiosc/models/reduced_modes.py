@@ -1,7 +1,7 @@
-"""Free modes of the anti-oscillator model of several sites.
+"""Free modes of the anti-oscillator model: a body of an impact, of one site or several.
 
-In the coordinates u (p,), the displacements of the sites, and eta (N,), the amplitudes of the
-constraint modes of unit mass, the model is
+Those of one site are found by `arrow_modes`. With the displacements u (p,) of several sites, and
+the amplitudes eta (N,) of the constraint modes of unit mass, the model is
 
     K = diag(k0, omega_i^2),      M = [[m0 + P P', P], [P', 1]],
 
@@ -13,20 +13,173 @@ modes are what they should be, a residual compliance without inertia.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.models.modal import ModalBody
+from antiosc.models.parameters import Parameters
+from antiosc.models.rigid_share import arrow_modes
+from antiosc.models.site_modes import SiteModes
 
 #: theta over the largest, below which a mode has no inertia.
 INERTIALESS = 1e-13
 #: Shift over the lowest elastic omega^2.
 MODEL_SHIFT = 0.1
-#: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
-UNRESISTED = 1e-11
+#: Share of the static mass of a site that has no mass but damping: its least mass.
+LEAST_MASS = 1e-8
+#: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
+MASSLESS_SITE = 1e-15
+
+
+def modal(model: Parameters) -> ModalBody:
+    """The free modes of a model of one site, its hidden rigid motions in front."""
+    if isinstance(model.damping, DampingMatrix):
+        return _coupled(model)
+    massless = model.m0 == 0
+    if model.n:
+        top = float(model.omega[-1]) ** 2
+        massless = model.m0 * top <= MASSLESS_SITE * (model.k0 + float(model.k.sum()))
+    squares = model.omega**2
+    first = np.ones(model.n, dtype=bool)
+    first[1:] = squares[1:] > squares[:-1]
+    mass = model.m
+    if not first.all():  # equal frequencies act at the site as one mode
+        group = np.cumsum(first)
+        mass = np.asarray(np.bincount(group, weights=mass)[1:], dtype=float)
+    x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, squares[first])
+    if mass.size < model.n:
+        shape = shape[np.append(0, group)]
+    residual = np.zeros(model.n + 1)
+    if massless:
+        residual[0] = 1.0 / (model.k0 + float(model.k.sum()))
+    return _in_space(model, np.sqrt(x), shape, residual)
+
+
+def _coupled(model: Parameters) -> ModalBody:
+    """The free modes of a model whose damping couples them: none is merged with another."""
+    k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
+    rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
+    found = damped_modes(model, k0, m0, root[None], rigid)
+    turn = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
+    turn[1:, 0], turn[1:, 1:] = 1.0, np.diag(1 / root)
+    size, hidden = len(turn), model.hidden_count
+    own = np.zeros((size + hidden, hidden + found.omega.size))
+    own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
+    omega = np.concatenate((np.zeros(hidden), found.omega))
+    body = _in_space(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
+    return replace(body, **damping_of(model, omega, own))
+
+
+def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
+    """The free modes (N + 1, J) with the hidden motions in front, so that frequencies ascend.
+
+    Their coordinates follow lambda.
+    """
+    hidden = model.hidden_count
+    none, own = np.zeros(hidden), np.eye(hidden)
+    omega = np.concatenate((none, omega))
+    residual = np.concatenate((residual, none))
+    weight = None if model.participation is None else shape.T @ model.participation
+    b = np.concatenate((none, shape[0]))
+    amplitude = _relative(model.n)
+    if hidden:
+        shape = np.roll(block_diag(shape, own), hidden, axis=1)
+        amplitude = block_diag(amplitude, own)
+    inertia, basis = model.inertia, None
+    if inertia is not None:
+        inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
+        if model.direction is not None:
+            pull = inertia.momentum[:, :3] @ model.direction
+            weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
+    if model.shapes is not None and not (hidden and model.hidden is None):
+        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
+    return ModalBody(
+        omega=omega,
+        b=b,
+        r=float(residual[0]),
+        **damping_of(model, omega, None),
+        weight=weight,
+        shape=shape,
+        residual=residual,
+        basis=basis,  # type: ignore[arg-type]
+        amplitude=amplitude,
+        direction=model.direction,
+        inertia=inertia,
+    )
+
+
+def _relative(n: int) -> Array:
+    """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
+    turn = np.eye(n + 1)
+    turn[1:, 0] = -1.0
+    return turn
+
+
+def site_modes(model: Parameters) -> SiteModes:
+    """The free modes of a model of several sites, its hidden rigid motions in front."""
+    assert model.dependence is not None
+    assert model.rigid is not None
+    assert model.slide is not None
+    p, hidden = model.slide.shape
+    found = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
+    omega = np.concatenate((np.zeros(hidden), found.omega))
+    shape = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
+    seen = shape[:p] + np.hstack([model.slide, np.zeros((p, found.omega.size))])
+    b = seen.T @ model.dependence.T
+    residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
+    r = model.dependence @ residual[:p]
+    inertia = weight = basis = None
+    if model.inertia is not None:
+        inertia = model.inertia.along(shape.T @ model.inertia.momentum)
+    elif model.participation is not None:
+        weight = shape[: len(model.participation)].T @ model.participation
+    if model.shapes is not None and not (hidden and model.hidden is None):
+        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
+    local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+    return SiteModes(
+        omega=omega,
+        b=b,
+        sites=model.columns,
+        r=(r + r.T) / 2,
+        directions=model.direction,
+        **damping_of(model, omega, shape),
+        inertia=inertia,
+        weight=weight,
+        shape=shape,
+        residual=residual,
+        basis=basis,  # type: ignore[arg-type]
+        local_compliance={name: value for name, value in local.items() if value},
+    )
+
+
+def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array) -> ReducedModes:
+    """The free modes of `reduced_modes`; a damped site without mass gets a little of it."""
+    if isinstance(model.damping, DampingMatrix):
+        p = len(k0)
+        least = LEAST_MASS * (m0 + P @ P.T).diagonal()
+        acted = sum(
+            (np.sum(L[:, :p] ** 2, axis=0) for L, _ in model.damping.factors),
+            np.sum(model.damping.factor[:, :p] ** 2, axis=0),
+        )
+        m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < least), least, 0.0))
+    return reduced_modes(k0, m0, P, model.omega, rigid)
+
+
+def damping_of(model: Parameters, omega: Array, shape: Array | None) -> dict[str, Any]:
+    """The decay or the damping of the modes (size, J) in u, eta and the hidden motions."""
+    damping = model.damping
+    if damping is None:
+        return {"decay": None}
+    if isinstance(damping, DampingMatrix):
+        return {} if shape is None else {"damping": along(damping, shape)}
+    return {"decay": damping.decay(omega)}
 
 
 @dataclass(frozen=True)
@@ -78,26 +231,6 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
         shape=np.hstack([rigid_shapes, shape[:, heavy] / own]),
         residual=residual,
     )
-
-
-def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
-    """Displacements (p, q) of the sites in the rigid-body modes of unit mass that k0 permits."""
-    scale = stiffness_scale(k0, m_st, omega)
-    stiff = k0 * scale[:, None] * scale
-    values, vectors = np.linalg.eigh((stiff + stiff.T) / 2)
-    free = scale[:, None] * vectors[:, np.abs(values) < UNRESISTED]
-    mass = free.T @ m_st @ free
-    root = np.linalg.cholesky(mass) if mass.size else mass
-    return np.asarray(np.linalg.solve(root, free.T).T)
-
-
-def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
-    """1/sqrt (p,) of the diagonal of k0 + s m_st, s the lowest omega^2 of the model."""
-    mass, stiffness = np.abs(m_st.diagonal()), np.abs(k0.diagonal())
-    s = float(omega[0]) ** 2 if omega.size else 0.0
-    if s == 0.0 and np.any(mass > 0):
-        s = float(np.max(stiffness[mass > 0] / mass[mass > 0]))
-    return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:

@@ -1,7 +1,8 @@
-"""Up to which frequency a reduced model has the motion of the whole structure."""
+"""Frequencies up to which reduced models, and families of elements, hold."""
 
 from __future__ import annotations
 
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -49,3 +50,14 @@ def resolved_frequency(source: Any) -> float:
     omega = np.sort(np.asarray(model.omega, dtype=float))
     count = min(info.converged, omega.size)
     return float(omega[count - 1]) / (2 * np.pi) if count else 0.0
+
+
+def strip(width: float, thickness: float, E: float, nu: float, rho: float) -> float:
+    """Lowest bending frequency across a free strip of this width [Hz], where a beam fails."""
+    wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
+    return 22.373 / (2 * pi * width**2) * wave
+
+
+def thickness_shear(thickness: float, E: float, nu: float, rho: float) -> float:
+    """First thickness-shear frequency [Hz], where a shell fails."""
+    return sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)

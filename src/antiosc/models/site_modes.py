@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -105,7 +104,9 @@ class SiteModes(FreeModes):
         checks.store(self, local_compliance=local)
 
 
-def columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:
+def columns_of_sites(
+    sites: Mapping[str, Sequence[int]] | Sequence[str], count: int
+) -> dict[str, tuple[int, ...]]:
     """Columns of each site; one column each where names alone are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")

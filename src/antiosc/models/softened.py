@@ -22,15 +22,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.parameters import Parameters
 
 M = TypeVar("M", bound=Parameters)
 
-#: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
-ENERGY_ROUNDING = 1e-8
 #: Least change of the flexibility of any combination of loads, a share of it.
 LEAST_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
@@ -39,27 +36,6 @@ MASSLESS_SHARE = 1e-12
 NO_ESTIMATE = (
     "the error of the mesh is not known: extract the model from its mesh with error='estimate'."
 )
-
-
-def checked_error(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
-    E = checks.array(name, given, (size, size))
-    scale = np.sqrt(np.maximum(np.diag(E), 0.0))
-    scale = np.where(scale > 0, scale, 1.0)
-    unit = E / scale[:, None] / scale
-    if np.abs(unit - unit.T).max(initial=0.0) > ENERGY_ROUNDING or (
-        np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0) < -ENERGY_ROUNDING * size
-    ):
-        raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
-    return checks.kept((E + E.T) / 2)
-
-
-def checked_symmetric(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric; InputError otherwise."""
-    E = checks.array(name, given, (size, size))
-    if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
-        raise InputError(f"{name} must be symmetric.")
-    return checks.kept((E + E.T) / 2)
 
 
 def corrected(model: M) -> M:

@@ -28,7 +28,7 @@ from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
-from antiosc.models.family_limits import strip, thickness_shear
+from antiosc.models.resolved import strip, thickness_shear
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.

@@ -84,6 +84,6 @@ def _free_modes(structure: Structure, count: int | None, band: float | None, mos
     wanted = FREE_MODES if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     found = ModeSolver(structure).lowest(wanted, reach, most)
-    kept = int(min(max(wanted, np.sum(found.omega < reach) + 1), most))
+    kept = int(min(max(wanted, int(np.sum(found.omega < reach)) + 1), most))
     log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
     return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)

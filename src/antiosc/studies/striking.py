@@ -2,7 +2,7 @@
 
 The loop is: mesh, extract, simulate, budget. The answer is that of the corrected model. As long as
 the mesh's share of the budget is too large and can be made smaller, the next mesh has the sizes of
-cells that bring it down with few cells (`antiosc.fem.error.cell_sizes`). From the second mesh on
+cells that bring it down with few cells (`antiosc.fem.error.bisection`). From the second mesh on
 the change from one mesh to the next makes its bar smaller where it allows it; on lines it is the
 least bar. The error of a cell counts as it does for this impact: by the mean over the contact of
 the amplitudes of all shapes, so that elements go where the contact force asks for them.
@@ -30,7 +30,7 @@ from antiosc.base.memory import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
-from antiosc.fem.error import cell_sizes
+from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.mesh.mesh import Mesh
@@ -260,12 +260,12 @@ def _next(
     goal *= EAGER ** (meshes - 1)
     structure, dim = answer.structure, mesh.tdim
     energies = _errors_of_cells(answer, mesh)
-    ratio = cell_sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-    growth = whole = cell_sizes.growth(mesh.comm, ratio, dim)
+    ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    growth = whole = bisection.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = cell_sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-        growth = cell_sizes.growth(mesh.comm, ratio, dim)
+        ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        growth = bisection.growth(mesh.comm, ratio, dim)
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(whole, 1.0)
     seconds = answer.seconds * max(whole, 1.0) ** SECONDS_POWER[dim]

@@ -1,15 +1,21 @@
-"""A plate on four posts: Navier's series and rods, joined by hand, against the assembly."""
+"""A plate on posts, every joint at once, and the page's example, against other ways to the same."""
 
 from __future__ import annotations
 
+import re
+import runpy
+
 import numpy as np
 import pytest
+import scipy.linalg
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+import every_joint
 from antiosc.closed_form.plates import SupportedPlate
 from assemblies import box, line
+from paths import ROOT
 
 pytestmark = [
     pytest.mark.fem,
@@ -72,3 +78,31 @@ def test_a_plate_on_four_posts():
     first = model.modal().omega[0]
     around = exact(np.array([0.995 * first, 1.005 * first]))
     assert around[0] > 0 > around[1]  # the first natural frequency lies between
+
+
+@pytest.mark.slow
+def test_every_joint_against_dense_matrices():
+    """Tie, Rigid, Mean, Weld, Hinge, Ball, Slider, Bolt, Bushing, Equation, superelement, mass."""
+    part = every_joint.assembly()
+    K, M, b = every_joint.dense(every_joint.parts())
+    assert part.dofs == len(K)
+    model = ao.extract(part, every_joint.SITE, n=40)
+    for omega in np.array([0.0, 0.3, 0.77, 1.4, 2.5]) * model.omega[0]:
+        exact = 1 / (b @ scipy.linalg.solve(K - omega**2 * M, b))
+        assert model.dynamic_stiffness(omega).real == pytest.approx(exact, rel=1e-9)
+
+
+PAGE = (ROOT / "docs" / "assemblies.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_example_runs(tmp_path, capsys):
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    names = runpy.run_path(str(tmp_path / "program.py"))
+    assert "peak force" in capsys.readouterr().out
+    part, hit = names["part"], names["hit"]
+    spacers = 4 * 1150.0 * 6e-3 * 6e-3 * 10e-3
+    assert part.mass == pytest.approx(1900.0 * 1.6e-3 * 0.1 * 0.08 + spacers + 5e-3, rel=1e-12)
+    assert hit.impulse == pytest.approx(2e-3 * (0.3 - hit.impactor_velocity[-1]), rel=1e-6)
+    assert np.abs(names["deflection"][:, 2]).max() > 1e-6

@@ -109,23 +109,6 @@ def test_a_branch_and_dampers_of_points_of_a_structure():
     np.testing.assert_allclose(found.modal().receptance(omega), exact, rtol=1e-5)
 
 
-def test_a_damper_brakes_a_rigid_body_motion():
-    free = ao.Structure(line((0, 0, 0), (1, 0, 0), 8), BEAM)
-    part = ao.assemble(
-        {"a": free},
-        [ao.Bushing("a:end", "ground", damping={"z": 3.0})],
-        points={"ground": (1, 0, 0)},
-        supports=[ao.Support("ground")],
-    )
-    model = ao.extract(part, MIDDLE, n=12)
-    K, M = dense(part)
-    rows = free_dofs(part)
-    b, end = (functional(part, one).b[rows] for one in (MIDDLE, TIP))
-    omega = np.geomspace(1.0, 2e3, 20)
-    exact = [b @ np.linalg.solve(K - w**2 * M + 3j * w * np.outer(end, end), b) for w in omega]
-    np.testing.assert_allclose(model.modal().receptance(omega), exact, rtol=1e-5)
-
-
 def braked(c: float) -> ao.Structure:
     """A cantilever with a damper at its tip."""
     return ao.assemble(
@@ -198,15 +181,3 @@ def test_a_column_on_soil_is_the_rod_of_closed_form():
         assert side.k0 == pytest.approx(8 * G * r / (2 - nu), rel=1e-9)
     with pytest.raises(InputError, match="up"):
         replace(foot, up="w")
-
-
-def test_what_takes_no_dampers_says_so():
-    part = beams(4.0, 2e4)
-    for call in (lambda: ao.full(part, MIDDLE), lambda: ao.superposition(part, MIDDLE, 3)):
-        with pytest.raises(InputError, match="does not take dampers"):
-            call()
-    assert ao.extract(part, MIDDLE, n=3, shapes=False).damping is not None
-    with pytest.raises(InputError, match="the damping of z must be"):
-        beams(-1.0)
-    with pytest.raises(InputError, match=r"needs a stiffness.*or a damping"):
-        ao.Bushing("a:end", "b:end")

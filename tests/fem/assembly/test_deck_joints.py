@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from paths import DECKS
 
 pytestmark = [
     pytest.mark.fem,
@@ -59,12 +58,6 @@ def test_equations_hold_what_lies_between_their_nodes(tmp_path):
         assert k0(part, point) == pytest.approx(E * A / L, rel=1e-9)
 
 
-def test_equations_between_a_set_and_a_node_are_one_for_each(tmp_path):
-    sets = "*NSET, NSET=OTHERS\n10, 11, 12\n*EQUATION\n2\nOTHERS, 3, 1., 9, 3, -1.\n"
-    part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + sets)
-    assert k0(part) == pytest.approx(E * A / L, rel=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("turning", ["", ", ROT NODE=200"])
 def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
@@ -78,48 +71,6 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
     for direction in ((1, 0, 0), (0, 0, 1), (1, 2, 3)):
         site = (1, 0, L), direction
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_rotation_node_is_held_by_its_displacements(tmp_path):
-    """Held against turning, the end of a column without contraction shears as a guided beam."""
-    nodes = "*NODE\n100, .5, .5, 2.\n200, 0., 0., 0.\n"
-    rigid = "*NSET, NSET=TOP\n9, 10, 11, 12\n*RIGID BODY, NSET=TOP, REF NODE=100, ROT NODE=200\n"
-    text = column() + nodes + SOLID + MATERIAL + FOOT + rigid
-    turning = k0(read(tmp_path, text), (1, 0, L), (1, 0, 0))
-    guided = k0(read(tmp_path, text + "*BOUNDARY\n200,1,3\n"), (1, 0, L), (1, 0, 0))
-    assert guided > 1.5 * turning
-
-
-@pytest.mark.slow
-def test_tied_tetrahedra_are_those_with_common_nodes(tmp_path):
-    """Second order: all nodes of the face are tied, so that nothing differs."""
-    tied, merged = (read(tmp_path, _two_wedges(joined), merge=merge) for joined, merge in (
-        (True, None), (False, 1e-9)
-    ))  # fmt: skip
-    site = (0.2, 0.2, 1.0), (1, 2, 3)
-    assert tied.mass == pytest.approx(merged.mass, rel=1e-12)
-    assert k0(tied, *site) == pytest.approx(k0(merged, *site), rel=1e-9)
-
-
-def _two_wedges(tied: bool) -> str:
-    """Two straight wedges of 15 nodes on top of each other, each with nodes of its own."""
-    flat = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
-    text = "*NODE\n"
-    for k in (0, 1):
-        z = [k, k, k, k + 1, k + 1, k + 1]
-        corners = [(*flat[n % 3], z[n]) for n in range(6)]
-        mids = [(*flat[3 + n], h) for h in (k, k + 1) for n in range(3)]
-        upright = [(*flat[n], k + 0.5) for n in range(3)]
-        for n, x in enumerate([*corners, *mids, *upright]):
-            text += f"{100 * k + n + 1},{x[0] * 0.4},{x[1] * 0.4},{x[2] * 0.5}\n"
-    text += "*ELEMENT, TYPE=C3D15, ELSET=ALL\n"
-    for k in (0, 1):
-        text += f"{k + 1}," + ",".join(str(100 * k + n + 1) for n in range(15)) + "\n"
-    text += "*NSET, NSET=FOOT\n1,2,3,7,8,9\n*BOUNDARY\nFOOT,1,3\n" + SOLID + MATERIAL
-    if tied:
-        text += "*SURFACE, NAME=LOW\n1, S2\n*SURFACE, NAME=HIGH\n2, S1\n*TIE, NAME=T\nHIGH, LOW\n"
-    return text
 
 
 def test_supports_along_directions_of_their_own(tmp_path):
@@ -152,41 +103,6 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
     assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_supports_by_a_group_of_one_of_the_parts(tmp_path):
-    """Named besides those of the deck: the group is that of the part that has it."""
-    sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n*NSET, NSET=BASE\n1,2,3,4\n"
-    sheet += "*SHELL SECTION, ELSET=SHEET, MATERIAL=M\n.1\n*NSET, NSET=ROOF\n9,10,11,12\n"
-    text = column() + sheet + SOLID + MATERIAL
-    held = read(tmp_path, text + FOOT)
-    part = read(tmp_path, text, supports=[ao.Support("BASE")])
-    assert not part.rigid_modes.size
-    assert k0(part, (0, 0, L), of="solids") == pytest.approx(
-        k0(held, (0, 0, L), of="solids"), rel=1e-9
-    )
-    with pytest.raises(ao.InputError, match="NOWHERE"):
-        read(tmp_path, text, supports=[ao.Support("NOWHERE")])
-
-
-REFUSED = {
-    "unknown node": ("*EQUATION\n2\n9,3,1.,99,3,-1.\n", "there is no node 99"),
-    "cut off": ("*EQUATION\n3\n9,3,1.,10,3,-1.\n", "ends after 2 of 3 terms"),
-    "no factor": ("*EQUATION\n2\n9,3,0.,10,3,-1.\n", "first term of .* has the coefficient 0"),
-    "rotation": ("*EQUATION\n2\n9,4,1.,10,4,-1.\n", "a rotation of a node of solids"),
-    "no surface": ("*TIE,NAME=T\nA,B\n", "there is no surface 'A'"),
-    "distance": ("*MPC\nDIST,9,10,11\n", "of type DIST .* is not supported"),
-    "no nodes": ("*RIGID BODY, REF NODE=9\n", "names no nodes"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_joints_that_cannot_be_taken_are_refused_in_words(tmp_path, case):
-    text, message = REFUSED[case]
-    with pytest.raises(ao.InputError, match=rf"line \d+ of part.inp: .*{message}") as caught:
-        read(tmp_path, column() + SOLID + MATERIAL + FOOT + text)
-    assert "\n" not in str(caught.value)
-
-
 # --- Nastran --------------------------------------------------------------------------------------
 
 
@@ -204,24 +120,6 @@ def nastran(folder: Path, *more: str) -> ao.Structure:
     path = folder / "part.bdf"
     path.write_text("\n".join(lines) + "\n")
     return ao.read_model(path)
-
-
-def test_mpcs_are_the_equations_of_abaqus(tmp_path):
-    rows = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
-    assert k0(nastran(tmp_path, *rows)) == pytest.approx(E * A / L, rel=1e-9)
-
-
-def test_mpcs_hold_unless_a_case_control_selects_others(tmp_path):
-    rows = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
-    nastran(tmp_path, *rows)
-    path = tmp_path / "part.bdf"
-    text = path.read_text()
-    path.write_text("BEGIN BULK\n" + text)
-    assert k0(ao.read_model(path)) == pytest.approx(E * A / L, rel=1e-9)
-    path.write_text("SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n" + text)
-    with pytest.warns(ao.AntioscWarning, match="MPC set 7, which the first subcase does not"):
-        free = ao.read_model(path)
-    assert k0(free) < 0.9 * E * A / L
 
 
 def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
@@ -264,25 +162,6 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore:the 4 T3D2 of part.inp are springs")
-def test_trusses_between_a_column_and_the_ground(tmp_path):
-    """Four T3D2 of the length 2 above a column without contraction: EA/L of both."""
-    area = 0.1
-    high = "*NODE\n" + "".join(
-        f"{200 + n},{x},{y},4.\n" for n, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)])
-    )
-    bars = "*ELEMENT, TYPE=T3D2, ELSET=BARS\n" + "".join(
-        f"{300 + n},{9 + n},{200 + n}\n" for n in range(4)
-    )
-    section = f"*SOLID SECTION, ELSET=BARS, MATERIAL=M\n{area}\n"
-    held = "".join(f"{200 + n},1,3\n" for n in range(4))
-    text = column() + high + bars + SOLID + section + MATERIAL + FOOT + held + FLAT
-    with pytest.warns(ao.AntioscWarning, match="a mass on a held node"):
-        part = read(tmp_path, text)
-    assert part.mass == pytest.approx(2000 + 1000 * 4 * area * 2 / 2, rel=1e-12)
-    assert k0(part) == pytest.approx(E * A / L + 4 * E * area / 2, rel=1e-9)
-
-
 def test_middle_nodes_that_are_held_alone(tmp_path):
     """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
     import scipy.linalg
@@ -307,16 +186,3 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     b = null.T @ functional(free, site).b
     exact = 1 / (b @ np.linalg.solve(null.T @ K @ null, b))
     assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-def test_a_rod_on_a_middle_node_is_in_series_with_the_solid(tmp_path):
-    """Its end is a vertex of the rod and the middle of an edge of the brick."""
-    bar = (DECKS / "c3d20.inp").read_text().partition("*NSET, NSET=TIPS")[0]
-    alone = k0(read(tmp_path, bar), (0.5, 0, 2))
-    rod = "*NODE\n100,.5,0.,3.\n*ELEMENT,TYPE=B31,ELSET=ROD\n100,25,100\n"
-    rod += "*BEAM SECTION,ELSET=ROD,MATERIAL=M,SECTION=RECT\n.1,.1\n1.,0.,0.\n"
-    rod += "*BOUNDARY\n100,4,6\n"  # free to follow the solid across
-    both = k0(read(tmp_path, bar + rod), (0.5, 0, 3))
-    assert 1 / both == pytest.approx(1 / alone + 1 / (2e11 * 0.01), rel=1e-9)

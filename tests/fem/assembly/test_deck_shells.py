@@ -116,15 +116,6 @@ def test_offsets_count_toward_the_normal(tmp_path):
     assert abs(other / beam - 1)[:3].max() > 0.1
 
 
-def test_a_clamped_strip_does_not_notice_where_its_nodes_are(tmp_path):
-    spc = f"SPC1,1,123456,1,2\nMAT1,1,{E},,.3,7800.\nPSHELL,1,1,{T},1,,1\n"
-    plain, beside = nastran(tmp_path, spc), nastran(tmp_path, spc, ",,.015")
-    assert omegas(beside) == pytest.approx(omegas(plain), rel=1e-8)
-    shell = ao.Shell(E, 0.3, 7800.0, T, offset=0.015)
-    assert shell.section.spin == pytest.approx(7800 * T**3 / 12)
-    assert shell.section.bending == pytest.approx(ao.Shell(E, 0.3, 7800.0, T).section.bending)
-
-
 # --- Stiffnesses and directions -------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""u = T q against null spaces of random constraints; the rotation of a solid at points."""
+"""u = T q against null spaces of constraints; means of large groups with a sparse K; curls."""
 
 from __future__ import annotations
 
@@ -10,14 +10,95 @@ import scipy.sparse
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly.arguments import checked_parts, checked_places
+from antiosc.fem.assembly import wide
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
-from antiosc.fem.assembly.layout import Layout, curl
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.parts import checked_parts, checked_places
 from antiosc.fem.structure.placement import Placement
-from assemblies import SOLID, box
+from assemblies import NU, SOLID, E, box, eigenfrequencies, line
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+POST = ao.Beam(E, NU, 2700.0, ao.Section.circle(0.2))
+
+
+def table(supports: list[ao.Support]) -> ao.Structure:
+    """A block that carries a post on a Mean, a bolt to a second block, and a mass on a spider."""
+    n = 6
+    block = ao.Structure(box((0, 0, 0), (1, 1, 0.3), (n, n, 1)), SOLID, supports, order=1)
+    cap = ao.Structure(box((0, 0, 0), (1, 1, 0.2), (5, 5, 1), "tetrahedron"), SOLID, order=1)
+    post = ao.Structure(line((0.5, 0.5, 0.3), (0.5, 0.5, 1), 3), POST)
+    return ao.assemble(
+        {"block": block, "post": post, "cap": cap},
+        [
+            ao.Mean("block:z1", "post:start"),
+            ao.Bolt("block:x1", "cap:x0", POST),
+            ao.Mean("cap:x1", "hub"),
+        ],
+        {"cap": (1.4, 0, 0)},
+        points={"hub": (2.6, 0.5, 0.1)},
+        attached=[ao.PointMass("hub", 100.0, 5.0)],
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
+def test_it_is_the_same_structure(monkeypatch, supports):
+    dense = table(supports)
+    monkeypatch.setattr(wide, "WIDE", 60)
+    sparse = table(supports)
+    assert sparse.eliminated.basis is not None
+    assert dense.eliminated.basis is None
+    assert sparse.dofs == dense.dofs
+    assert sparse.mass == dense.mass
+    assert sparse.rigid_modes.shape == dense.rigid_modes.shape
+    ours, theirs = (eigenfrequencies(s, 12) for s in (sparse, dense))
+    assert ours == pytest.approx(theirs, rel=1e-8, abs=1e-4 * theirs[-1])
+    site = ao.Site((0.5, 0.5, 1.0), (1, 0.2, -0.3), part="post")
+    first, second = ao.extract(sparse, site, n=5), ao.extract(dense, site, n=5)
+    assert first.k0 == pytest.approx(second.k0, rel=1e-9)
+    assert first.m_st == pytest.approx(second.m_st, rel=1e-9)
+    if not supports:
+        own, same = sparse.rigid_inertia[0], dense.rigid_inertia[0]
+        assert own.matrix == pytest.approx(same.matrix, rel=1e-9, abs=1e-9 * same.matrix.max())
+        direction = np.array([0.3, 0.5, 0.8])
+        moving = rigid_motions(sparse.layout, np.zeros(3))[:, :3] @ direction
+        momentum = sparse.uniform_inertia(direction) @ sparse.eliminated.coordinates(moving)
+        assert momentum == pytest.approx(sparse.mass * direction @ direction, rel=1e-12)
+
+
+def test_the_basis_of_many_dofs(monkeypatch):
+    monkeypatch.setattr(wide, "WIDE", 100)
+    rng = np.random.default_rng(1)
+    places = rng.random((900, 3))
+    values = np.where(np.arange(900) < 850, rng.standard_normal((6, 900)), 0.0)
+    held = np.arange(900) % 50 == 0
+    W = wide.nested_basis(scipy.sparse.csr_matrix(values), held, places)
+    assert abs(W.T @ W - scipy.sparse.identity(900)).max() < 1e-13
+    kept = wide.rounded(scipy.sparse.csr_matrix(values * ~held) @ W)
+    assert np.diff(kept.indptr).max() <= 6
+    assert (W[np.flatnonzero(held)] != scipy.sparse.identity(900, format="csr")[held]).nnz == 0
+
+
+@pytest.mark.slow
+def test_parts_with_different_nodes_do_not_fill_the_factor():
+    """A flat sheet on a block: the factor is as sparse as those of both by themselves."""
+    sheet = ao.Structure(
+        box((0, 0), (0.2, 0.2), (14, 14), "triangle"), ao.Shell(E, NU, 2700.0, 2e-3),
+        [ao.Support("x0")],
+    )  # fmt: skip
+    block = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (2, 2, 2)), SOLID, [ao.Support("z0")])
+    joined = ao.assemble(
+        {"sheet": sheet, "block": block},
+        [ao.Weld(("sheet", (0.1, 0.1, 0.0)), "block:z1")],
+        {"block": (0.09, 0.09, -0.02)},
+    )
+    alone = sum(part.factorize().entries for part in (sheet, block))
+    assert joined.factorize().entries < 1.3 * alone
+
 
 N = 30
 
@@ -84,19 +165,6 @@ def test_the_span_of_T_is_the_null_space_of_the_constraints(seed):
     np.testing.assert_allclose(S @ turned.coordinates(motions), motions, atol=1e-8)
 
 
-def test_named_dofs_are_solved_for():
-    """Where rows name dofs of their own these are dependent, whatever the coefficients."""
-    C = np.zeros((2, 5))
-    C[0, :3], C[1, 2:] = (1e-3, 2.0, 3.0), (4.0, 1.0, -1e-2)
-    rows = [Rows(scipy.sparse.csr_matrix(C), np.array([0, 4]), "two")]
-    found = eliminate(rows, np.zeros(5, dtype=bool), np.ones(5))
-    assert np.flatnonzero(found.dependent).tolist() == [0, 4]
-    np.testing.assert_allclose(found.T.toarray()[0], [0, -2e3, -3e3, 0, 0])
-    free = [Rows.free(scipy.sparse.csr_matrix(C), "two")]
-    largest = np.abs(eliminate(free, np.zeros(5, dtype=bool), np.ones(5)).T).max()
-    assert largest <= 10
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("order", [1, 2])
@@ -110,6 +178,6 @@ def test_the_rotation_of_a_solid_is_half_the_curl(cell, order):
     member, A = layout.members["a"], np.array([[1.0, 2, -1], [0.5, -1, 3], [2, 1, 1]])
     u = (member.nodes @ A.T) @ place.rotation  # in the axes of the part
     X = np.array([[0.2, 0.3, 0.1], [0.25, 0.25, 0.25]])
-    found = curl(layout, member, np.array([1, 0]), X) @ u.ravel()
+    found = layout.curl(member, np.array([1, 0]), X) @ u.ravel()
     half = np.array([A[2, 1] - A[1, 2], A[0, 2] - A[2, 0], A[1, 0] - A[0, 1]]) / 2
     np.testing.assert_allclose(found.reshape(2, 3), [half, half], atol=1e-11)

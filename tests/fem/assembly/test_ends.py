@@ -1,4 +1,4 @@
-"""Ends of joints: what moves as a rigid body is seen by each of them as that motion."""
+"""Placements are rigid motions, and ends of joints see those of what they hold."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.arguments import checked_parts, checked_places, checked_points
 from antiosc.fem.assembly.ends import motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.placement import Placement, skew
@@ -94,20 +94,6 @@ def test_an_end_sees_rigid_motions(layout, name):
     assert [found.has(c) for c in ("x", "ry")] == [True, has == "all"]
 
 
-def test_ends_that_are_not_there(layout):
-    for end, words in (
-        (("block", placed(0.3, 0.7, 9.0)), "6 m off the part"),
-        (("ecu", placed(0.5, 0.5, 0.5)), "has no site or node 'ecu' at"),
-        ("ecu:9", "has no site or node 'ecu:9'"),
-        ("block:up", "has no group 'up'"),
-        ("nut:up", "no part 'nut'"),
-        ("nut", "no reference point 'nut'"),
-        ("rod", 'give a group, "part:group"'),
-    ):
-        with pytest.raises(ao.InputError, match=words):
-            motion(layout, end)
-
-
 def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     """Nodes with rotations follow with them: six dofs, the beam's own mass and inertia."""
     rod = ao.Structure(whole(line((0, 0, 0), (0.6, 0, 0), 3)), BEAM)
@@ -132,3 +118,40 @@ def test_a_spin_about_a_row_of_nodes_is_fixed_where_no_node_shows_it():
     part = ao.assemble({"block": block}, [ao.Rigid("block:row")], {"block": TURNED})
     assert part.dofs == 24 - 12 - 6 + 5
     assert part.rigid_modes.shape[1] == 0
+
+
+RNG = np.random.default_rng(8)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 40.0])
+def test_a_placement_is_a_rigid_motion(scale):
+    axis = np.array([0.3, -0.5, 0.7])
+    place = Placement((1, 2, 3), tuple(scale * axis), 0.8, (0.1, 0.2, 0.3))
+    R = place.rotation
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1)
+    np.testing.assert_allclose(R @ axis, axis, atol=1e-15)
+    assert np.trace(R) == pytest.approx(1 + 2 * np.cos(0.8))
+    # by the right hand: the part of a × R a along the axis is positive
+    a = np.array([1.0, 0.0, 0.0])
+    assert np.cross(a, R @ a) @ axis > 0
+    x = RNG.normal(size=(5, 3))
+    np.testing.assert_allclose(place.own(place.placed(x)), x, atol=1e-14)
+    np.testing.assert_allclose(place.placed(np.array([[0.1, 0.2, 0.3]])), [[1.1, 2.2, 3.3]])
+    moved = place.placed(x)
+    np.testing.assert_allclose(np.diff(moved, axis=0), np.diff(x, axis=0) @ R.T, atol=1e-14)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3, -1])
+def test_quarter_turns_are_exact(turns):
+    R = Placement(axis=(0, 0, 2), angle=turns * np.pi / 2).rotation
+    assert set(np.unique(R)) <= {-1.0, 0.0, 1.0}
+    np.testing.assert_allclose(
+        R[:2, 0], [np.cos(turns * np.pi / 2), np.sin(turns * np.pi / 2)], atol=1e-15
+    )
+
+
+def test_skew_is_the_cross_product():
+    a, b = RNG.normal(size=(2, 6, 3))
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b))
+    np.testing.assert_allclose(skew(a[0]) @ b[0], np.cross(a[0], b[0]))

@@ -107,19 +107,6 @@ def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     assert every.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
 
 
-def test_a_map_at_points_of_several_parts_keeps_their_order():
-    points = [(0.15, 0.01, 0.02), (0.05, 0.01, 0.02), (0.01, 0.02, 0.0), (0.19, 0.0, 0.02)]
-    options = {"direction": (0, 0.2, -1), "n": 4, "modes": 12}
-    own, found = (ao.impact_map(part, points, **options) for part in (uncut(), cut()))
-    np.testing.assert_allclose(found.points, own.points, atol=1e-12)
-    assert list(found.names) == ["right", "left", "left", "right"]
-    assert not len(found.elements)
-    assert len(found.alone) == 4
-    for name in ("k0", "m_st"):
-        values, reference = (getattr(m.models, name) for m in (found, own))
-        np.testing.assert_allclose(values, reference, rtol=1e-6)
-
-
 def test_a_group_names_the_point_of_a_probe():
     """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
     one, two = hits()
@@ -190,66 +177,3 @@ def test_a_turned_part_of_an_anisotropic_material_is_the_part():
     assert moved == pytest.approx(R @ u, abs=1e-6 * np.abs(u).max())
     assert turned == pytest.approx(R @ stress @ R.T, abs=1e-6 * np.abs(stress).max())
     assert same == pytest.approx(local, abs=1e-6 * np.abs(stress).max())
-
-
-@pytest.mark.slow
-def test_a_free_assembly_flies_as_a_rigid_body():
-    """Thrown, spinning and under gravity: every part moves as the whole does, to rounding."""
-    block = ao.Structure(box((0, 0, 0), (0.1, 0.05, 0.05), (2, 1, 1)), STEEL, order=1)
-    turned = ao.Placement((0.1, 0, 0), (1, 0, 0), np.pi / 2, about=(0, 0.025, 0.025))
-    part = ao.assemble(
-        {"a": block, "b": block}, [ao.Tie("a:x1", "b:x0")], {"b": turned},
-        attached=[ao.PointMass("b:x1", 0.2)],
-    )  # fmt: skip
-    model = ao.extract(part, ao.Site("a:x0", (1, 0, 0)), n=3)
-    v, spin, about, g = np.array([[0.1, 0.2, 0.3], [0.5, 0.4, 0.3], [0.1, 0, 0], [0, 1, -9.81]])
-    thrown = ao.Motion(velocity=tuple(v), spin=tuple(spin), about=tuple(about))
-    never = ao.Contact("part", "ball", ao.Linear(1e5), gap=1.0)
-    flight = ao.Scene(
-        {"part": model, "ball": ao.RigidMass(1.0, -1.0)}, [never], motion={"part": thrown},
-        gravity=tuple(g),
-    ).run(2e-3)  # fmt: skip
-    t = flight.time[-1]
-    for name, x in (("a", (0, 0, 0)), ("b", (0.2, 0.05, 0))):
-        own = v + np.cross(spin, x - about)
-        moved = ao.probe(part, flight, x, times=[t], body="part", part=name)[0]
-        assert moved == pytest.approx(own * t + g * t**2 / 2, abs=1e-12 * np.abs(own * t).max())
-        speed = ao.probe(part, flight, x, "velocity", [t], body="part", part=name)[0]
-        assert speed == pytest.approx(own + g * t, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("point", "options", "words"),
-    [
-        ("right:y9", {}, "the part 'right' has no group 'y9'; its groups are: 'right:x0'"),
-        ("middle:x", {}, "no part 'middle'; its parts are: 'left', 'right'"),
-        ("right", {}, "a name on an assembly is \"part:group\"; got 'right'"),
-        ("right:y1", {"part": "left"}, "leave part='left' out"),
-        ("", {}, "must be a name in quotes"),
-    ],
-)
-def test_a_wrong_name_of_a_probe(point, options, words):
-    with pytest.raises(InputError, match=words):
-        ao.probe(cut(), hits()[1], point, **options)
-
-
-def test_the_largest_stress_of_one_part():
-    hit = hits()[1]
-    whole, of_part = (
-        ao.peak_field(cut(), hit, times=hit.time[::10], part=name) for name in (None, "left")
-    )
-    assert of_part.points[:, 0].max() == pytest.approx(0.1)
-    there = [np.argmin(np.linalg.norm(whole.points - x, axis=1)) for x in of_part.points[:5]]
-    np.testing.assert_allclose(whole.points[there], of_part.points[:5], atol=1e-12)
-    np.testing.assert_allclose(whole.values[there], of_part.values[:5], rtol=1e-9)
-    with pytest.raises(InputError, match="no part 'up'"):
-        ao.peak_field(cut(), hits()[1], part="up")
-
-
-def test_a_map_needs_a_surface_of_a_part():
-    with pytest.raises(InputError, match="no part 'middle'"):
-        ao.impact_map(cut(), "middle:x1")
-    with pytest.raises(InputError, match="has no group 'x9'"):
-        ao.impact_map(cut(), "left:x9")
-    with pytest.raises(InputError, match="supports fix the whole surface"):
-        ao.impact_map(cut(), "left:x0")

@@ -132,7 +132,6 @@ def model_of(folder: Path, text: str, **options) -> ao.Structure:
 
 
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
-UNWEIGHED = MATERIAL.partition("*DENSITY")[0]
 
 
 @pytest.mark.slow
@@ -147,91 +146,7 @@ def test_a_support_holds_what_lies_between_its_nodes(tmp_path, name):
     assert tube.mass == pytest.approx(1000 * np.pi / 8 * 3, rel=2e-4)
 
 
-def test_a_cut_through_a_face_is_held_with_the_face_alone(tmp_path):
-    """A roof of hexahedron and wedge: 1 and 3 end a cut, 1 and 2 a side, 1 to 4 a face."""
-    wedge = CUBE + "*ELEMENT,TYPE=C3D6,ELSET=ALL\n2,5,6,9,8,7,10\n*NODE\n9,.5,0,2\n10,.5,1,2\n"
-    text = wedge + SECTION + MATERIAL + "*BOUNDARY\n"
-    counts = {}
-    for name, nodes in {"1": (1,), "1 3": (1, 3), "1 2": (1, 2), "1-4": (1, 2, 3, 4)}.items():
-        rows = "".join(f"{node},PINNED\n" for node in nodes) + "9,PINNED\n10,PINNED\n"
-        part = model_of(tmp_path, text + rows)
-        counts[name] = len(part.fixed)
-    # displacements are quadratic: 3 dofs for a node or the middle of an edge
-    assert counts["1 3"] - counts["1"] == 3
-    assert counts["1 2"] - counts["1"] == 6
-    # 3 more nodes, 4 sides and one cut
-    assert counts["1-4"] - counts["1"] == 3 * (3 + 4 + 1)
-
-
-CUBE = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
-    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
-)
 SECTION = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
-
-
-def test_supports_follow_a_transformation(tmp_path):
-    turned = "*NSET,NSET=FACE\n1,4,5,8\n*TRANSFORM,NSET=FACE\n0,0,1,1,0,0\n"  # 1 is along z
-    foot = "*BOUNDARY\n2,1,3\n3,1\n6,PINNED\n"
-    cube = model_of(tmp_path, CUBE + SECTION + MATERIAL + turned + foot + "FACE,1\n")
-    plain = "*NSET,NSET=FACE\n1,4,5,8\n" + foot + "FACE,3\n"
-    other = model_of(tmp_path, CUBE + SECTION + MATERIAL + plain)
-    assert cube.mesh.groups.keys() == other.mesh.groups.keys()
-    np.testing.assert_array_equal(cube.fixed, other.fixed)
-
-
-REFUSED = {
-    "no section": (CUBE + MATERIAL, "1 of 1 C3D8 elements have no section"),
-    "no material": (CUBE + SECTION, "line 12 of part.inp: there is no material 'M'"),
-    "no density": (CUBE + SECTION + UNWEIGHED, "line 14 .* .M. has no density"),
-    "no elasticity": (CUBE + SECTION + "*MATERIAL,NAME=M\n*DENSITY\n1.\n", "no linear elast"),
-    "negative": (CUBE + SECTION + MATERIAL.replace("1E9", "-1E9"), "line 12 .*E must be > 0"),
-    "contact": (CUBE + "*CONTACT PAIR,INTERACTION=I\nA,B\n", r"line 12 .*\*CONTACTPAIR is a con"),
-    "membrane": (CUBE.replace("C3D8", "SC8R") + SECTION + MATERIAL, "SC8R"),
-    "heat": (CUBE.replace("C3D8", "DC3D8") + SECTION + MATERIAL, "DC3D8"),
-    "offset": (
-        CUBE.replace("C3D8", "S8").replace("\n1,1,2", "\n1,1,2")
-        + "*SHELL SECTION,ELSET=ALL,MATERIAL=M,OFFSET=EDGE\n.1\n"
-        + MATERIAL,
-        "not a number",
-    ),
-    "dashpot": (CUBE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n" + SECTION + MATERIAL, "1 DASHPOTA"),
-    "no mass": (CUBE + "*ELEMENT,TYPE=MASS,ELSET=Q\n2,1\n" + SECTION + MATERIAL, "1 MASS"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_would_change_the_answer_is_refused(tmp_path, case):
-    text, message = REFUSED[case]
-    with pytest.raises(ao.InputError, match=message) as caught:
-        model_of(tmp_path, text)
-    assert "\n" not in str(caught.value)
-
-
-SHEET = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n"
-    "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,2,5,6,3\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n"
-)
-
-
-@pytest.mark.slow
-def test_thicknesses_at_nodes_are_those_of_the_elements(tmp_path):
-    nodal = "*NSET,NSET=N,GENERATE\n1,4\n*NODAL THICKNESS\nN,.02\n5,.04\n6,.04\n"
-    match = "the variation of the thickness within 1 elements"
-    with pytest.warns(ao.AntioscWarning, match=match):
-        sheet = model_of(tmp_path, SHEET + MATERIAL + nodal + "*BOUNDARY\n1,1,6\n4,1,6\n")
-    assert sheet.mass == pytest.approx(1000 * (0.02 + 0.03), rel=1e-12)
-    supports = [ao.Support(lambda x: np.isclose(x[0], 0))]
-    thin, thick = (ao.Shell(1e9, 0.3, 1000.0, t) for t in (0.02, 0.03))
-    names = sorted(name for name in sheet.mesh.groups if "of thickness" in name)
-    by_hand = ao.Structure(sheet.mesh, dict(zip(names, (thin, thick), strict=True)), supports)
-    site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
-    assert stiffness(sheet, site) == pytest.approx(stiffness(by_hand, site), rel=1e-9)
-
-
-def test_a_density_may_be_given_to_materials_without_one(tmp_path):
-    cube = model_of(tmp_path, CUBE + SECTION + UNWEIGHED, density=500.0)
-    assert cube.mass == pytest.approx(500, rel=1e-12)
 
 
 @pytest.mark.mpi
@@ -252,3 +167,13 @@ def test_ranks_share_the_structure_of_a_deck():
     one, two = run_ranks(1, script, str(DECKS)), run_ranks(2, script, str(DECKS))
     assert two == [*one, *one]
     assert "have no section" in one[0]
+
+
+WRONG = [("unit", "km"), ("merge", 0.0), ("density", -1.0), ("timeout", 0.0), ("comm", 3)]
+WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", "A"), ("root", "none")]
+
+
+@pytest.mark.parametrize(("option", "value"), WRONG)
+def test_wrong_arguments_are_named_before_a_deck_is_looked_for(tmp_path, option, value):
+    with pytest.raises(ao.InputError, match=f"{option} must be"):
+        ao.read_model(tmp_path / "part.inp", **{option: value})

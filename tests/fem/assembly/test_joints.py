@@ -121,43 +121,6 @@ def test_a_mean_spreads_a_force_evenly():
         assert u[: nodes.size] == pytest.approx(exact.ravel(), abs=1e-9 * 2 / E)
 
 
-@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
-def test_a_mean_of_cells_is_that_of_their_volume(cell):
-    """A point that follows all cells of a free block: its six motions are those of the point."""
-    mesh = box((0, 0, 0), (0.2, 0.1, 0.1), (2, 1, 1), cell)
-    cells = np.arange(mesh.dolfinx.topology.index_map(3).size_local, dtype=np.int32)
-    named = type(mesh)(mesh.dolfinx, {"all": {3: cells}}, mesh.name)
-    part = ao.assemble(
-        {"block": ao.Structure(named, SOLID, order=1)}, [ao.Mean("block:all", "hub")],
-        points={"hub": (0.3, 0.0, 0.0)}, attached=[ao.PointMass("hub", 2.0)],
-    )  # fmt: skip
-    inertia, _ = part.rigid_inertia
-    own = 2700.0 * 0.002
-    moment = own * np.array([0.1, 0.05, 0.05]) + 2.0 * np.array([0.3, 0.0, 0.0])
-    found = inertia.matrix[:3, 3:]  # of translation and rotation: mass × place of its centre
-    centre = moment / (own + 2.0) - inertia.point
-    cross = np.cross(centre, np.eye(3)).T
-    assert inertia.matrix[0, 0] == pytest.approx(own + 2.0, rel=1e-12)
-    assert found == pytest.approx(-(own + 2.0) * cross, abs=1e-12)
-
-
-def test_a_rigid_group_is_a_rigid_body():
-    """All faces of a block rigid: the block keeps its mass and has six motions."""
-    part = ao.Structure(box((0, 0, 0), (1, 1, 1), (1, 1, 1)), SOLID, order=1)
-    sides = ["x0", "x1"]
-    rigid = ao.assemble({"block": part}, [ao.Rigid(f"block:{side}") for side in sides])
-    assert rigid.dofs == 12
-    assert rigid.rigid_modes.shape[1] == 6
-    everything = ao.assemble({"block": part}, [ao.Rigid("block:x0", "hub"), ao.Rigid("block:x1",
-                             "hub")], points={"hub": (0.2, 0.1, 5.0)})  # fmt: skip
-    assert everything.dofs == 6
-    with pytest.warns(ao.AccuracyWarning):  # a point load
-        model = ao.extract(everything, ao.Site((1, 0.4, 0.4), (-1, 0, 0)), n=0)
-    assert model.k0 == 0.0
-    inertia, _ = everything.rigid_inertia
-    assert inertia.matrix[:3, :3] == pytest.approx(2700.0 * np.eye(3), rel=1e-12, abs=1e-9)
-
-
 def test_an_assembly_of_one_part_is_the_part():
     """Without joints and supports; turned, it has the same inertia about its own axes."""
     block = ao.Structure(box((0, 0, 0), (1, 2, 3), (1, 1, 1)), SOLID)
@@ -198,3 +161,13 @@ def test_the_matrices_of_a_bolt_know_rigid_motions():
     total = motions.T @ m @ motions
     assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
     assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
+
+
+def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():
+    mesh, beam = line((0, 0), (1, 0), 4), ao.Beam(E, NU, 2700.0, BEAM.section)
+    own = ao.Structure(mesh, beam, [CLAMP], attached=[ao.PointMass("end", 2.0, 0.1)])
+    bare = ao.Structure(mesh, beam, [CLAMP])
+    joined = ao.assemble({"a": bare}, attached=[ao.PointMass("a:end", 2.0, 0.1)])
+    low, same, without = (eigenfrequencies(part, 3) for part in (own, joined, bare))
+    assert low == pytest.approx(same, rel=1e-9)
+    assert (low < 0.8 * without).any()

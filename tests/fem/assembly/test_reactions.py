@@ -10,7 +10,6 @@ pytest.importorskip("dolfinx")
 import scipy.sparse
 
 import antiosc as ao
-import every_joint
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.results.fields import shapes_of
@@ -116,26 +115,6 @@ def test_a_turned_part_on_points_and_joints():
     np.testing.assert_allclose(found.inertia[:, 2], inertia, atol=1e-8 * scale)
 
 
-def test_a_support_on_a_rigid_group():
-    """Nodes of a rigid face held along one direction: most of them follow from the others."""
-    bar = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (6, 2, 2)), SOLID, order=1)
-    turned = ao.Placement((0.0, 0.1, 0.0), (1, 1, 0), 0.7)
-    far = tuple(turned.placed(np.array([[0.1, 0.01, 0.01]]))[0])
-    stiff = {**dict.fromkeys("xyz", 1e6), **dict.fromkeys(("rx", "ry", "rz"), 1e2)}
-    part = ao.assemble(
-        {"bar": bar},
-        [ao.Rigid("bar:x0", "hub"), ao.Rigid("bar:x1", "end"), ao.Bushing("end", "wall", stiff)],
-        at={"bar": turned},
-        points={"hub": (0.03, 0.1, 0.02), "end": far, "wall": far},
-        supports=[ao.Support("bar:x0", ("x", "z")), ao.Support("wall")],
-    )
-    point = turned.placed(np.array([[0.06, 0.02, 0.01]]))[0]
-    _, found = struck(part, ao.Site(tuple(point), (0.1, -1, 0.2), part="bar"))
-    scale = check_balance(found)
-    assert np.abs(found.force["bar:x0"][:, [0, 2]]).max() > 0.1 * scale
-    assert np.abs(found.force["bar:x0"][:, 1]).max() < 1e-8 * scale
-
-
 def test_at_rest_forces_and_moments_are_those_of_statics():
     """A beam on a hinge and a roller under F at a third: 2/3 and 1/3 of it, no moment."""
     beam = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 6), BEAM)
@@ -159,19 +138,6 @@ def test_at_rest_forces_and_moments_are_those_of_statics():
     np.testing.assert_allclose(found.force["hinge"][-1], [0, 0, -4], atol=1e-6)
     np.testing.assert_allclose(found.force["beam:end"][-1], [0, 0, -2], atol=1e-6)
     np.testing.assert_allclose(found.moment["hinge"][-1], np.zeros(3), atol=1e-6)
-
-
-@pytest.mark.slow
-def test_what_an_assembly_cannot_tell():
-    block = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (2, 1, 1)), SOLID)
-    free = ao.assemble({"a": block, "b": block}, [ao.Tie("a:x1", "b:x0")], at={"b": (0.05, 0, 0)})
-    hit = ao.simulate(ao.extract(free, SITE, 4), BALL, LAW, DURATION)
-    with pytest.raises(ao.InputError, match="no supports"):
-        ao.reactions(free, hit, SITE)
-    held = every_joint.assembly()
-    hit = ao.simulate(ao.extract(held, every_joint.SITE, 4), BALL, LAW, DURATION)
-    with pytest.raises(ao.InputError, match="superelements are not known"):
-        ao.reactions(held, hit, every_joint.SITE)
 
 
 def test_prescribed_values_of_constraints_that_overlap():

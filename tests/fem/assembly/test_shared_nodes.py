@@ -10,8 +10,8 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.base.errors import InputError
-from antiosc.fem.assembly.assemble import joined_at_nodes
+from antiosc.fem.assembly.assemble import put_together
+from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
@@ -26,6 +26,10 @@ pytestmark = [
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 SHELL = ao.Shell(70e9, 0.3, 2700.0, 0.01)
+
+
+def joined_at_nodes(parts, numbers) -> ao.Structure:
+    return put_together(parts, [SharedNodes(numbers)])
 
 
 def made(x: np.ndarray, cells: np.ndarray, cell: str) -> tuple[Mesh, np.ndarray]:
@@ -179,19 +183,6 @@ def test_a_beam_on_a_shell_turns_with_it():
     plate_energy = both.fields(u[:, None], "sheet")[0][1][:, 0]
     strained = plate_energy @ (csr(member.part.K) @ plate_energy)
     assert 1 / ao.extract(both, tip, n=0).k0 == pytest.approx(own + strained, rel=1e-6)
-
-
-def test_nodes_that_do_not_fit_are_refused():
-    x, quads, triangles = plate(2)
-    left, of_left = made(x, quads, "quadrilateral")
-    right, of_right = made(x, triangles, "triangle")
-    parts = {"q": ao.Structure(left, SHELL), "t": ao.Structure(right, SHELL)}
-    with pytest.raises(InputError, match="shares no node"):
-        joined_at_nodes(parts, {"q": of_left, "t": of_right + 1000})
-    with pytest.raises(InputError, match="apart in two parts"):
-        joined_at_nodes(parts, {"q": of_left, "t": of_right[::-1]})
-    with pytest.raises(InputError, match="numbers are given"):
-        joined_at_nodes(parts, {"q": of_left[:3], "t": of_right})
 
 
 @pytest.mark.sample

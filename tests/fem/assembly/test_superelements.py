@@ -75,29 +75,6 @@ def test_a_model_of_sites_gives_the_full_part_within_its_truncation():
     assert errors[2] < 1e-6
 
 
-def test_its_sites_are_struck_by_name_and_the_static_stiffness_is_exact():
-    part = named(condensed(0))
-    struck = ao.extract(part, ao.Site("ecu:top", (0, 0, -1)), n=4)
-    point = tuple(LIFT.placed(np.array([TOP]))[0])
-    full = ao.extract(whole(), ao.Site(point, (0, 0, -1), part="ecu"), n=4)
-    assert struck.k0 == pytest.approx(full.k0, rel=1e-8)
-    hit = ao.simulate(struck, ao.RigidMass(0.01, 1.0), ao.Linear(1e6), duration=1e-3)
-    moved = ao.probe(part, hit, CORNER.point, part="plate")
-    assert np.isfinite(moved).all()
-    assert np.abs(moved).max() > 0
-    foot = ao.probe(part, hit, "ecu:a")  # a ball on the plate
-    below = ao.probe(part, hit, tuple(_above("a")), part="plate")
-    np.testing.assert_allclose(foot, below, atol=1e-9 * np.abs(below).max())
-    for name, quantity, words in (
-        ("ecu:a", "rotation", "has displacements alone"),
-        ("ecu:a", "stress", "a point without a mesh and has no stress"),
-        ("ecu:top", "displacement", "tangential=True"),
-        ("ecu:z", "displacement", "has no site or node 'ecu:z'; its sites and nodes are: 'ecu:a'"),
-    ):
-        with pytest.raises(InputError, match=words):
-            ao.probe(part, hit, name, quantity)
-
-
 def test_a_free_assembly_with_a_superelement_keeps_six_rigid_motions():
     loose = ao.Structure(plate().mesh, SOLID)
     joints = [ao.Ball(("plate", _above(name)), f"ecu:{name}") for name in FEET]
@@ -185,18 +162,3 @@ WRONG = [
 def test_what_is_no_superelement_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         ao.assemble({"plate": plate(), "ecu": make()}, [])
-
-
-def test_wrong_ends_are_refused():
-    model = condensed(2)
-    known = r"no site or node 'ecu:foot'; its sites and nodes are: 'ecu:a'"
-    with pytest.raises(InputError, match=known):
-        on_plate(model, {"a": "ecu:foot"})
-    with pytest.raises(InputError, match=r"has no mesh; its sites and nodes are joined by"):
-        ao.assemble({"plate": plate(), "ecu": model}, [ao.Tie("plate:z1", "ecu:a")])
-    with pytest.raises(InputError, match="needs a part with a mesh"):
-        ao.assemble({"ecu": model})
-    with pytest.raises(InputError, match="'ecu' is joined to nothing else"):
-        ao.assemble({"plate": plate(), "ecu": model})
-    with pytest.raises(InputError, match="does not move along the direction of impact"):
-        ao.extract(named(model), ao.Site("ecu:top", (1, 0, 0)), n=2)

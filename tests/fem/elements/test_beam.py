@@ -12,7 +12,6 @@ import scipy.sparse.linalg
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements.beam import heights
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 
@@ -196,31 +195,3 @@ def test_orientation_in_space(direction, order):
     np.testing.assert_allclose(
         turn, L / G / FLAT.torsion * t, rtol=1e-8, atol=1e-12 * np.abs(turn).max()
     )
-
-
-def test_pin_holds_displacements_and_lets_rotate():
-    """Pinned–pinned: L³/48EI + L/4κGA at mid-span; clamped–clamped a quarter of the bending."""
-    L = 1.0
-    EI, GA = beam().E * FLAT.I, beam().G * FLAT.A * FLAT.shear
-    mesh = parts.line(L, 8)
-    pins = [ao.Support("left", ("x", "y")), ao.Support("right", "y")]
-    u = solve(ao.Structure(mesh, beam(), pins), (L / 2, 0), {"y": 1.0})
-    assert u["y"] == pytest.approx(L**3 / 48 / EI + L / 4 / GA, rel=1e-9)
-    u = solve(
-        ao.Structure(mesh, beam(), [ao.Support("left"), ao.Support("right")]),
-        (L / 2, 0),
-        {"y": 1.0},
-    )
-    assert u["y"] == pytest.approx(L**3 / 192 / EI + L / 4 / GA, rel=1e-9)
-
-
-@pytest.mark.parametrize("given", [(0.0, 3.0, 4.0), lambda x: np.stack([x[0], 2 + x[1], x[2]])])
-def test_heights_of_sections_are_unit_vectors(given, rng):
-    """Of any length given, as a vector or as a function of points."""
-    axis = np.tile([1.0, 0.0, 0.0], (5, 1))
-    middle = rng.uniform(1.0, 2.0, (5, 3))
-    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.01), orientation=given)
-    found = heights(beam, axis, middle)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=1e-15)
-    wanted = given(middle.T).T if callable(given) else np.tile(given, (5, 1))
-    np.testing.assert_allclose(np.cross(found, wanted), 0.0, atol=1e-14)

@@ -11,7 +11,6 @@ import antiosc as ao
 import parts
 from antiosc import closed_form
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.structure import rigid_body_modes
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -78,19 +77,6 @@ def test_stiffness_of_the_article_supported_beam():
     ).m_st == pytest.approx(0.89, abs=0.01)
 
 
-@pytest.mark.slow
-def test_off_the_nodes():
-    """A site within an element: the closed form at that very point."""
-    site = 0.3711
-    exact = closed_form.cantilever(EXACT, site * LENGTH).anti_oscillators(N)
-    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
-    model = ao.extract(structure, ao.Site((site * LENGTH, 0), (0, 1)), n=N, method="modes")
-    # A load within an element bends it by a cubic with a kink that the element does not hold.
-    assert model.k0 == pytest.approx(exact.k0, rel=1e-4)
-    assert errors(model, exact)["omega"].max() < 5e-4
-    assert errors(model, exact)["m"].max() < 5e-3
-
-
 def test_a_beam_along_its_own_axis_is_a_rod():
     """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
     structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
@@ -119,29 +105,3 @@ def test_a_solid_bar_becomes_the_beam():
     np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
     assert model.k0 == pytest.approx(exact.k0, rel=0.01)
     assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("slenderness", [1e3, 5e3])
-def test_a_free_beam_however_thin(slenderness):
-    """The shift sits at the first bending mode, though shearing is 1e13 times stiffer."""
-    side = LENGTH / slenderness
-    section = ao.Section.rectangle(side, side)
-    beam = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=section)
-    model = ao.extract(
-        ao.Structure(parts.line(LENGTH, 40), beam), ao.Site((0.3 * LENGTH, 0), (0, 1)), n=12
-    )
-    thin = closed_form.UniformBeam.timoshenko(
-        E=67e9, nu=0.33, rho=2400.0, area=section.A, inertia=section.I, length=LENGTH
-    )
-    exact = closed_form.free_free(thin, 0.3).anti_oscillators(3)
-    np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-3)
-    np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-2)
-
-
-def test_frequencies_that_have_not_settled_are_told(monkeypatch):
-    monkeypatch.setattr(rigid_body_modes, "SHIFT", 1e9 * rigid_body_modes.SHIFT)
-    part = ao.Structure(parts.line(LENGTH, 40), BEAM)
-    monkeypatch.setattr("antiosc.fem.structure.null_space.closer_shift", lambda *_: np.inf)
-    with pytest.warns(ao.AccuracyWarning, match="none of the 12 anti-oscillators has converged"):
-        ao.extract(part, ao.Site((0.3 * LENGTH, 0), (0, 1)), n=12)

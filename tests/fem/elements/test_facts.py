@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import basix
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -10,14 +9,12 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.elements import solid
 from antiosc.fem.platform import compat
-from parts import STEEL, box, frame, line, named, plate
+from parts import STEEL, box, line, named, plate
 from sheets import PLY
 
 pytestmark = pytest.mark.fem
 
-CONSTANTS = tuple(STEEL.values())
 ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
 
 
@@ -49,39 +46,6 @@ def test_boxes_and_thicknesses():
     sheet = halves(plate((2, 1), (0.2, 0.3), "triangle"), 0.1)
     part = ao.Structure(sheet, {"one": thick, "two": thin})
     assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
-
-
-@pytest.mark.slow
-def test_widths_of_beams_and_bars_are_those_of_rectangles():
-    low, high = (ao.Section.rectangle(width=w, height=h) for w, h in ((0.03, 0.01), (0.01, 0.02)))
-    mesh = halves(line(1.0, 2), 0.5)
-    beams = {name: ao.Beam(**STEEL, section=s) for name, s in (("one", low), ("two", high))}
-    part = ao.Structure(mesh, beams)
-    assert part.dimensions == pytest.approx((1.0, 0.03, 0.01))
-    assert ao.Structure(line(1.0, 2), beams["two"]).dimensions == pytest.approx((1.0, 0.01, 0.02))
-    mast = frame([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
-                 [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)], 1)  # fmt: skip
-    truss = ao.Structure(mast, ao.Truss(**STEEL, area=4e-4))
-    assert truss.dimensions == pytest.approx((1.0, 0.02, 0.02))
-
-
-@pytest.mark.slow
-def test_constants_are_those_of_the_first_material():
-    soft = ao.Solid(1e9, 0.4, 1000.0)
-    mesh = halves(box((2, 1, 1), (0.2, 0.1, 0.1)), 0.1)
-    assert ao.Structure(mesh, {"one": ao.Solid(**STEEL), "two": soft}).constants() == CONSTANTS
-    blocks = {name: ao.Structure(box((1, 1, 1), (0.1, 0.2, 0.3)), m, order=1)
-              for name, m in (("a", soft), ("b", ao.Solid(**STEEL)))}  # fmt: skip
-    joint = ao.Weld("a:right", "b:left")
-    both = ao.assemble(blocks, [joint], {"b": (0.5, 0.0, 0.1)})
-    assert both.constants() == (1e9, 0.4, 1000.0)
-    assert both.dimensions == pytest.approx((0.6, 0.4, 0.2))
-    beam = ao.Beam(**STEEL, section=ao.Section.circle(0.01))
-    assert ao.Structure(line(1.0, 2), beam).constants() == CONSTANTS
-    assert pytest.approx(210e9 / 2.6) == beam.G
-    shell = ao.Shell(**STEEL, thickness=0.01)
-    assert pytest.approx(210e9 / 2.6) == shell.G
-    assert ao.Structure(plate((1, 1), (1, 1), "triangle"), shell).constants() == CONSTANTS
 
 
 def test_local_indentation_is_that_of_a_half_space_or_none():
@@ -129,51 +93,3 @@ def test_local_indentation_is_that_of_a_half_space_or_none():
 def test_meshes_of_other_families_are_refused(mesh, material, words):
     with pytest.raises(ao.InputError, match=words):
         ao.Structure(mesh(), material)
-
-
-def test_sections_that_are_none():
-    good = {"A": 1e-4, "I": 1e-9, "I_side": 2e-9, "J": 3e-9, "shear": 0.8}
-    made = ao.Section(**good)
-    assert (made.side, made.torsion, made.isotropic) == (2e-9, 3e-9, False)
-    assert ao.Section(1, 2).torsion == 4.0
-    for name in good:
-        for wrong in (0.0, -1.0, "thick"):
-            with pytest.raises(ao.InputError, match=f"{name} must"):
-                ao.Section(**{**good, name: wrong})
-    for make, name in (
-        (lambda v: ao.Section.rectangle(v, 0.1), "width"),
-        (lambda v: ao.Section.rectangle(0.1, v), "height"),
-        (lambda v: ao.Section.circle(v), "d"),
-        (lambda v: ao.Section.tube(v, 0.01), "d"),
-        (lambda v: ao.Section.tube(0.1, v), "t"),
-    ):
-        with pytest.raises(ao.InputError, match=f"{name} must be > 0"):
-            make(-1.0)
-    for d, t, inner in ((0.1, 0.0499, 2e-4), (0.1, 0.02, 0.06)):
-        tube, whole, hole = ao.Section.tube(d, t), ao.Section.circle(d), ao.Section.circle(inner)
-        assert pytest.approx(whole.A - hole.A) == tube.A
-        assert pytest.approx(whole.I - hole.I) == tube.I
-    with pytest.raises(ao.InputError, match="thinner than d/2"):
-        ao.Section.tube(0.1, 0.05)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
-def test_thin_cells_of_thin_parts(cell, axis):
-    """Edges of more than 8 to 1, parts of more than 100 shortest ones; up to 1000 cells."""
-
-    def thin(count: int, length: float, across: tuple[int, int] = (1, 1)) -> bool:
-        n, size = list(across), [float(k) for k in across]
-        n.insert(axis, count)
-        size.insert(axis, count * length)
-        return solid._is_thin(box(n, size, cell))
-
-    longest = 8.0 if cell == "hexahedron" else np.sqrt(62.0)  # of tetrahedra the diagonals
-    assert thin(14, 1.01 * longest)
-    assert not thin(14, 0.99 * longest)
-    assert not thin(12, 1.01 * longest)
-    if cell == "hexahedron" and not axis:
-        assert thin(20, 8.1, (10, 5))
-        assert not thin(13, 8.1, (11, 7))
-    found = {tuple(int(k) for k in e) for e in basix.topology(getattr(basix.CellType, cell))[1]}
-    assert found == set(solid.SOLID_EDGES[cell])

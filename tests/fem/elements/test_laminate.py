@@ -7,16 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
-import dolfinx
-
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.plate_section import stacked
+from antiosc.fem.elements.sections import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
@@ -80,25 +76,6 @@ def test_navier_gives_the_published_frequencies():
         assert found == pytest.approx(published, abs=0.6 * 10.0 ** -len(str(published)[3:])), angles
 
 
-def test_navier_of_one_isotropic_layer_is_mindlins():
-    theory = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0)
-    found = navier([ao.Layer.isotropic(E, NU, RHO, 0.1)])
-    for m, n in ((1, 1), (2, 1), (2, 3)):
-        assert found.frequencies(m, n)[0] == pytest.approx(theory.mindlin(m, n), rel=1e-10)
-    thin = navier([ao.Layer.isotropic(E, NU, RHO, 1e-4)]).frequencies(1, 1)
-    exact = SupportedPlate(E, NU, RHO, 1e-4, 1.0, 1.0).mindlin(1, 1)
-    assert thin[0] == pytest.approx(exact, rel=1e-6)
-    shear = np.sqrt(10 * E / (2 * (1 + NU)) / RHO) / 1e-4  # of the thickness, 5/6 · 12 G/ρh²
-    assert thin[-1] == pytest.approx(shear, rel=1e-4)
-
-
-def test_navier_of_thin_coupled_plates():
-    """ω/h has a limit, which rounding of the thickness-shear modes must not drown."""
-    for angles in ((0, 90), (45, -45)):
-        thick, thin = (navier(stack(angles, h)).frequencies(1, 1)[0] / h for h in (1e-3, 1e-4))
-        assert thin == pytest.approx(thick, rel=2e-4)
-
-
 def plate_error(n, cell, angles, h, supports):
     """Of the fundamental frequency, relative.
 
@@ -142,13 +119,6 @@ def test_a_soft_core_leaves_no_spurious_mode():
     assert found[0] == pytest.approx(found[1], rel=5e-3)
 
 
-def test_an_isotropic_section_stands_for_its_own_thickness():
-    for nu in (0.0, 0.3, -0.5):
-        section = stacked([ao.Layer.isotropic(E, nu, RHO, 3e-3)] * 2)
-        assert section.t2_of_shear == pytest.approx(36e-6, rel=1e-12)
-        assert section.t2_of_stretch == pytest.approx(36e-6, rel=1e-12)
-
-
 # --- axes, angles and sides -------------------------------------------------------------------
 
 
@@ -159,23 +129,6 @@ def test_isotropic_layers_are_a_shell(cell):
     mesh = sheet(3, lambda s, v: (s, np.sin(1.2 * v), np.cos(1.2 * v)), cell)
     one = ao.Structure(mesh, ao.Laminate(thirds, axis=(0.4, 1, 0.2)))
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cell", CELLS)
-def test_angles_count_from_the_axis_about_the_normal(cell):
-    """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
-    mesh = rectangle(3, 1.0, 1.0, cell)
-    rotated = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.7)  # its part off the sheet does not count
-    here = ao.Structure(mesh, ao.Laminate([PLY.rotated(30)], axis=(2, 0, 0)))
-    for same in (
-        ao.Laminate([PLY], axis=rotated),
-        ao.Laminate([PLY.rotated(-30)], top=(0.5, 0, -1)),
-        ao.Laminate([PLY.rotated(-60)], axis=(0, 1, 0)),
-    ):
-        assert max(differ(ao.Structure(mesh, same), here)) < 1e-12
-    other = ao.Structure(mesh, ao.Laminate([PLY.rotated(-30)]))
-    assert differ(other, here)[0] > 1e-3
 
 
 @pytest.mark.slow
@@ -222,48 +175,6 @@ def test_opposite_normals(cell):
 
 
 @pytest.mark.slow
-def test_the_top_of_a_plane_mesh_is_up():
-    """dolfinx turns every other triangle of its own rectangles over."""
-    corners = [np.zeros(2), np.ones(2)]
-    built = ao.read_mesh(dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, corners, [3, 3]))
-    layers = unsymmetric(0.05)
-    here = ao.Structure(built, ao.Laminate(layers), SIMPLE)
-    cells = compat.geometry_nodes(built.dolfinx).astype(np.int64)
-    space = ao.read_mesh(
-        compat.create_mesh(built.comm, cells, built.dolfinx.geometry.x.copy(), "triangle", 1)
-    )
-    there = ao.Structure(space, ao.Laminate(layers, top=(0, 0, 1)), SIMPLE)
-    assert frequencies(here, 2) == pytest.approx(frequencies(there, 2), rel=1e-9)
-    with pytest.raises(InputError, match="opposite normals"):
-        ao.Structure(space, ao.Laminate(layers))
-
-
-@pytest.mark.slow
-def test_sides_end_where_three_sheets_meet():
-    """A blade on a plate: the common edge has no side to keep, each sheet has its own."""
-    x = np.array(
-        [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 0, 1], [1, 1, 1.0]]
-    )
-    cells = np.array([[0, 1, 3, 4], [1, 4, 2, 5], [1, 4, 6, 7]])  # all go along it the same way
-    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "quadrilateral", 1))
-    part = ao.Structure(mesh, ao.Laminate(unsymmetric(0.01), axis=(1, 1, 0)))
-    assert part.rigid_modes.shape[1] == 6
-
-
-@pytest.mark.slow
-def test_an_axis_as_a_function():
-    """Around a cylinder, which no vector is, 0° is what 90° (or −90°) is from the axis along it."""
-    mesh = sheet((2, 6), lambda s, v: (s, np.sin(2 * v), np.cos(2 * v)))
-    layers = stack([10, 60], 0.02)
-    hoop = ao.Laminate(layers, axis=lambda x: np.stack([0 * x[0], -x[2], x[1]]))
-    along = ao.Laminate([p.rotated(p.angle - 90) for p in layers])
-    outward = {"top": lambda x: x * [[0], [1], [1]]}
-    one, other = (ao.Structure(mesh, replace(lam, **outward)) for lam in (hoop, along))
-    # S belongs to the axes: bending to a cylinder along 0° and along 90°
-    assert max(differ(one, other)) < 1e-9
-
-
-@pytest.mark.slow
 def test_laminate_and_shell_by_group():
     """A step from metal to the same metal in layers, and to a lighter one."""
     mesh = rectangle((4, 2), 2.0, 1.0)
@@ -288,3 +199,80 @@ def test_laminate_and_shell_by_group():
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
     with pytest.raises(InputError, match="dimensions"):
         ao.advise(ao.Structure(mesh, layered), sphere)
+
+
+@pytest.mark.parametrize("angle", [0, 30, 90, -45])
+def test_a_homogeneous_section_has_five_sixths_of_its_shear_stiffness(angle):
+    layers = stack([angle] * 5, 4e-3)
+    section = stacked(layers)
+    assert pytest.approx(5 / 6 * uniform(layers), rel=1e-12, abs=1e-6) == section.S
+    Q = layers[0].plane_stress()
+    assert pytest.approx(Q * 4e-3, rel=1e-12, abs=1e-3) == section.A
+    assert pytest.approx(Q * 4e-3**3 / 12, rel=1e-12, abs=1e-9) == section.D
+    assert not section.B.any()
+    assert section.I1 == 0
+
+
+def test_a_sandwich_shears_as_its_core():
+    """Thin stiff faces: Gc d²/c, d between the middles of the faces (Allen 1969)."""
+    face = ao.Layer.isotropic(70e9, 0.3, 2700.0, 0.2e-3)
+    core = ao.Layer.isotropic(50e6, 0.3, 60.0, 20e-3)
+    S = stacked([face, core, face]).S
+    assert S[0, 0] == pytest.approx(core.G12 * 20.2e-3**2 / 20e-3, rel=3e-4)
+    assert S[1, 1] == pytest.approx(S[0, 0], rel=1e-12)
+    assert abs(S[0, 1]) < 1e-12 * S[0, 0]
+
+
+def test_a_ply_at_an_angle():
+    """1/Ex = c⁴/E1 + (1/G12 − 2ν12/E1) s²c² + s⁴/E2 (Jones, eq. 2.97), and whole turns."""
+    for angle in (0, 20, 45, 70, 90, 200):
+        c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+        Q = PLY.rotated(angle).plane_stress()
+        exact = c**4 / PLY.E1 + (1 / PLY.G12 - 2 * PLY.nu12 / PLY.E1) * (s * c) ** 2 + s**4 / PLY.E2
+        assert np.linalg.inv(Q)[0, 0] == pytest.approx(exact, rel=1e-12)
+    # fibres at +20°: stretching along 1 pulls them to shear of the positive sign
+    assert PLY.rotated(20).plane_stress()[0, 2] > 0
+    assert PLY.rotated(360 + 20).plane_stress() == pytest.approx(
+        PLY.rotated(20).plane_stress(), rel=1e-12
+    )
+
+
+def test_sections_are_positive_definite():
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        layers = [
+            ao.Layer(
+                *10 ** rng.uniform(7, 11, 2), 0.0, *10 ** rng.uniform(6, 10, 3), 1500.0, 1e-3, angle
+            )
+            for angle in rng.uniform(-90, 90, rng.integers(1, 6))
+        ]
+        layers = [
+            replace(p, nu12=0.9 * rng.uniform(-1, 1) * np.sqrt(p.E1 / p.E2), thickness=t)
+            for p, t in zip(layers, 10 ** rng.uniform(-4, -2, len(layers)), strict=True)
+        ]
+        s = stacked(layers)
+        h = s.thickness
+        whole = np.block([[s.A, s.B / h], [s.B / h, s.D / h**2]])
+        assert np.linalg.eigvalsh(whole)[0] > 0
+        assert np.linalg.eigvalsh(s.S)[0] > 0
+        # equilibrium asks for more energy than uniform strain: S is below ∫G dz
+        assert np.linalg.eigvalsh(uniform(layers) - s.S)[0] >= -1e-9 * s.S.max()
+        assert s.I0 * s.I2 > s.I1**2
+
+
+def test_a_flipped_section_is_that_of_its_flipped_stack():
+    """Listed from the other side, and about the same 0° all angles change sign."""
+    layers = unsymmetric(2e-3)
+    here = stacked(layers).flipped
+    there = stacked([p.rotated(-p.angle) for p in layers[::-1]])
+    for name in ("A", "B", "D", "S", "I0", "I1", "I2"):
+        one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
+        assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
+        assert name == "S" or np.abs(other).min() > 0
+
+
+def test_which_stacks_have_sides():
+    sides = {(0, 90): True, (45,): True, (45, -45, -45, 45): True}
+    none = {(0, 90, 90, 0): False, (45, -45): False, (30, -30, 30, -30): False, (0,): False}
+    for angles, expected in (sides | none).items():
+        assert stacked(stack(angles, 1e-3)).has_sides is expected, angles

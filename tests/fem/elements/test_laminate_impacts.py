@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
-import dolfinx
 
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.plate_section import stacked
+from antiosc.fem.elements.sections import stacked
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
 from mpi import one_and_several
 from paths import demo
 from sheets import (
@@ -29,7 +23,6 @@ from sheets import (
     E,
     at,
     dof,
-    frequencies,
     interpolated,
     loaded,
     rectangle,
@@ -65,43 +58,6 @@ def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
     assert y[dof(part, (length, 0, 0), "z")] == pytest.approx(tip, rel=close)
     stretch = B / A * length**2 / (2 * D * width)
     assert y[dof(part, (length, 0, 0), "x")] == pytest.approx(stretch, rel=close)
-
-
-def sandwich():
-    """Faces on a core a hundred times softer; with 5/6 its shear would be 20 times too stiff."""
-    face = ao.Layer.isotropic(E, 0.0, RHO, 2.5e-3)
-    return [face, ao.Layer.isotropic(E / 100, 0.0, 60.0, 15e-3), face]
-
-
-@pytest.mark.parametrize(
-    ("layers", "through", "count"),
-    [
-        (two_layers, 4, 4),
-        pytest.param(sandwich, 8, 2, marks=pytest.mark.slow),
-    ],
-)
-def test_a_layered_cantilever_as_shell_and_solid(layers, through, count):
-    """Frequencies up and down, sideways, in twist; where thick faces bend alone, the lowest two."""
-    length, width, h = 0.4, 0.04, 0.02
-    held = [ao.Support(at(0, 0.0))]
-    box = dolfinx.mesh.create_box(
-        MPI.COMM_WORLD,
-        [np.array([0, 0, -h / 2]), np.array([length, width, h / 2])],
-        [12, 1, through],
-        dolfinx.mesh.CellType.hexahedron,
-    )
-    middle = box.geometry.x[compat.geometry_nodes(box)].mean(axis=1)[:, 2]
-    number = np.searchsorted(np.cumsum([layer.thickness for layer in layers()]) - h / 2, middle)
-    groups, materials = {}, {}
-    for k, layer in enumerate(layers()):
-        groups[f"layer {k}"] = {3: np.flatnonzero(number == k).astype(np.int32)}
-        materials[f"layer {k}"] = ao.Solid(layer.E1, layer.nu12, layer.rho)
-    solid = ao.Structure(Mesh(box, groups, "the box"), materials, held)
-    shell = ao.Structure(rectangle((12, 1), length, width), ao.Laminate(layers()), held)
-    assert shell.mass == pytest.approx(solid.mass, rel=1e-12)
-    found, exact = frequencies(shell, count), frequencies(solid, count)
-    assert found == pytest.approx(exact, rel=1e-2)
-    assert found[:2] == pytest.approx(exact[:2], rel=2.5e-3)
 
 
 @pytest.mark.sample
@@ -199,25 +155,6 @@ def test_the_demo(tmp_path):
     assert numbers["sandwich"]["k0"] > 20 * numbers["carbon"]["k0"]
     assert numbers["carbon"]["k0"] > 2 * numbers["aluminium"]["k0"]
     assert (tmp_path / "composite_panel.png").stat().st_size > 0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"E1": -1.0}, "E1 must be > 0"),
-        ({"E2": 0.0}, "E2 must be > 0"),
-        ({"G12": -1e9}, "G12 must be > 0"),
-        ({"G13": float("nan")}, "G13 must be finite"),
-        ({"G23": 0.0}, "G23 must be > 0"),
-        ({"rho": 0.0}, "rho must be > 0"),
-        ({"thickness": -1e-3}, "thickness must be > 0"),
-        ({"angle": "ninety"}, "angle must be a number"),
-        ({"nu12": 6.4}, r"nu12² must be < E1/E2 = 40, .* got nu12 = 6.4 \(is it nu21\?\)"),
-    ],
-)
-def test_a_layer_needs_a_material(wrong, message):
-    with pytest.raises(InputError, match=message):
-        replace(PLY, **wrong)
 
 
 def test_directions_that_do_not_say_where():

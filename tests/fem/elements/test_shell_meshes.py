@@ -11,12 +11,10 @@ pytest.importorskip("dolfinx")
 
 
 import antiosc as ao
-from antiosc.base.errors import AntioscWarning
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
 from sheets import (
@@ -28,11 +26,9 @@ from sheets import (
     at,
     dof,
     edges,
-    frequencies,
     interpolated,
     loaded,
     plate,
-    rectangle,
     sheet,
 )
 
@@ -115,44 +111,6 @@ def test_a_free_shell_has_six_zero_modes_and_its_mass(cell, order, t):
     assert structure.mass == pytest.approx(RHO * t * area, rel=1e-4 if order == 2 else 1e-12)
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("cell", CELLS)
-def test_the_sign_of_normals_does_not_matter(cell):
-    """Half of the cells turned over: the same frequencies."""
-    flip = {"triangle": [0, 2, 1], "quadrilateral": [0, 2, 1, 3]}[cell]
-    straight = rectangle(4, 1.0, 1.0, cell)
-    cells = compat.geometry_nodes(straight.dolfinx).copy()
-    cells[::2] = cells[::2][:, flip]
-    x = straight.dolfinx.geometry.x
-    turned = ao.read_mesh(
-        compat.create_mesh(straight.comm, cells.astype(np.int64), x.copy(), cell, 1)
-    )
-    found = [
-        frequencies(ao.Structure(m, ao.Shell(E, NU, RHO, 0.02), SIMPLE), 4)
-        for m in (straight, turned)
-    ]
-    assert found[0] == pytest.approx(found[1], rel=1e-8)
-
-
-def test_two_thicknesses_by_group():
-    """A stepped cantilever strip against beam theory, ν = 0."""
-    mesh = rectangle((8, 1), 2.0, 0.1)
-    middle = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)[:, 0]
-    groups = {
-        "root": {2: np.flatnonzero(middle < 1).astype(np.int32)},
-        "tip": {2: np.flatnonzero(middle > 1).astype(np.int32)},
-    }
-    mesh = Mesh(mesh.dolfinx, groups, "the strip")
-    thin, thick = ao.Shell(E, 0.0, RHO, 0.01), ao.Shell(E, 0.0, 2 * RHO, 0.02)
-    structure = ao.Structure(mesh, {"root": thick, "tip": thin}, [ao.Support(at(0, 0.0))])
-    assert structure.mass == pytest.approx(RHO * 0.1 * (0.01 + 2 * 0.02), rel=1e-12)
-    y = loaded(structure, {dof(structure, (2, v, 0), "z"): 0.5 for v in (0, 0.1)})
-    I_tip, I_root = 0.1 * 0.01**3 / 12, 0.1 * 0.02**3 / 12
-    bending = 1 / (3 * E * I_tip) + (8 - 1) / (3 * E * I_root)
-    shear = (1 / 0.01 + 1 / 0.02) / (5 / 6 * E / 2 * 0.1)
-    assert y[dof(structure, (2, 0, 0), "z")] == pytest.approx(bending + shear, rel=1e-4)
-
-
 def test_a_fold_carries_bending_across():
     """An L of two strips, clamped at one end, pushed along the free leg's normal."""
     mesh = sheet(
@@ -183,16 +141,6 @@ def test_patch_compliance_is_mindlins(n, radius):
     assert found == pytest.approx(exact, rel=2e-3)
 
 
-@pytest.mark.slow
-def test_the_default_radius_is_the_thickness():
-    structure = plate(12, 0.1)
-    site = ao.Site((0.45, 0.4, 0), (0, 0, 1))
-    assert functional(structure, site).radius == pytest.approx(0.1)
-    same = compliance(structure, ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=0.1))
-    assert compliance(structure, site) == pytest.approx(same, rel=1e-12)
-    assert ao.extract(structure, site, n=2).radius == pytest.approx(0.1)
-
-
 def test_the_weights_of_a_patch_are_its_motion():
     """bᵀu of constant, linear and quadratic deflections, exactly."""
     structure = plate(6, 0.02, supports=[])
@@ -206,17 +154,6 @@ def test_the_weights_of_a_patch_are_its_motion():
     assert b @ interpolated(structure, lambda x: {"x": 1.0, "rx": 5.0}) == pytest.approx(
         0, abs=1e-12
     )
-
-
-def test_a_patch_over_the_edge_warns():
-    with pytest.warns(AntioscWarning, match="patch"):
-        functional(plate(6, 0.02, supports=[]), ao.Site((0.01, 0.45, 0), (0, 0, 1), radius=0.1))
-
-
-def test_a_site_on_a_plane_plate_is_struck_across_it():
-    flat, space = plate(6, 0.05, gdim=2), plate(6, 0.05)
-    site = ao.Site((0.4, 0.45, 0), (0, 0.5, 1))
-    assert compliance(flat, site) == pytest.approx(compliance(space, site), rel=1e-9)
 
 
 def thin_plate_graded_to(point, cell, n=28):

@@ -15,8 +15,6 @@ import dolfinx
 import antiosc as ao
 import parts
 from antiosc.fem.platform import compat
-from marks import FREE_ON_PURPOSE
-from mesh_files import write
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -130,90 +128,3 @@ def test_seventy_two_bars_have_the_frequencies_of_nastran(tmp_path):
     part = ao.read_model(path, unit="in")
     assert part.dofs == 48
     np.testing.assert_allclose(ao.natural_modes(part, 10).omega, NASTRAN, rtol=3e-7)
-
-
-TRIANGLE = """*NODE
-1,0.,0.
-2,3.,0.
-3,0.,4.
-*ELEMENT, TYPE=T2D2, ELSET=BARS
-1,1,2
-2,2,3
-*SOLID SECTION, ELSET=BARS, MATERIAL=M
-1e-3
-*MATERIAL, NAME=M
-*ELASTIC
-2e11, .3
-*DENSITY
-7800.
-*BOUNDARY
-1,1,2
-3,1,2
-"""
-
-
-def test_bars_of_the_plane(tmp_path):
-    """Two bars hold a node: K by hand; across the plane nothing moves."""
-    path = tmp_path / "two.inp"
-    path.write_text(TRIANGLE)
-    part = ao.read_model(path)
-    assert part.dofs == 2
-    EA, t = 2e11 * 1e-3, np.array([3, -4]) / 5
-    K = EA / 3 * np.diag([1, 0]) + EA / 5 * np.outer(t, t)
-    b = np.array([0.6, 0.8])
-    model = ao.extract(part, ao.Site((3, 0, 0), (0.6, 0.8, 0)), n=1)
-    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(K, b)), rel=1e-10)
-    assert part.mass == pytest.approx(7800 * 1e-3 * 8, rel=1e-12)
-
-
-def test_rods_without_an_area_above_zero_are_refused(tmp_path):
-    path = tmp_path / "two.inp"
-    path.write_text(TRIANGLE.replace("\n1e-3\n", "\n-1e-3\n"))
-    with pytest.raises(ao.MeshError, match=r"area of rods must be above 0; it is -0\.001"):
-        ao.read_model(path)
-
-
-def test_a_mass_and_a_rigid_link_on_a_truss(tmp_path):
-    """They make an assembly; the linked node moves as its fellow."""
-    path = tmp_path / "two.inp"
-    more = "*NODE\n9,3.,0.\n*EQUATION\n2\n9,1,1.,2,1,-1.\n2\n9,2,1.,2,2,-1.\n"
-    more += "*ELEMENT, TYPE=MASS, ELSET=P\n8,9\n*MASS, ELSET=P\n5.\n"
-    path.write_text(TRIANGLE.replace("*BOUNDARY\n", more + "*BOUNDARY\n9,3\n"))
-    part = ao.read_model(path)
-    assert part.mass == pytest.approx(7800 * 1e-3 * 8 + 5, rel=1e-12)
-    EA, t = 2e11 * 1e-3, np.array([3, -4]) / 5
-    K = EA / 3 * np.diag([1, 0]) + EA / 5 * np.outer(t, t)
-    mass = 7800 * 1e-3 * 4 + 5
-    exact = np.sqrt(np.linalg.eigvalsh(K / mass))
-    np.testing.assert_allclose(ao.natural_modes(part, 2).omega, exact, rtol=1e-9)
-
-
-FLAT = """BEGIN BULK
-GRID,1,,0.,0.,0.
-GRID,2,,3.,0.,0.
-GRID,3,,0.,4.,0.
-CONROD,1,1,2,1,1.-3
-CONROD,2,2,3,1,1.-3
-MAT1,1,2.+11,,.3,7800.
-SPC1,1,123,1,3
-"""
-
-
-def test_motions_without_stiffness_are_held_as_by_nastran(tmp_path):
-    path = tmp_path / "flat.bdf"
-    path.write_text("SPC = 1\n" + FLAT)
-    with pytest.warns(ao.AntioscWarning, match=r"1 motions of nodes of flat.bdf .* \(AUTOSPC\)"):
-        assert ao.read_model(path).dofs == 2
-    path.write_text("SPC = 1\n" + FLAT + "PARAM,AUTOSPC,NO\n")
-    with pytest.warns(ao.AntioscWarning, match="rotation"):
-        assert ao.read_model(path).dofs == 3
-
-
-@FREE_ON_PURPOSE
-def test_what_is_no_truss_is_refused(tmp_path):
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0.0)])
-    faces = ao.read_mesh(write(tmp_path / "f.vtu", points, ("quad", np.array([[0, 1, 2, 3]]))))
-    with pytest.raises(ao.InputError, match="Truss"):
-        ao.Structure(faces, ao.Truss(E, 0.3, RHO, 1e-3))
-    with pytest.raises(ao.InputError, match="area must be > 0"):
-        ao.Truss(E, 0.3, RHO, 0.0)

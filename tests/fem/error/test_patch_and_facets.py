@@ -43,13 +43,6 @@ def test_plane_faces_are_no_facets():
     assert faceted(box((2, 2, 2))) == ""
 
 
-def test_facets_of_a_bent_block():
-    mesh = box((6, 2, 2), (0.6, 0.1, 0.1), "tetrahedron")
-    x = mesh.dolfinx.geometry.x
-    x[:, 2] += 0.3 * x[:, 0] ** 2
-    assert "curved surface" in faceted(mesh)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_gaps_of_a_ring(cell):

@@ -12,8 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.error.model_errors import estimator
-from antiosc.fem.error.projection import STRAIN_PLACES
-from antiosc.fem.error.solid import stiffness
+from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from parts import CELLS, STEEL, box, named, plate

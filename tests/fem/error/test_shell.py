@@ -11,10 +11,13 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.free_edges import layers_of
-from antiosc.fem.error.sheet_strains import SheetRecovery, StrainsOfSheets, section_forces
-from antiosc.fem.error.shell import ShellErrors
-from antiosc.fem.error.smooth_pieces import smooth_pieces
+from antiosc.fem.error.sheet_strains import (
+    SheetRecovery,
+    StrainsOfSheets,
+    section_forces,
+    smooth_pieces,
+)
+from antiosc.fem.error.shell import ShellErrors, layers_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
@@ -333,31 +336,6 @@ def test_k0_and_bars_of_nested_meshes(name):
 def model() -> ao.AntiOscillators:
     site = ao.Site((0.4, 0.3, 0), (0, 0, -1), radius=0.1)
     return ao.extract(plate(3, 0.03), site, n=6, error="estimate")
-
-
-def test_the_misfit_belongs_to_the_model(model, tmp_path):
-    misfit = model.strain_misfit
-    model.save(tmp_path / "model")
-    again = ao.AntiOscillators.load(tmp_path / "model")
-    assert np.array_equal(again.strain_misfit, misfit)
-    assert np.array_equal(model.truncated(3).strain_misfit, misfit[:4, :4])
-    assert again.corrected().k0 == model.corrected().k0
-    assert model.corrected().strain_misfit is None
-    order = np.roll(np.arange(6), 1)
-    turned = np.append(0, 1 + order)
-    shuffled = replace(
-        model,
-        m=model.m[order],
-        omega=model.omega[order],
-        strain_error=model.strain_error[np.ix_(turned, turned)],
-        strain_misfit=misfit[np.ix_(turned, turned)],
-        shapes=None,
-    )
-    assert np.array_equal(shuffled.strain_misfit, misfit)
-    with pytest.raises(ao.InputError, match="strain_error"):
-        replace(model, strain_error=None)
-    with pytest.raises(ao.InputError, match="must be symmetric"):
-        replace(model, strain_misfit=np.triu(misfit))
 
 
 def test_the_larger_of_both_differences_counts(model):

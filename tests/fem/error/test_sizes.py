@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.bisection import DIVIDED, gathered, inside, refined
-from antiosc.fem.error.cell_sizes import edge_lengths, growth
+from antiosc.fem.error.bisection import DIVIDED, edge_lengths, gathered, growth, refined
+from antiosc.fem.error.halving import inside
 from antiosc.fem.error.remeshing import (
     LINES,
     graded_sizes,
@@ -161,27 +161,6 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     assert largest(finer) <= 1.001 * diagonal / LINES / 4
     assert not inside(finer, np.array([0.41, 0.0, 0.0]))
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
-
-
-BOXES = {
-    2: ('SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.3, 0.2};', 0.06 * 4 / np.sqrt(3)),
-    3: ('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.3, 0.2, 0.1};', 0.006 * 6 * np.sqrt(2)),
-}
-
-
-@pytest.mark.parametrize("dim", BOXES)
-def test_the_first_mesh_of_a_geometry_has_some_thousand_regular_cells(dim, tmp_path, monkeypatch):
-    text, regular = BOXES[dim]
-    (tmp_path / "box.geo").write_text(text)
-    source = source_of(tmp_path / "box.geo")
-    assert source.extent() == pytest.approx(np.linalg.norm([0.3, 0.2, 0.1][:dim]))
-    asked = []
-    monkeypatch.setattr(source, "_meshed", lambda like, wished, grading: asked.append(wished))
-    for size in (0.05, 1e-5):
-        source.first(size, [])
-    few = (regular / 6000) ** (1 / dim)
-    assert asked[0].sizes == pytest.approx([0.05] * len(asked[0].sizes))
-    assert asked[1].sizes == pytest.approx([few] * len(asked[1].sizes))
 
 
 @pytest.mark.parametrize(("cell", "divided"), [("triangle", True), ("quadrilateral", False)])

@@ -11,7 +11,7 @@ import scipy.linalg
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models import driving_point as bands, free_modes
+from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
 from antiosc.models.rigid_share import with_rigid
 from loose_bodies import (
@@ -96,17 +96,6 @@ def test_bound_across_a_slide(angle, method):
     assert (model.k0 == 0) == (angle > 1e-8)
 
 
-def test_elastic_motions_and_a_rigid_one_are_the_whole():
-    k0, m0, m, omega, a = 3e6, 0.2, np.array([0.5, 0.1]), np.array([2e3, 5e3]), 1e-6
-    left, masses, poles, _, _ = with_rigid(k0, m0, m, omega, a)
-    elastic = ao.AntiOscillators(m0=m0, k0=k0, m=m, omega=omega)
-    model = ao.AntiOscillators(m0=left, k0=0.0, m=masses, omega=poles)
-    w = np.geomspace(1e-5, 1e4, 60) * (1 + 0.01j)
-    whole = 1 / (1 / elastic.dynamic_stiffness(w) - (a / w) ** 2)
-    np.testing.assert_allclose(model.dynamic_stiffness(w), whole, rtol=1e-12)
-    assert model.m_st == pytest.approx(1 / a**2)
-
-
 def test_a_rigid_motion_of_enormous_mass_leaves_m0_in_the_impact():
     light = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.2], omega=[3e3])
     m0, m, omega, _, _ = with_rigid(1e6, 0.1, light.m, light.omega, 1e-9)
@@ -188,14 +177,6 @@ def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
     assert np.abs(still.T @ M @ model.shapes[:, 1:] / np.sqrt(model.m)).max() < 1e-11
 
 
-@pytest.mark.fem
-@pytest.mark.parametrize("seed", [1, 9, 41])
-def test_small_uneven_structures_are_not_refused(seed):
-    K, M, b = loose_bodies(np.random.default_rng(seed), 1)
-    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 1)
-    assert model.n == 1
-
-
 # --- Loops that end -----------------------------------------------------------------------------
 
 
@@ -226,26 +207,3 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     site = ao.Site(dof=0)
     with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
         assert ao.extract(structure, site, 5, "modes").n < 5
-
-
-@pytest.mark.fem
-@pytest.mark.parametrize("tol", [0.0, 1.0, 3.0])
-def test_a_share_is_between_0_and_1(tol):
-    structure, site = _slide(0.1)
-    with pytest.raises(ao.InputError, match="tol"):
-        ao.extract(structure, site, 2, tol=tol)
-
-
-@pytest.mark.parametrize("rise", [0.25, 1.0])
-def test_both_parts_of_a_bound_have_the_margin_for_what_lies_between_samples(monkeypatch, rise):
-    rng = np.random.default_rng(6)
-    omega, b = np.geomspace(1.0, 100.0, 30), rng.standard_normal((4, 30))
-    C, G = b**2 @ (1 / omega**2), b**2 @ (1 / omega**4)
-    known, band = (omega[:20], b[:, :20], C, G), 0.5 * omega[19]
-    models = at_sites(*known, 8)
-    bounds = []
-    for margin in (0.0, rise):
-        monkeypatch.setattr(free_modes, "MAP_SAMPLE_RISE", margin)
-        bounds.append(np.array(error_bound(models, *known, band)))
-    assert (bounds[0] > 0).all()
-    np.testing.assert_allclose(bounds[1], (1 + rise) * bounds[0], rtol=1e-12)

@@ -49,9 +49,3 @@ def test_the_ringing_after_a_blow_decays_by_its_ratio(sheet):
         np.abs(ao.probe(sheet, hit, (0.2, 0.03), times=t + k * period)[:, 1]).max() for k in (0, 15)
     )
     assert np.log(first / last) == pytest.approx(0.02 * omega * 15 * period, rel=1e-3)
-
-
-def test_what_is_no_damping_is_refused(sheet):
-    for bad in (-0.1, "much", [], object()):
-        with pytest.raises(ao.InputError):
-            ao.extract(sheet, SITE, 4, damping=bad)

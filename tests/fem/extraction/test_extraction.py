@@ -73,29 +73,6 @@ def test_zeros_of_the_model_are_the_free_frequencies(case):
     assert strength.sum() == pytest.approx(total, rel=1e-6)
 
 
-@pytest.mark.sample
-def test_antiresonances_interlace_the_free_frequencies(case):
-    """Between two neighbouring free frequencies that move the site lies one antiresonance."""
-    structure, b, rigid, model = case
-    K, M, b = free_part(structure, b)
-    x, phi = scipy.linalg.eigh(K, M)
-    x[:rigid] = 0.0
-    omega = np.sqrt(np.maximum(x, 0))
-    seen = (b @ phi) ** 2
-    observable = omega[seen > 1e-10 * seen.max()]
-    observable = observable[np.diff(observable, prepend=-1.0) > 1e-6 * observable]
-    for low, high in zip(model.omega[:-1], model.omega[1:], strict=True):
-        if high > 0.5 * model.omega[-1]:
-            break
-        assert np.sum((observable > low) & (observable < high)) >= 1
-    # Cauchy: of all constraint frequencies below any ω there are as many as free ones, or one less.
-    whole = ModeSolver(structure, _held(structure, ao.Site(vector=case[1]))).lowest(structure.dofs)
-    constraint = np.concatenate([np.zeros(max(rigid - (model.k0 == 0), 0)), whole.omega])
-    for w in np.sqrt(omega[:-1] * omega[1:])[rigid::7]:
-        gap = np.sum(omega < w * (1 + 1e-9)) - np.sum(constraint < w * (1 - 1e-9))
-        assert gap in (0, 1)
-
-
 def _held(structure: ao.Structure, site: ao.Site) -> SiteShapes:
     return site_shapes(structure, quiet(functional, structure, site).b[:, None])
 
@@ -265,13 +242,6 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
 
 
 # --- Numbers asked for ----------------------------------------------------------------------------
-
-
-def test_fewer_modes_than_asked_come_back_where_there_are_no_more():
-    K = np.array([[2.0, -1.0], [-1.0, 1.0]])
-    model = extract(ao.Structure.from_matrices(K, np.eye(2)), ao.Site(dof=1), 1)
-    assert model.n == 1
-    assert model.omega[0] == pytest.approx(np.sqrt(2))
 
 
 def test_none_at_all_is_the_classical_one_mass_model():

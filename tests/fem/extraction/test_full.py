@@ -84,17 +84,6 @@ def test_static_correction_makes_the_rest_static(plate):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
-def test_residual_shape_goes_with_the_residual_compliance(plate):
-    part, site = plate
-    model = ao.superposition(part, site, 4, static_correction=True)
-    b = functional(part, site).b
-    assert b @ model.residual == pytest.approx(model.r, rel=1e-8)
-    M = csr(part.M)
-    np.testing.assert_allclose(model.shapes.T @ (M @ model.shapes), np.eye(4), atol=1e-7)
-
-
-@pytest.mark.slow
 def test_the_field_is_that_of_a_direct_solve(plate):
     """u = (K - ω²M)⁻¹b everywhere: by all modes, and by few with the residual shape at low ω."""
     part, site = plate

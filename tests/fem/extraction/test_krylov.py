@@ -165,40 +165,6 @@ def test_band_stops_where_the_accuracy_is_reached(steel, method):
     assert model.n < 60
 
 
-@pytest.mark.slow
-def test_fewer_krylov_than_modes_at_equal_error(steel):
-    reference = ao.extract(steel, SITE, n=60)
-    band = 1.1 * reference.omega[2]
-
-    def error(**options) -> float:
-        model = ao.extract(steel, SITE, **options)
-        return stiffness_error(
-            model.dynamic_stiffness, reference.dynamic_stiffness, band, reference.omega[0]
-        )
-
-    assert error(n=10) < 1e-2 * error(n=20, method="modes")
-
-
-def test_masses_are_positive_and_fill_up(steel):
-    rest = [ao.extract(steel, SITE, n=n).m0 for n in (0, 2, 5, 10, 20, 40)]
-    assert np.all(np.diff(rest) < 0)
-    assert rest[-1] > 0
-
-
-def test_shapes_carry_the_masses(steel):
-    from antiosc.fem.linalg.algebra import multiply
-
-    model = ao.extract(steel, SITE, n=12)
-    psi = model.shapes[:, 1:]
-    np.testing.assert_allclose(
-        psi.T @ multiply(steel.M, psi), np.diag(model.m), atol=1e-9 * model.m_st
-    )
-    np.testing.assert_allclose(
-        psi.T @ multiply(steel.K, psi), np.diag(model.k), atol=1e-7 * model.k.max()
-    )
-    assert ao.extract(steel, SITE, n=3, shapes=False).shapes is None
-
-
 def test_a_band_below_the_first_antiresonance_is_said(steel):
     with pytest.warns(ao.AccuracyWarning, match="below the first antiresonance"):
         ao.extract(steel, SITE, band=100.0)
@@ -213,12 +179,17 @@ def test_a_band_that_n_cannot_reach_is_said(steel):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"method": "lanczos"}, "method must be 'krylov' or 'modes'; got 'lanczos'"),
-        ({"n": -1}, "n must be a whole number >= 0; got -1"),
-        ({"n": 10**6}, "n must be below the structure's"),
-        ({"band": 0.0}, "band must be > 0"),
-        ({"band": 1e5, "n": 0}, "n must be a whole number >= 1; got 0"),
-        ({"band": 1e5, "accuracy": -1}, "accuracy must be > 0"),
+        ({"method": "lanczos"}, "lanczos"),
+        ({"n": -1}, "n must be"),
+        ({"n": 2.5}, "n must be"),
+        ({"n": 10**6}, "dofs"),
+        ({"tol": 0.0}, "tol"),
+        ({"tol": 1.0}, "tol"),
+        ({"band": 0.0}, "band"),
+        ({"band": 1e5, "n": 0}, "n must be"),
+        ({"band": 1e5, "accuracy": -1}, "accuracy"),
+        ({"damping": -0.1}, "ratios"),
+        ({"damping": "much"}, "ratio"),
     ],
 )
 def test_bad_wishes(steel, options, words):

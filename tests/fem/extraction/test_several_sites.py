@@ -177,17 +177,6 @@ def test_the_other_site_free_is_the_site_alone(block):
     np.testing.assert_allclose(H * alone.dynamic_stiffness(omega), 1.0, atol=1e-7)
 
 
-def test_saved_and_loaded(block, tmp_path):
-    model = ao.extract(block, CORNERS, 6)
-    model.save(tmp_path / "model.npz")
-    again = ao.AntiOscillators.load(tmp_path / "model.npz")
-    omega = np.array([1e3, 1e4 + 50j])
-    np.testing.assert_array_equal(again.dynamic_stiffness(omega), model.dynamic_stiffness(omega))
-    assert again.sites == ("near", "far")
-    assert again.local_compliance[0] > 0
-    np.testing.assert_allclose(again.participation, model.participation)
-
-
 @pytest.mark.parametrize(
     ("sites", "words"),
     [

@@ -148,15 +148,3 @@ def test_fields_of_a_scene(block, tmp_path):
     assert listed.exists()
     with pytest.raises(ao.InputError, match="no displacement field"):
         ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
-
-
-def test_picture_of_a_part_of_a_scene(block, tmp_path):
-    pytest.importorskip("matplotlib.pyplot")
-    from antiosc import plotting
-
-    model = ao.extract(block, CORNERS, 4)
-    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9))
-    hit = ao.Scene({"part": model, "ball": ao.RigidMass(0.1, 1.0)}, [contact]).run(1e-4)
-    assert plotting.plot_deformed(block, hit, tmp_path / "part.png").exists()
-    with pytest.raises(ao.InputError, match="no body 'box' in the scene"):
-        plotting.plot_deformed(block, hit, tmp_path / "part.png", body="box")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import antiosc as ao
 from marks import FREE_ON_PURPOSE
@@ -12,8 +11,6 @@ from parts import STEEL, box
 from several import CORNERS, block_with_corners
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

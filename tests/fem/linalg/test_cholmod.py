@@ -19,7 +19,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.app import info
-from antiosc.fem.linalg import cholmod, cholmod_library, solver_choice, solvers
+from antiosc.fem.linalg import cholmod, cholmod_library, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.structure import given_matrices
 
@@ -167,7 +167,7 @@ def test_the_message_of_a_structure_too_large_says_so(monkeypatch):
         raise ao.OutOfMemoryError("there is no memory for the Cholesky factor")
 
     part = ao.Structure(parts.box((2, 1, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    monkeypatch.setattr(solvers, "Cholesky", none)
+    monkeypatch.setattr(solver_choice, "Cholesky", none)
     with pytest.raises(ao.OutOfMemoryError, match=r"no memory for the Cholesky factor$"):
         part.factorize()
 
@@ -229,12 +229,12 @@ def test_a_library_that_is_not_as_known_is_left_to_petsc(
 ):
     """The same models as with the direct calls, and `antiosc info` says why."""
     kind, direct = called_directly
-    assert kind is solvers.OnOneRank
+    assert kind is solver_choice.OnOneRank
     cholmod_library.library.cache_clear()
     cholmod.refusal.cache_clear()
     change(monkeypatch)
     kind, through = results()
-    assert kind is solvers.ByPetsc
+    assert kind is solver_choice.ByPetsc
     np.testing.assert_allclose(through, direct, rtol=1e-7)
     assert re.search(REASONS[change], cholmod.refusal())
     assert re.search(REASONS[change], info.report())

@@ -11,7 +11,6 @@ import scipy.sparse
 
 pytest.importorskip("dolfinx")
 
-from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import substructures
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
@@ -70,11 +69,6 @@ def test_square_leaves_the_triangle(n, order):
     before = L.copy()
     np.testing.assert_allclose(substructures._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(L, before)
-
-
-def test_indefinite():
-    with pytest.raises(NotConvergedError, match="positive definite"):
-        Cholesky(scipy.sparse.csr_matrix(np.diag([1.0, -1.0, 1.0])))
 
 
 CHAIN = """

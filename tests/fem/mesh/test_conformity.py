@@ -1,4 +1,4 @@
-"""Overlaps of meshes: a small cell anywhere inside a large one is found, one beside it is not."""
+"""Overlaps and misfits of cells are found wherever they are; rules on groups have their sizes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from antiosc.fem.mesh import conformity
+from antiosc.fem.mesh.entities import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
+from assemblies import box
 
 pytestmark = pytest.mark.fem
 
@@ -39,13 +41,6 @@ def test_a_cell_inside_another_overlaps_it_wherever_it_is(name):
             found = conformity.overlapping(points, cells, KINDS[name])
             assert len(found) >= count
             assert count or not len(found)
-
-
-def test_points_of_faces_are_inside_them_and_on_no_line_of_symmetry():
-    for count, weights in conformity._ASKEW.items():
-        assert len(weights) == count == len(set(weights))
-        assert min(weights) > 0
-        assert sum(weights) == pytest.approx(1.0, abs=1e-15)
 
 
 @pytest.mark.parametrize("name", ["quad", "hexahedron"])
@@ -109,3 +104,24 @@ def test_nodes_inside_sides_are_those_of_the_neighbours(shape):
             broken = whole.copy()
             broken[0, node] = other
             assert len(conformity.unlike_middles(broken, between)), (node, other)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "triangle", "quadrilateral"])
+def test_cells_and_their_boundary_have_volume_and_centroid(cell):
+    """A block (rectangle), sheared: sizes by hand, of all cells and of two opposite sides."""
+    plane = cell in ("triangle", "quadrilateral")
+    high = (2.0, 1.0) if plane else (2.0, 1.0, 0.5)
+    mesh = box((0, 0, 0)[: len(high)], high, (3, 2, 2)[: len(high)], cell)
+    x = mesh.dolfinx.geometry.x
+    x[:, 0] += 0.3 * x[:, 1]
+    cells = np.arange(mesh.dolfinx.topology.index_map(mesh.tdim).size_local)
+    whole = quadrature(mesh, mesh.tdim, cells, 2)
+    middle = np.array([1.15, 0.5, 0.0 if plane else 0.25])
+    assert whole.weight.sum() == pytest.approx(np.prod(high), rel=1e-12)
+    assert whole.weight @ whole.x / whole.weight.sum() == pytest.approx(middle, abs=1e-12)
+    for name, shift in (("x0", -1.0), ("x1", 1.0)):
+        side = quadrature(mesh, mesh.tdim - 1, mesh.group(name)[mesh.tdim - 1], 2)
+        slant = np.hypot(1.0, 0.3) * np.prod(high[2:])
+        assert side.weight.sum() == pytest.approx(slant, rel=1e-12)
+        centroid = side.weight @ side.x / side.weight.sum()
+        assert centroid == pytest.approx(middle + shift * np.eye(3)[0], abs=1e-12)

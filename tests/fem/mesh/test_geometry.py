@@ -12,8 +12,8 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.mesh.cell_geometry import excess
 from antiosc.fem.mesh.closest_point import closest_many, size_at
+from antiosc.fem.mesh.mesh import excess
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from parts import box, frame
@@ -116,7 +116,7 @@ def test_faces_enclose_the_cells(name):
     volume = np.abs(np.linalg.det(inner_J)) @ np.tile(weight, mesh.n_cells)
     assert area @ np.einsum("nd,nd->n", x, n) / dim == pytest.approx(volume, rel=1e-6)
     assert np.abs(area @ n).max() < 1e-6 * area.sum()
-    mean, ball = faces.sizes
+    mean, ball = faces.sizes, faces.radii
     assert (np.linalg.norm(x - faces.centres[every], axis=1) <= ball[every] * (1 + 1e-9)).all()
     around = [0, 1, 3, 2] if faces.corners.shape[1] == 4 else range(faces.corners.shape[1])
     for corners, own in zip(faces.corners[:, list(around)], mean, strict=True):
@@ -141,7 +141,7 @@ def test_points_above_faces_are_brought_back(name):
     xi = weights @ np.asarray(basix.geometry(getattr(basix.CellType, kind)))
     x = faces.at(every, xi)[0]
     n = faces.normals
-    lift = 1e-3 * faces.sizes[0][:, None] * n
+    lift = 1e-3 * faces.sizes[:, None] * n
     for sign in (1, -1):
         face, found, distance = faces.along(x + sign * lift, n, 0.1)
         np.testing.assert_allclose(faces.at(face, found)[0], x, atol=1e-9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot, pi
+
 import numpy as np
 import pytest
 
@@ -9,13 +11,14 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import dolfinx
-import meshio
 from mpi4py import MPI
 
 import antiosc as ao
 import parts
+from antiosc.fem.mesh.entities import largest, quadrature
 from mpi import run_ranks
 from parts import EXPONENTS, moments
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
 
@@ -62,61 +65,6 @@ def test_gmsh_files_of_every_kind_keep_shape_and_groups(tmp_path, cell, order, v
     np.testing.assert_allclose(corner, np.zeros((1, 1, 3)), atol=1e-12)
 
 
-def test_order_1_drops_the_mid_side_nodes(tmp_path):
-    path = parts.gmsh_cube(tmp_path / "cube.msh", "hexahedron", 2)
-    mesh = ao.read_mesh(path, order=1)
-    assert mesh.order == 1
-    assert len(mesh.dolfinx.geometry.x) == 27
-    np.testing.assert_allclose(moments(mesh), expected_moments(3, False), rtol=1e-12)
-    assert len(mesh.group("clamp")[2]) == 4
-
-
-def written_by_meshio(path, cell: str, order: int, tmp_path, **sets):
-    """The cube of parts.gmsh_cube in another format; node numbers and coordinates by meshio."""
-    source = meshio.read(parts.gmsh_cube(tmp_path / "source.msh", cell, order, bent=order == 2))
-    body = [b for b in source.cells if b.dim == source.cells[-1].dim]
-    body = [b for b in body if b.type == source.cells[-1].type]
-    cells = [(body[0].type, np.vstack([b.data for b in body]))]
-    meshio.Mesh(source.points, cells, **sets).write(path)
-    return path
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("cell", parts.CELLS)
-@pytest.mark.parametrize("suffix", ["vtu", "vtk"])
-def test_vtk_files_of_every_kind_keep_shape(tmp_path, cell, order, suffix):
-    path = written_by_meshio(tmp_path / f"cube.{suffix}", cell, order, tmp_path)
-    mesh = ao.read_mesh(path)
-    dim = 3 if cell in ("tetrahedron", "hexahedron") else 2
-    assert (mesh.cell, mesh.order) == (cell, order)
-    expected = expected_moments(dim, order == 2)
-    np.testing.assert_allclose(moments(mesh), expected, rtol=1e-12, atol=1e-14)
-
-
-def test_med_families_name_groups(tmp_path):
-    pytest.importorskip("h5py")
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -2]], dtype=float)
-    source = meshio.Mesh(
-        points,
-        [("tetra", np.array([[0, 1, 2, 3], [1, 0, 2, 4]])), ("triangle", np.array([[0, 2, 3]]))],
-        cell_data={"cell_tags": [np.array([-6, -7]), np.array([-8])]},
-        point_data={"point_tags": np.array([0, 2, 0, 0, 0])},
-    )
-    source.cell_tags = {-6: ["upper", "all"], -7: ["lower", "all"], -8: ["wall"]}
-    source.point_tags = {2: ["tip"]}
-    source.write(tmp_path / "pair.med")
-    mesh = ao.read_mesh(tmp_path / "pair.med")
-    assert moments(mesh)[0] == pytest.approx(1 / 2, rel=1e-14)
-    sizes = {name: {d: len(e) for d, e in g.items()} for name, g in mesh.groups.items()}
-    assert sizes == {
-        "upper": {3: 1}, "lower": {3: 1}, "all": {3: 2}, "wall": {2: 1}, "tip": {0: 1}
-    }  # fmt: skip
-    assert parts.group_points(mesh, "lower", 3)[..., 2].min() == -2
-    np.testing.assert_allclose(parts.group_points(mesh, "wall", 2)[..., 0], [[0, 0, 0]])
-    np.testing.assert_allclose(parts.group_points(mesh, "tip", 0), [[[1, 0, 0]]])
-
-
 def test_a_dolfinx_mesh_with_tags():
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 4, 4)
     left = dolfinx.mesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[0], 0))
@@ -130,15 +78,55 @@ def test_a_dolfinx_mesh_with_tags():
     np.testing.assert_allclose(parts.group_points(adopted, "low", 1)[..., 0], 0, atol=1e-15)
 
 
+# --- The parts of meshes/ -------------------------------------------------------------------------
+
+MM, MM2 = 1e-3, 1e-6
+SEATS = 2 * (2 * pi * 9 * 3 + pi * (9**2 - 4.5**2) + 2 * pi * 4.5 * 7)
+UNDERSIDE = 84 * 60 - 2 * (10**2 - pi * 10**2 / 4) - 2 * pi * 4.5**2
+LEVER = 135 * 30 + pi * 15**2 / 2 + 65 * 30 + (12**2 - pi * 12**2 / 4) - pi * 8**2
+BRACES = sum(2 * hypot(width, h) for width in (1.0, 0.8) for h in (0.7, 0.6))
+#: Dimension and measure of groups: number of points, length or area, in SI units.
+PARTS = {
+    "bracket": {
+        "clamp": (2, SEATS * MM2),
+        "base": (2, UNDERSIDE * MM2),
+        "eye": (2, 2 * pi * 18 * (28 - 15) * MM2),
+        "bore": (2, 2 * pi * 11 * 28 * MM2),
+        "front": (2, pi * (18**2 - 11**2) * MM2),
+    },
+    "lever": {
+        "body": (2, LEVER * MM2),
+        "clamp": (1, 2 * pi * 8 * MM),
+        "edge": (1, pi * 15 * MM),
+        "end": (1, 30 * MM),
+    },
+    "arch": {
+        "body": (2, pi / 2 * (100**2 - 80**2) * MM2),
+        "clamp": (1, 2 * 20 * MM),
+        "edge": (1, pi * 100 * MM),
+    },
+    "beam": {"beam": (1, 1.0), "left": (0, 1), "middle": (0, 1), "right": (0, 1)},
+    "frame": {
+        "columns": (1, 4 * 1.3),
+        "beams": (1, 2 * 2 * (1.0 + 0.8)),
+        "braces": (1, BRACES),
+        "feet": (0, 4),
+        "top": (0, 4),
+    },
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_groups_of_the_parts_have_closed_form_measures(part):
+    mesh = ao.read_mesh(MESHES / f"{part}.msh")
+    for name, (dim, expected) in PARTS[part].items():
+        found, entities = largest(mesh, name)
+        assert found == dim, name
+        measure = quadrature(mesh, dim, entities, 4).weight.sum()
+        assert measure == pytest.approx(expected, rel=2e-4), name
+
+
 # --- Ranks ----------------------------------------------------------------------------------------
-
-
-def test_a_mesh_is_shown_in_a_few_lines():
-    text = repr(
-        ao.read_mesh(dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, 0], [1, 1, 1]], [2, 1, 1]))
-    )
-    assert "12 of kind tetrahedron" in text
-    assert len(text.splitlines()) <= 4
 
 
 @pytest.mark.mpi

@@ -48,34 +48,6 @@ def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
     assert moments(straight)[0] < 0.998 * np.pi / 4
 
 
-def smallest_jacobian(mesh: ao.Mesh) -> float:
-    """Smallest determinant over the largest of any cell, by differences of the map at its nodes."""
-    nodes = compat.geometry_nodes(mesh.dolfinx)
-    cmap = compat.coordinate_map(mesh.dolfinx)
-    corners = np.vstack([np.zeros(3), np.eye(3)])
-    X = np.vstack([corners, (corners[:, None] + corners[None])[np.triu_indices(4, 1)] / 2])
-    step = 1e-3  # central differences of a quadratic map are exact
-    worst = np.inf
-    for x in mesh.dolfinx.geometry.x[nodes]:
-        x = np.ascontiguousarray(x)
-        slopes = [
-            (cmap.push_forward(X + step * e, x) - cmap.push_forward(X - step * e, x)) / 2 / step
-            for e in np.eye(3)
-        ]
-        det = np.linalg.det(np.stack(slopes, axis=1))
-        det *= np.sign(det.sum())
-        worst = min(worst, det.min() / det.max())
-    return worst
-
-
-@pytest.mark.slow
-def test_no_cell_of_a_meshed_geometry_is_folded():
-    """gmsh alone leaves six of these 1900 cells inside out, at the bracket's fillets."""
-    mesh = ao.read_mesh("meshes/bracket.step", size=0.01)
-    assert mesh.order == 2
-    assert smallest_jacobian(mesh) > 0.01
-
-
 def test_folded_cells_of_a_file_are_told(tmp_path):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2)
     cube = meshio.read(path)
@@ -143,12 +115,6 @@ def test_the_space_a_mesh_lives_in(tmp_path):
         ao.read_mesh("meshes/frame.msh", gdim=2)
 
 
-def test_a_roof_of_triangles_lives_in_space(tmp_path):
-    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.5]]
-    meshio.Mesh(points, [("triangle", [[0, 1, 2], [1, 3, 2]])]).write(tmp_path / "roof.vtu")
-    assert ao.read_mesh(tmp_path / "roof.vtu").gdim == 3
-
-
 def test_the_callers_gmsh_session_survives(tmp_path, capfd):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron")
     geo = tmp_path / "sheet.geo"
@@ -182,27 +148,17 @@ def test_the_callers_gmsh_session_survives(tmp_path, capfd):
 WRONG = [
     ({"size": 0.0}, "size must be > 0"),
     ({"gdim": 4}, "gdim must be"),
-    ({"gdim": 1}, "gdim must be"),
     ({"order": 3}, "order must be"),
     ({"refine": "here"}, "refine must be a list of pairs"),
-    ({"refine": 3}, "refine must be a list of pairs"),
     ({"refine": [(0, 0, 0.1)]}, "refine lists pairs"),
-    ({"refine": [(3, 1e-3)]}, "refine lists pairs"),
-    ({"refine": [((0, "a"), 1e-3)]}, "a point of refine"),
     ({"refine": [((0, 0), 0.0)]}, "a size of refine must be > 0"),
     ({"cells": []}, "cells must be a dimension or names of groups"),
-    ({"cells": ["a", ""]}, "cells must be a dimension or names of groups"),
-    ({"cells": ["a", 3]}, "cells must be a dimension or names of groups"),
     ({"cells": ""}, "cells must be a name"),
     ({"cells": 4}, "cells must be at most 3"),
-    ({"cells": 0}, "cells must be a whole number >= 1"),
     ({"cells": 2, "parts": ["a"]}, "which both select cells"),
     ({"parts": "a"}, "parts must be a list of names"),
     ({"trust": "yes"}, "trust must be"),
-    ({"solid": 1}, "solid must be"),
-    ({"fragments": "no"}, "fragments must be"),
     ({"timeout": 0}, "timeout must be > 0"),
-    ({"merge": -1.0}, "merge must be > 0"),
     ({"comm": "world"}, "comm must be an MPI communicator"),
 ]
 

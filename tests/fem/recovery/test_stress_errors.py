@@ -11,7 +11,8 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
-from antiosc.fem.recovery import at_nodes, corners
+from antiosc.fem.fields.stress_errors import interior_angle
+from antiosc.fem.recovery import at_nodes
 from antiosc.fem.recovery.place import Place
 from static_loads import held
 
@@ -58,10 +59,10 @@ def test_the_stress_at_a_hole_is_three_times_that_far_away_within_its_estimated_
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_interior_angles_of_a_box(cell):
     box = ao.Structure(parts.box((2, 2, 2), (1, 1, 1), cell), ao.Solid(1e9, 0.3, 1e3))
-    corner = corners.interior_angle(box, np.array([1.0, 1.0, 1.0]))
+    corner = interior_angle(box, np.array([1.0, 1.0, 1.0]))
     assert corner == pytest.approx(90 if cell == "hexahedron" else 180)  # a diagonal of a face
-    assert corners.interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
-    assert corners.interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
+    assert interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
+    assert interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
 
 
 def ell(n: int) -> ao.Structure:
@@ -81,7 +82,7 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     for n in (3, 6):
         part, hit = held(ell(n), ao.Site((2.0, 0.5), (0, -1), radius=0.4), 1e3)
         peak = ao.peak_field(part, hit, body="part")
-        assert corners.interior_angle(part, np.array([1.0, 1.0, 0.0])) == pytest.approx(270)
+        assert interior_angle(part, np.array([1.0, 1.0, 0.0])) == pytest.approx(270)
         assert "corner of 270" in peak.doubt
         largest.append(peak.values.max())
     assert largest[1] > 1.2 * largest[0]

@@ -15,12 +15,16 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from collections import Counter
+
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.patches import patches
+from antiosc.fem.site.map_sites import surface
+from antiosc.fem.site.sites import patches
 
 pytestmark = pytest.mark.fem
 
@@ -187,14 +191,6 @@ def test_moments_of_hertzs_pressure(cell):
         assert -load @ square == pytest.approx(radius**2 / 5, rel=1e-3)
 
 
-def test_half_of_a_patch_on_an_edge_lies_on_the_face():
-    faces = Faces(parts.box((4, 4, 2), SIZE), False)
-    sites, down = np.array([TOP, (0.0, 0.02, 0.02)]), np.array([[0.0, 0.0, -1.0]] * 2)
-    radii, labels = np.array([0.01, 0.01]), np.zeros(len(faces.cells), dtype=int)
-    share = patches(faces, sites, radii, faces.contact(sites, down, radii, labels))[1]
-    assert share == pytest.approx([1.0, 0.5], rel=1e-12)
-
-
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_derivatives_of_a_face_are_those_of_its_points(cell):
     """Central differences of the positions, exact for faces of second order."""
@@ -208,3 +204,57 @@ def test_derivatives_of_a_face_are_those_of_its_points(cell):
         move = step * np.eye(2)[axis]
         ahead, back = faces.at(every, xi + move)[0], faces.at(every, xi - move)[0]
         np.testing.assert_allclose(derivatives[:, :, axis], (ahead - back) / (2 * step), atol=1e-8)
+
+
+def forces(part: ao.Structure, site: ao.Site, axis: str) -> tuple[np.ndarray, np.ndarray]:
+    """(nodal forces along an axis, their nodes)."""
+    dofs, x = compat.dof_coordinates(part.form.space, part.form.components[axis])
+    return functional(part, site).b[dofs], x
+
+
+def test_a_segment_with_many_elements():
+    n, a = 200, 0.05
+    mesh = parts.plate((n, 1), (0.12, 0.01))
+    part = ao.Structure(
+        mesh, ao.Solid(**parts.STEEL, plane="stress"), [ao.Support("left")], order=1
+    )
+    b, x = forces(part, ao.Site((0.06, 0.01), (0, 1), radius=a), "y")
+    b, x = b[x[:, 1] > 0.009], x[x[:, 1] > 0.009]
+    fine = np.linspace(-1, 1, 20_001)
+    pressure = 2 / np.pi * np.sqrt(1 - fine**2)
+    hats = np.maximum(0.0, 1 - np.abs(0.06 + a * fine - x[:, :1]) / (0.12 / n))
+    exact = hats @ pressure * (fine[1] - fine[0])
+    assert np.abs(b - exact).max() < 0.05 * exact.max()
+
+
+def test_a_disc_with_many_elements():
+    n, a = 26, 0.05
+    part = ao.Structure(
+        parts.box((n, n, 1), (0.12, 0.12, 0.01)), STEEL, [ao.Support("left")], order=1
+    )
+    b, x = forces(part, ao.Site((0.06, 0.06, 0.01), (0, 0, 1), radius=a), "z")
+    line = (np.arange(800) + 0.5) / 400 - 1
+    X, Y = np.meshgrid(line, line)
+    inside = X**2 + Y**2 < 1
+    weight = np.where(inside, np.sqrt(np.maximum(1 - X**2 - Y**2, 0.0)), 0.0)
+    weight /= weight.sum()
+    top = x[:, 2] > 0.009
+    distance = [np.abs(0.06 + a * line - x[top, k : k + 1]) for k in (0, 1)]
+    along, across = (np.maximum(0.0, 1 - each * n / 0.12) for each in distance)
+    exact = np.einsum("nx,yx,ny->n", along, weight, across, optimize=True)
+    assert np.abs(b[top] - exact).max() < 0.05 * exact.max()
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_the_triangles_of_a_body_cover_its_surface_once(cell):
+    """Every edge lies in two of them, and their areas add up to that of the box."""
+    sides = (0.12, 0.05, 0.04)
+    part = ao.Structure(parts.box((3, 2, 2), sides, cell), ao.Solid(**parts.STEEL), order=1)
+    found = surface(part.matrices, None)
+    triangles = found.elements.tolist()
+    edges = Counter(frozenset(pair) for a, b, c in triangles for pair in ((a, b), (b, c), (c, a)))
+    assert set(edges.values()) == {2}
+    x = found.points[found.elements]
+    areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
+    a, b, c = sides
+    assert areas.sum() == pytest.approx(2 * (a * b + b * c + c * a), rel=1e-12)

@@ -100,13 +100,6 @@ def test_curved_cells(tmp_path, cell):
         assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_node_is_one_dof():
-    structure = ao.Structure(parts.box(), SOLID)
-    b = at(structure, (0.1, 0.025, 0.04), (0, 0, -2))
-    assert np.sum(np.abs(b) > 1e-12) == 1
-    assert b.min() == pytest.approx(-1.0)
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
@@ -292,21 +285,6 @@ def test_a_patch_needs_a_surface():
         ao.InputError, match=r"lies about 0.05 m inside the part, deeper than its radius"
     ):
         functional(structure, ao.Site((0.05, 0.05, 0.05), (0, 0, -1), radius=0.01))
-
-
-def test_a_coarse_mesh_does_not_resolve_a_patch():
-    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(
-        AntioscWarning,
-        match=r"facets at the site measure 0\.0(25|3) m, more than the radius 0\.01 m",
-    ):
-        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1), radius=0.01))
-
-
-def test_a_point_on_a_solid_warns_and_names_a_radius():
-    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(AntioscWarning, match=r"grows without limit.*radius=0\.0\d"):
-        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1)))
 
 
 def test_a_radius_on_a_beam_is_refused():

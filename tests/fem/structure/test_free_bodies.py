@@ -16,7 +16,6 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,
     SIZE,
-    block,
     centre_and_inertia,
     effective_mass,
     extract,
@@ -37,51 +36,6 @@ def test_mass_felt_at_the_site(name):
     model = extract(structure, site, 5, "modes")
     assert model.k0 == 0.0
     assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
-
-
-@pytest.mark.filterwarnings("ignore:.*units are SI")
-def test_a_stiff_body_parts_as_rigid_ones_do():
-    """Hardly any vibration is left behind: J = 2 v/(1/m1 + 1/m2), and e = 1."""
-    site = CASES["block"][1]
-    structure = block(E=210e12)
-    model = extract(structure, site, 5, "modes")
-    felt = effective_mass(structure, site)
-    striker = ao.RigidMass(mass=0.5, velocity=2.0)
-    hit = ao.simulate(model, striker, ao.Hertz(1e8), duration=4e-3)
-    assert len(hit.contacts) == 1
-    assert hit.impulse == pytest.approx(2 * 2.0 / (1 / 0.5 + 1 / felt), rel=1e-3)
-    assert hit.restitution == pytest.approx(1.0, abs=1e-3)
-    # and the body has its share of the energy, translation and rotation
-    left = 0.5 * 0.5 * 2.0**2 - 0.5 * 0.5 * hit.impactor_velocity[-1] ** 2
-    assert left == pytest.approx(hit.impulse**2 / 2 / felt, rel=1e-3)
-
-
-def test_a_free_body_thrown_at_an_obstacle():
-    """It translates at v0, of which the site stops: J = m_CR v0 (1 + e), energy m v0²/2."""
-    make, site = CASES["plane frame"]
-    structure = make()
-    model = extract(structure, site, 10, "modes")
-    hit = ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), duration=60e-3, initial_velocity=1.5)
-    felt = effective_mass(structure, site)
-    assert hit.restitution is not None
-    assert hit.impulse == pytest.approx(felt * 1.5 * (1 + hit.restitution), rel=1e-4)
-    assert hit.energy.kinetic[0] == pytest.approx(0.5 * structure.mass * 1.5**2, rel=1e-9)
-    assert hit.energy.drift < 1e-3
-
-
-def test_gravity_pulls_the_whole_body():
-    """In free fall nothing touches and the site falls g t²/2: participation is the whole mass."""
-    make, site = CASES["block"]
-    structure = make()
-    model = extract(structure, site, 6, "modes")
-    point, d = site_vectors(site)
-    assert model.participation.sum() == pytest.approx(
-        (rigid_field(structure, d, np.zeros(3), point) @ (csr(structure.M) @ model.shapes[:, 0])),
-        rel=1e-10,
-    )
-    # a uniform acceleration moves the site along d by g t²/2, so φ_CRᵀMe = m_CR
-    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
-    np.testing.assert_allclose(model.participation[1:], model.m, rtol=1e-4, atol=1e-9 * model.m_st)
 
 
 ROUND = ao.Section.circle(0.03)
@@ -204,28 +158,6 @@ def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
             assert e[i] @ moved == expected
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("name", THROWN)
-def test_a_number_is_a_translation_toward_the_impactor(name):
-    make, site = THROWN[name]
-    structure = make()
-    model = model_of("krylov", structure, site)
-    _, d = site_vectors(site)
-    hit = ao.simulate(
-        model, ao.Obstacle(gap=1e-3), ao.Hertz(1e9), 1e-3, initial_velocity=1.5, gravity=-9.81
-    )
-    fallen = rigid_field(structure, -d * (1.5 * 3e-4 + 9.81 * 3e-4**2 / 2), np.zeros(3), d)
-    assert np.abs(hit.field(3e-4) - fallen).max() < 1e-9 * np.abs(fallen).max()
-    assert hit.energy.kinetic[0] == pytest.approx(structure.mass * 1.5**2 / 2, rel=1e-9)
-    np.testing.assert_allclose(hit.momentum[0], -1.5 * structure.mass * d, atol=1e-9)
-    # the same as a Motion, whose spin may be about any point
-    same = ao.simulate(
-        model, ao.Obstacle(gap=1e-3), ao.Hertz(1e9), 1e-3, gravity=-9.81,
-        initial_velocity=ao.Motion(-1.5 * d),
-    )  # fmt: skip
-    np.testing.assert_allclose(same.force, hit.force, rtol=1e-6, atol=1e-6 * hit.peak_force)
-
-
 def test_a_beam_on_a_pin_turns_about_it():
     """Only the rotation is left: a number defines it at the site, a Motion must leave the pin."""
     mesh = parts.frame([(0.0, 0.0), (0.8, 0.6)], [(0, 1)], 6)
@@ -274,62 +206,3 @@ def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
     assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
     with pytest.raises(ao.InputError, match="asked of a supported body"):
         ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)
-
-
-def test_a_model_file_keeps_what_moves_a_free_body(tmp_path):
-    make, site = THROWN["box"]
-    model = model_of("krylov", make(), site)
-    model.save(tmp_path / "box.npz")
-    again = ao.AntiOscillators.load(tmp_path / "box.npz")
-    run = {
-        "duration": 2e-3, "gravity": GRAVITY, "initial_velocity": ao.Motion(VELOCITY, SPIN),
-        "gap": 1e-4,
-    }  # fmt: skip
-    hits = [ao.simulate(m, ao.RigidMass(0.5, 3.0), ao.Hertz(1e9), **run) for m in (model, again)]
-    for name in ("time", "force", "momentum", "angular_momentum"):
-        np.testing.assert_array_equal(*(getattr(hit, name) for hit in hits))
-    with pytest.raises(ao.InputError, match="has no shapes"):
-        hits[1].field(1e-4)
-
-
-def test_two_free_bodies_each_as_the_impactor_of_the_other():
-    """The field of a body is the same whichever role it has, translating, spinning, falling."""
-    make, site = THROWN["box"]
-    small = parts.box((3, 1, 1), (0.1, 0.03, 0.03))
-    struck, other = make(), ao.Structure(small, ao.Solid(**parts.STEEL), order=1)
-    down = model_of("krylov", struck, site)
-    up = model_of("corrected", other, ao.Site((0.02, 0.03, 0.0), -np.array(site.direction)))
-    motion, g = ao.Motion(VELOCITY, SPIN), (1.0, -2.0, 5.0)
-    run = {"duration": 1.5e-3, "gravity": g, "tol": 1e-5}
-    _, d = site_vectors(site)
-    law = ao.Hertz(1e9)
-    toward = ao.Motion(2.0 * d, (1.0, 2.0, 3.0))
-    one = ao.simulate(down, ao.Impactor(up, toward), law, initial_velocity=motion, **run)
-    two = ao.simulate(up, ao.Impactor(down, motion), law, initial_velocity=toward, **run)
-    assert one.peak_force > 0
-    assert two.peak_force == pytest.approx(one.peak_force, rel=1e-4)
-    for first, second in (("structure", "impactor"), ("impactor", "structure")):
-        a, b = one.field(1.4e-3, first), two.field(1.4e-3, second)
-        assert np.abs(a - b).max() < 1e-4 * np.abs(a).max()
-    probed = [ao.probe(other, hit, (0.05, 0.01, 0.02), [1e-3], body=role)
-              for hit, role in ((one, "impactor"), (two, "structure"))]  # fmt: skip
-    np.testing.assert_allclose(*probed, rtol=1e-3)
-    # a number means the same: each closes the gap at its speed
-    one = ao.simulate(down, ao.Impactor(up, 2.0), law, initial_velocity=1.0, duration=1e-3)
-    two = ao.simulate(up, ao.Impactor(down, 1.0), law, initial_velocity=2.0, duration=1e-3)
-    total = 0.5 * (struck.mass * 1.0**2 + other.mass * 2.0**2)
-    assert one.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
-    assert two.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
-    assert two.peak_force == pytest.approx(one.peak_force, rel=2e-3)
-
-
-def test_a_free_mesh_that_turns_far_is_told():
-    """The bar that is struck near its end, and the same motion started as a spin."""
-    structure, site = CASES["block"][0](), CASES["block"][1]
-    model = extract(structure, site, 4, "krylov")
-    for spin, far in ((60.0, True), (20.0, False)):
-        motion = ao.Motion(velocity=-np.array(site.direction), spin=(0, 0, spin))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            ao.simulate(model, ao.Obstacle(1.0), ao.Hertz(1e9), 2e-3, initial_velocity=motion)
-        assert any("turned by 0.12 rad" in str(w.message) for w in caught) == far

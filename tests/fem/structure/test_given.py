@@ -76,12 +76,6 @@ def test_a_penalty_is_a_support(penalty, n, method):
             ao.extract(structure, ao.Site(dof=0))
 
 
-def test_two_dofs_of_which_a_penalty_holds_one():
-    structure = ao.Structure.from_matrices([[1e30, -1e4], [-1e4, 1e4]], np.eye(2))
-    assert (structure.dofs, structure.rigid_modes.shape[1]) == (1, 0)
-    assert ao.extract(structure, ao.Site(dof=1)).k0 == pytest.approx(1e4, rel=1e-12)
-
-
 def test_penalties_in_both_matrices():
     """FreeFEM's `on` in the form of the mass as well: the dofs are held all the same."""
     K, M = chain(N + 1), (4 * np.eye(N + 1) + np.eye(N + 1, k=1) + np.eye(N + 1, k=-1)) / 6
@@ -142,17 +136,6 @@ def test_indefinite_matrices():
         ao.Structure.from_matrices(chain(), np.eye(N) - 1.5 / N * np.ones((N, N)))
 
 
-def test_complex_matrices():
-    for matrix in (chain() + 1j * chain(), scipy.sparse.csr_matrix(chain() * (1 + 0j))):
-        with refused("K is complex: antiosc needs real matrices"):
-            ao.Structure.from_matrices(matrix, np.eye(N))
-        with refused("M is complex"):
-            ao.Structure.from_matrices(chain(), matrix)
-    mixed = np.array([[2, 1j], [-1j, 2]], dtype=object)
-    with refused("K is complex"):
-        ao.Structure.from_matrices(mixed, np.eye(2))
-
-
 @pytest.mark.parametrize(
     ("K", "text"),
     [
@@ -176,13 +159,6 @@ def test_what_is_no_matrix(K, text):
         ao.Structure.from_matrices(K, np.eye(N))
     with refused("M " + text):
         ao.Structure.from_matrices(chain(), K)
-
-
-def test_a_destroyed_matrix():
-    matrix = petsc(chain())
-    matrix.destroy()
-    with refused("destroyed"):
-        ao.Structure.from_matrices(matrix, np.eye(N))
 
 
 # -- what is
@@ -237,11 +213,6 @@ def test_every_form_of_a_matrix(name):
     K, M = chain(), np.eye(N)
     structure = ao.Structure.from_matrices(FORMS[name](K), FORMS[name](M))
     check(ao.extract(structure, ao.Site(dof=N - 1)), K, 1e-9)
-
-
-def test_one_dof():
-    model = ao.extract(ao.Structure.from_matrices([[2]], [[3]]), ao.Site(dof=0))
-    assert (model.k0, model.m_st, model.n) == (pytest.approx(2), pytest.approx(3), 0)
 
 
 @pytest.mark.parametrize("method", ["krylov", "modes"])

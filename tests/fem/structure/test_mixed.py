@@ -1,21 +1,19 @@
-"""Sheets with stiffeners, masses and springs, against beam theory and rigid-body mechanics."""
+"""Sheets with stiffeners, masses and springs by beam theory and mechanics; memory of structures."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
-import dolfinx
-from mpi4py import MPI
-
 import antiosc as ao
 from antiosc import PointMass, Spring
-from antiosc.base.errors import InputError
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from mpi import one_and_several
+from mpi import one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -130,62 +128,27 @@ def test_two_ranks_find_what_one_finds():
 # --- bad input --------------------------------------------------------------------------------
 
 
-def test_values_out_of_range():
-    with pytest.raises(InputError, match="mass must be >= 0"):
-        PointMass((0, 0, 0), -1.0)
-    with pytest.raises(InputError, match="inertia must be >= 0"):
-        PointMass((0, 0, 0), 1.0, inertia=-1e-3)
-    with pytest.raises(InputError, match="both are 0"):
-        PointMass((0, 0, 0), 0.0)
-    with pytest.raises(InputError, match="'up' is not one of them"):
-        Spring((0, 0, 0), {"up": 1.0})
-    with pytest.raises(InputError, match="stiffness along z must be > 0"):
-        Spring((0, 0, 0), {"z": 0.0})
-    with pytest.raises(InputError, match="give this as well"):
-        ao.Beam(E, 0.3, RHO, ao.Section.circle(0.01), offset=0.02)
+#: Memory after each of some structures, which are dropped, in units of one's K and M.
+GROWTH = """
+import json, resource
+import antiosc as ao
+import parts
+from mpi4py import MPI
+
+peaks = []
+for _ in range(8):
+    part = ao.Structure(parts.box((6, 5, 4)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    ao.extract(part, ao.Site((0.1, 0.03, 0.03), (0, 0, -1), radius=0.03), n=2)
+    size = 2 * 12 * part.K.getInfo(part.K.InfoType.LOCAL)["nz_used"]
+    del part
+    peaks.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(json.dumps((peaks[-1] - peaks[2]) / size))
+"""
 
 
+@pytest.mark.fem
 @pytest.mark.slow
-def test_attachments_that_find_no_place():
-    mesh = grouped(rectangle(2, 1, 1), lambda x: np.isclose(x[0], 0))
-
-    def built(*attached, material=SHEET):
-        return ao.Structure(mesh, material, attached=attached)
-
-    with pytest.raises(InputError, match=r"is 0\.5 m off the structure; its nearest point is"):
-        built(PointMass((0.5, 0.5, 0.5), 1.0))
-    with pytest.raises(InputError, match="must hold points alone"):
-        built(PointMass("rib", 1.0))
-    with pytest.raises(InputError, match="no group 'motor'"):
-        built(PointMass("motor", 1.0))
-    with pytest.raises(
-        InputError,
-        match="must be a list of PointMass, Spring, Damper and Footing objects; got float",
-    ):
-        built(1.0)
-    with pytest.raises(InputError, match="group 'sheet' holds no edges"):
-        built(material={"sheet": RIB, "rib": SHEET})
-    with pytest.raises(InputError, match="needs an orientation in space"):
-        built(material={"sheet": SHEET, "rib": ao.Beam(E, 0.3, RHO, ao.Section.rectangle(1, 2))})
-
-
-def test_solids_have_no_rotations():
-    solid = ao.Solid(E, 0.3, RHO)
-    mesh = ao.read_mesh(
-        dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.ones(3)], [1, 1, 1])
-    )
-    with pytest.raises(
-        InputError, match="acts on rx, but the components of this structure are x, y, z"
-    ):
-        ao.Structure(mesh, solid, attached=[Spring((0, 0, 0), {"rx": 1.0})])
-    plane = grouped(rectangle(1, 1, 1, gdim=2), lambda x: np.isclose(x[0], 0))
-    flat = ao.Solid(E, 0.3, RHO, plane="stress")
-    with pytest.raises(InputError, match="stiffens a shell"):
-        ao.Structure(plane, {"sheet": flat, "rib": RIB})
-
-
-def test_curved_quadrilaterals_take_no_stiffeners():
-    mesh = sheet(2, lambda s, t: (s, np.sin(t), np.cos(t)), "quadrilateral", 2)
-    mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5))
-    with pytest.raises(InputError, match="mesh the surface with triangles"):
-        ao.Structure(mesh, {"sheet": SHEET, "rib": RIB})
+@pytest.mark.mpi
+def test_memory_does_not_grow():
+    for text in run_ranks(2, GROWTH, alone=True):
+        assert json.loads(text) < 1.5

@@ -12,8 +12,7 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.base import memory
-from antiosc.fem.linalg import scipy_solvers
-from antiosc.fem.structure import structure as structures
+from antiosc.fem.linalg import solver as scipy_solvers
 
 #: scikit-sparse is optional
 LIBRARIES = ["superlu"] if scipy_solvers.cholmod is None else ["superlu", "cholmod"]
@@ -86,22 +85,6 @@ def test_sparse_modes_are_those_of_lapack(free, direct):
     assert pair[0].k0 == pytest.approx(model.k0, rel=1e-10)
 
 
-def test_repeated_frequencies_are_all_found():
-    """Two equal chains beside the site's: each antiresonance twice, once in the model."""
-    n = 320
-    K, M = chain(n)
-    K, M = scipy.sparse.block_diag([K, K, K]).tolil(), scipy.sparse.block_diag([M, M, M])
-    for one in (n, 2 * n):  # coupled to the middle chain by one soft spring each
-        K[one, one] += 1e3
-        K[one - n, one - n] += 1e3
-        K[one, one - n] = K[one - n, one] = -1e3
-    structure = scipy_structure(K.tocsr(), M)
-    model = ao.extract(structure, ao.Site(dof=n), n=12, method="modes", tol=1e-14)
-    krylov = ao.extract(structure, ao.Site(dof=n), n=12, tol=1e-14)
-    np.testing.assert_allclose(model.omega[:4], krylov.omega[:4], rtol=1e-7)
-    np.testing.assert_allclose(model.m[:4], krylov.m[:4], rtol=1e-6)
-
-
 # -- what is no stiffness
 
 
@@ -113,17 +96,6 @@ def test_an_indefinite_stiffness_is_refused(size, direct):
     lowest = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
     with pytest.raises(ao.InputError, match="K must be positive semidefinite"):
         scipy_structure(K - (lowest[0] + lowest[1]) / 2 * M, M)
-
-
-@DIRECT
-def test_a_massless_free_dof_is_refused(direct):
-    K, M = chain(6, free=True)
-    M = M.tolil()
-    M[:, :] = 0.0
-    M[0, 0] = 1.0
-    loose = scipy.sparse.block_diag([K, K]).tocsr()
-    with pytest.raises(ao.AntioscError):
-        scipy_structure(loose, scipy.sparse.block_diag([M, 0 * M]).tocsr())
 
 
 @DIRECT
@@ -146,18 +118,6 @@ def test_factors_of_matrices_that_are_not_positive_definite(direct):
         else:
             with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
                 scipy_solvers.factorize(scipy.sparse.csr_matrix(A))
-
-
-@pytest.mark.parametrize("matrix", [[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[0.0]]])
-def test_superlu_refuses_zero_pivots(matrix, monkeypatch):
-    monkeypatch.setattr(scipy_solvers, "cholmod", None)
-    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-        scipy_solvers.factorize(scipy.sparse.csr_matrix(matrix))
-
-
-def test_the_back_end_is_one_of_three():
-    with pytest.raises(ao.InputError, match="backend must be 'auto', 'petsc' or 'scipy'"):
-        ao.Structure.from_matrices(*chain(3), backend="numpy")
 
 
 # -- without the packages, and on other systems
@@ -246,14 +206,6 @@ def test_both_back_ends_agree(supported):
         )
 
 
-@pytest.mark.fem
-def test_a_structure_of_scipy_matrices_is_one_of_one_rank():
-    part = scipy_structure(*chain(5))
-    assert isinstance(part, structures.Structure)
-    assert part.comm.size == 1
-    assert part.comm.allgather(part.rows) == [part.size]
-
-
 def lattice(n: int, dofs: int):
     """A definite matrix on a cube of n³ nodes with some dofs each."""
     line = scipy.sparse.diags([-1.0, 2.5, -1.0], [-1, 0, 1], shape=(n, n))
@@ -282,12 +234,3 @@ def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
     ):
         scipy_solvers.factorize(A)
-
-
-def test_a_factor_that_breaks_off_for_memory_is_one_sentence(monkeypatch):
-    def full(*args, **options):
-        raise MemoryError
-
-    monkeypatch.setattr(scipy.sparse.linalg, "splu", full)
-    with pytest.raises(ao.OutOfMemoryError, match="factor of 54 dofs ran out"):
-        scipy_solvers.SuperLU(lattice(3, 2))

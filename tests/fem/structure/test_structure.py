@@ -7,12 +7,10 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-import meshio
 from petsc4py import PETSc
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site.functionals import functional
@@ -54,44 +52,6 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
     assert abs(K[fixed]).sum() == 75
 
 
-def test_function_and_group_hold_the_same():
-    mesh = parts.box()
-    by_name = ao.Structure(mesh, SOLID, [ao.Support("left", "y"), ao.Support("right", ("x", "z"))])
-    by_place = ao.Structure(
-        mesh,
-        SOLID,
-        [
-            ao.Support(lambda x: np.isclose(x[0], 0), fix="y"),
-            ao.Support(lambda x: x[0] > 0.2 - 1e-9, fix=["x", "z"]),
-        ],
-    )
-    np.testing.assert_array_equal(by_name.fixed, by_place.fixed)
-    np.testing.assert_allclose(held(by_name, "y")[:, 0], 0, atol=1e-15)
-    np.testing.assert_allclose(held(by_name, "x")[:, 0], 0.2)
-    assert (csr(by_name.K) != csr(by_place.K)).nnz == 0
-
-
-def test_one_support_needs_no_list():
-    one = ao.Structure(parts.box(), SOLID, ao.Support("left"))
-    listed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-    np.testing.assert_array_equal(one.fixed, listed.fixed)
-
-
-def test_a_node_set_holds_the_mid_sides_between_its_nodes(tmp_path):
-    """A file's node set names vertices; quadratic displacements on its facets must stand too."""
-    cube = meshio.read(parts.gmsh_cube(tmp_path / "cube.msh", "hexahedron", 1))
-    hexes = np.vstack([b.data for b in cube.cells if b.type == "hexahedron"])
-    foot = np.flatnonzero(np.isclose(cube.points[:, 2], 0))
-    meshio.Mesh(cube.points, [("hexahedron", hexes)], point_sets={"foot": foot}).write(
-        tmp_path / "cube.inp"
-    )
-    structure = ao.Structure(ao.read_mesh(tmp_path / "cube.inp"), SOLID, [ao.Support("foot")])
-    x = held(structure, "x")
-    assert len(x) == 25
-    np.testing.assert_allclose(x[:, 2], 0, atol=1e-15)
-    assert structure.rigid_modes.shape[1] == 0
-
-
 def test_a_point_group_holds_a_node():
     """Three nodes held along three, two and one axes leave no rigid motion, and no more is held."""
     size = (0.2, 0.05, 0.04)
@@ -109,30 +69,6 @@ def test_a_point_group_holds_a_node():
     assert len(structure.fixed) == 6
     assert structure.rigid_modes.shape[1] == 0
     np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    ("supports", "left"),
-    [
-        ([], 6),
-        ([("left", "x")], 3),
-        ([("left", "y")], 4),
-        ([("left", ("x", "y"))], 1),
-        ([("left", ("y", "z"))], 3),
-        ([("left", "x"), ("right", "y")], 1),
-        ([("left", "x"), ("right", ("y", "z"))], 0),
-        ([("left", "all")], 0),
-    ],
-)
-def test_supports_leave_the_right_rigid_motions(supports, left):
-    structure = ao.Structure(parts.box(), SOLID, [ao.Support(*s) for s in supports])
-    R, K = structure.rigid_modes, csr(structure.K)
-    assert R.shape[1] == left
-    assert (structure.shift > 0) == (left > 0)
-    assert not R[structure.fixed].any()
-    if left:
-        assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
 
 
 def test_reading_never_changes_the_shift(monkeypatch):
@@ -157,19 +93,6 @@ def test_reading_never_changes_the_shift(monkeypatch):
     assert abs(csr(factor.A) - A).max() <= 1e-14 * abs(A).max()
     with pytest.raises(AttributeError):
         bar.shift = 2 * before
-
-
-def test_reading_a_supported_structure_factors_nothing():
-    structure = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-    assert structure.shift == 0
-    assert "factorization" not in structure.seconds
-    structure.factorize()
-    assert structure.seconds["factorization"] > 0
-
-
-def test_describe_names_what_was_modelled():
-    text = ao.Structure(parts.box(), SOLID).describe()
-    assert "16 hexahedron cells, Solid, 675 dofs, 6 rigid-body modes" in text
 
 
 # --- Foreign matrices -----------------------------------------------------------------------------
@@ -214,18 +137,6 @@ def test_matrices_give_the_model_of_the_mesh(kind, supports):
         assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
 
 
-def test_given_rigid_modes_are_used():
-    mesh = parts.plate((4, 2), (0.2, 0.05))
-    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01))
-    (K, M), _ = handed_over(meshed, "csr")
-    mixed = meshed.rigid_modes @ np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 5.0], [3.0, 0.0, 1.0]])
-    foreign = ao.Structure.from_matrices(K, M, rigid_modes=mixed)
-    R = foreign.rigid_modes
-    np.testing.assert_allclose(R.T @ (M @ R), np.eye(3), atol=1e-10)
-    with pytest.raises(ao.InputError, match="2 columns but K has 3 null vectors"):
-        ao.Structure.from_matrices(K, M, rigid_modes=mixed[:, :2])
-
-
 def test_matrices_of_which_one_part_slides():
     """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
     K = np.zeros((6, 6))
@@ -257,25 +168,6 @@ def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
 
 
 # --- Families -------------------------------------------------------------------------------------
-
-BAR = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.01))
-SKIN = ao.Layer(E1=140e9, E2=10e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3)
-
-
-@pytest.mark.parametrize("material", [SOLID, BAR, ao.Shell(**parts.STEEL, thickness=1e-3)])
-def test_materials_without_directions_tell_their_constants(material):
-    assert isinstance(material, Family)
-    assert material.constants() == (material.E, material.nu, material.rho)
-    assert material.bar_speed() == pytest.approx((material.E / material.rho) ** 0.5)
-
-
-def test_a_laminate_has_directions():
-    stack = ao.Laminate([SKIN, SKIN])
-    assert isinstance(stack, Family)
-    assert stack.kind is ao.Shell(**parts.STEEL, thickness=1e-3).kind
-    assert stack.patch_radius == pytest.approx(2e-3)
-    with pytest.raises(ao.InputError, match="got a Laminate"):
-        stack.constants()
 
 
 class Rubbery:

@@ -12,15 +12,10 @@ import scipy.sparse
 import scipy.sparse.csgraph
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import several
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.checks import in_words, several
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly import motions
-from antiosc.fem.assembly.arguments import (
-    checked_parts,
-    checked_places,
-    checked_points,
-)
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
@@ -28,21 +23,38 @@ from antiosc.fem.assembly.assembled import (
     reduced,
     stacked,
     take_by_strains,
-    without_stiffness,
 )
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Redundant, Rows, Stiffness
-from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.joint import (
+    Constraints,
+    Eliminated,
+    Held,
+    Joint,
+    Redundant,
+    Rows,
+    Stiffness,
+    attachment,
+    superelement,
+    support_rows,
+)
+from antiosc.fem.assembly.layout import Layout, Sparse, row_numbers
 from antiosc.fem.assembly.motions import modes_of, tell_motions
-from antiosc.fem.assembly.share import Share, communicator, on_every_rank
-from antiosc.fem.assembly.shared_nodes import SharedNodes
+from antiosc.fem.assembly.parts import (
+    Share,
+    checked_parts,
+    checked_places,
+    checked_points,
+    communicator,
+    on_every_rank,
+)
 from antiosc.fem.assembly.superelement import TURN
-from antiosc.fem.assembly.supports import attachment, superelement, support_rows
 from antiosc.fem.assembly.wide import nested_basis
+from antiosc.fem.linalg.petsc_algebra import from_csr
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.meshed import ROTATIONS
+from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -52,7 +64,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 def assemble(
     parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint] = (),
-    at: Mapping[str, Any] | None = None,
+    at: Mapping[str, Placement | Sequence[float]] | None = None,
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
@@ -114,25 +126,10 @@ def assemble(
     )
 
 
-def joined_at_nodes(
-    parts: Mapping[str, Structure], node_ids: Mapping[str, IntArray], **options: Any
-) -> Structure:
-    """One structure of meshes that share nodes, such as a deck with several kinds of cells.
-
-    Parameters
-    ----------
-    parts : name -> Structure of a mesh; all in the same axes.
-    node_ids : name -> number of each node of the part's mesh, in the order of the points of which
-        the mesh was made (`RawMesh.points`). Nodes with the same number are one node.
-    options : further arguments of `put_together`, which are those of `assemble`.
-    """
-    return put_together(parts, [SharedNodes(node_ids), *options.pop("joints", ())], **options)
-
-
 def put_together(
     parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint],
-    at: Mapping[str, Any] | None = None,
+    at: Mapping[str, Placement | Sequence[float]] | None = None,
     *,
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
@@ -147,26 +144,19 @@ def put_together(
     comm = communicator(given)
     members = on_every_rank(given, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    whole: list[PETSc.Mat] = []
-    of: list[Constraints] = []
+    kept: list[list[Any]] = []  # what rank 0 does not send to others
 
     def work() -> _Joined:
-        made, constraints, K, M = _joined(
-            layout,
-            joints,
-            supports,
-            attachments_of(attached),
-            apart,
-        )
-        whole.extend((K, M))
-        of.append(constraints)
+        made, *rest = _joined(layout, joints, supports, attachments_of(attached), apart)
+        kept.append(rest)
         return made
 
     made = on_root(comm, work)
     layout.points = made.points
     block = block_of(layout)
     share = Share.of(comm, layout.count, block)
-    K, M = (share.matrix(whole[k] if whole else None, block) for k in (0, 1))
+    constraints, *whole = kept[0] if kept else (None, None, None)
+    K, M = (share.matrix(one, block) for one in whole)
     if comm.size > 1 and not made.rigid:
         take_by_strains(K, layout, made.eliminated, made.added, share)
     self = object.__new__(Structure)
@@ -181,7 +171,7 @@ def put_together(
         eliminated=made.eliminated,
         added=made.added,
         share=share,
-        constraints=of[0] if of else None,
+        constraints=constraints,
     )
     self._hold(matrices, started)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
@@ -190,22 +180,14 @@ def put_together(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """What rank 0 finds of an assembly.
+    """What rank 0 finds of an assembly."""
 
-    Attributes
-    ----------
-    points : all reference points, those that joints bring included.
-    modes : M-orthonormal motions without strain (n, r).
-    shift : first shift, rad²/s².
-    rigid : whether nothing but a rigid body is left.
-    """
-
-    points: dict[str, Array]
+    points: dict[str, Array]  # all reference points, those that joints bring included
     eliminated: Eliminated
     added: Added
-    modes: Array
-    shift: float
-    rigid: bool
+    modes: Array  # M-orthonormal motions without strain (n, r)
+    shift: float  # first shift, rad²/s²
+    rigid: bool  # whether nothing but a rigid body is left
 
 
 def _joined(
@@ -221,10 +203,11 @@ def _joined(
         joint.prepare(layout, label)
     fixed = _fixed(layout)
     scale = _scale(layout)
-    rows = [Rows.free(one, "") for one in support_rows(layout, supports)]
+    held = several("supports", supports, Support, "Support(where, fix)")
+    rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
-        rows += joint.constraints(layout, rows, fixed, label)
+        rows += joint.constraints(layout, Held(rows, fixed), label)
         elastic += joint.elastic(layout, label)
     for one in attached:
         elastic += attachment(layout, one)
@@ -247,9 +230,9 @@ def _joined(
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     tell_motions(layout, *strainless, supported=supported)
     modes, shift = modes_of(layout, K, M, eliminated, *strainless)
-    rigid = modes.shape[1] == free  # its K is rounding
+    rigid = modes.shape[1] == free  # its K is rounding, but for the dependent dofs
     if rigid:
-        K = without_stiffness(eliminated)
+        K = from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
     return _Joined(layout.points, eliminated, added, modes, shift, rigid), constraints, K, M
 
 
@@ -273,12 +256,9 @@ def _scale(layout: Layout) -> Array:
     """1 for displacements, 1/size for rotations."""
     scale = np.ones(layout.count)
     for member in layout.members.values():
-        for name in ROTATIONS:
-            if name in member.part.form.components:
-                (component,) = member.part.form.components[name]
-                scale[member.first + np.arange(component, member.size, member.block)] = (
-                    1 / layout.size
-                )
+        nodes = np.arange(len(member.nodes))
+        for name in member.part.form.components.keys() & set(ROTATIONS):
+            scale[layout.dofs(member, nodes, name)] = 1 / layout.size
     for one in layout.condensed.values():
         scale[one.rows][one.part.kind == TURN] = 1 / layout.size
     for name in layout.points:
@@ -288,10 +268,9 @@ def _scale(layout: Layout) -> Array:
 
 def _tell_redundant(redundant: Sequence[Redundant]) -> None:
     for label in dict.fromkeys(label for label, _, _ in redundant):
-        own = [(others, count) for name, others, count in redundant if name == label]
+        own = [(others, times) for name, others, times in redundant if name == label]
         count = sum(times for _, times in own)
-        rest = [name for name in dict.fromkeys(n for names, _ in own for n in names)
-                if name != label]  # fmt: skip
+        rest = list(dict.fromkeys(n for names, _ in own for n in names if n != label))
         if rest:
             warn(
                 f"{count} constraint{'s' if count > 1 else ''} of {label} follow"
@@ -309,7 +288,7 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
     # all functionals of one spring belong together
     springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
     links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
-    of_row = np.repeat(np.arange(links.shape[0]), np.diff(links.indptr))
+    of_row = row_numbers(links)
     touched = scipy.sparse.csr_matrix(
         (np.ones(links.nnz), (piece[links.indices], of_row)), shape=(len(loose), links.shape[0])
     )
@@ -320,8 +299,7 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         if one.name in layout.points:
             raise InputError(f"the reference point {one.name!r} is joined to nothing.")
         pieces = sum(other.name == one.name for other in loose)
-        at = ", ".join(f"{c:.4g}" for c in one.centre)
-        which = f"a piece at ({at}) m of the part" if pieces > 1 else "the part"
+        which = f"a piece at {in_words(one.centre)} of the part" if pieces > 1 else "the part"
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -17,15 +17,14 @@ from antiosc.base.checks import array
 from antiosc.base.errors import InputError
 from antiosc.base.names import known
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
-from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, row_numbers
 from antiosc.fem.assembly.motions import rigid_motions
-from antiosc.fem.assembly.share import Share
+from antiosc.fem.assembly.parts import Share
 from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform.mpi import on_root
-from antiosc.fem.structure.dissipation import Dissipation
-from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
 from antiosc.fem.structure.meshed import Member
 from antiosc.models.motion import Inertia
 
@@ -78,21 +77,16 @@ class AssembledMatrices(StructureMatrices):
     """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with the block-diagonal matrices K_b and M_b.
 
     Dependent dofs keep their rows, as fixed ones do: 1 on K's diagonal, 0 in M.
-
-    Attributes
-    ----------
-    layout : the parts in their places.
-    eliminated : T and the dofs that depend on others.
-    added : what joints and attachments add.
-    share : the rows of this rank. What is said of all dofs (layout, T) every rank has whole.
-    constraints : from which T was made, the supports of the assembly first; on rank 0 alone.
     """
 
-    layout: Layout = field(kw_only=True)
-    eliminated: Eliminated = field(kw_only=True)
-    added: Added = field(kw_only=True)
-    share: Share = field(kw_only=True)
-    constraints: Constraints | None = field(kw_only=True)
+    _: KW_ONLY
+    layout: Layout  # the parts in their places
+    eliminated: Eliminated  # T and the dofs that depend on others
+    added: Added  # what joints and attachments add
+    #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
+    share: Share
+    #: from which T was made, the supports of the assembly first; on rank 0 alone
+    constraints: Constraints | None
 
     assembled: ClassVar[bool] = True
 
@@ -108,7 +102,6 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def mass(self) -> float:
-        """Total mass in kg."""
         for name in self.layout.condensed:
             raise InputError(f"the mass of the part {name!r} is not known: it is a superelement.")
         own = sum(member.part.mass for member in self.layout.members.values())
@@ -116,7 +109,6 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def plausibility(self) -> dict[str, Any]:
-        """What was implausible of the parts, and the largest √(E/ρ), m/s."""
         known = [member.part.plausibility for member in self.layout.members.values()]
         doubts = list(dict.fromkeys(text for one in known for text in one.get("doubts", ())))
         found: dict[str, Any] = {"doubts": doubts} if doubts else {}
@@ -126,21 +118,15 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the box around the assembly, m."""
         length, width, depth = sorted(self.layout.high - self.layout.low, reverse=True)
         return float(length), float(width), float(depth)
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first part."""
         return next(iter(self.layout.members.values())).part.constants()
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
-
-        None with superelements, whose sites do not tell all of their mass.
-        """
         direction = array("direction", direction, (3,))
-        if self.layout.condensed:
+        if self.layout.condensed:  # their sites do not tell all of their mass
             return None
         moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
 
@@ -156,7 +142,6 @@ class AssembledMatrices(StructureMatrices):
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and Mr of its rigid motions r; see `Structure`."""
         if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
         point = (self.layout.low + self.layout.high) / 2
@@ -171,13 +156,11 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported assembly (rows of this rank, r)."""
         point = (self.layout.low + self.layout.high) / 2
         motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
         return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:
-        """One line: what was joined and with how many dofs."""
         names = self.layout.names
         shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
         return (
@@ -214,11 +197,9 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def lossy(self) -> bool:
-        """Whether a material of a part has a loss factor."""
         return any(member.part.lossy for member in self.layout.members.values())
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV of the materials of all parts; None where none has a loss factor."""
         parts = [member for member in self.layout.members.values() if member.part.lossy]
         if not parts:
             return None
@@ -262,7 +243,7 @@ class AssembledMatrices(StructureMatrices):
         """The rows of this rank of what `decided` work has found whole."""
         return self.share.own(rows)
 
-    def joined(self, member: Member, loads: Any) -> Any:
+    def joined(self, member: Member, loads: Sparse) -> Sparse:
         """Loads (rows, …) on the dofs of a part as loads on q, whole."""
         return self.T[member.rows].T @ loads
 
@@ -308,11 +289,6 @@ def take_by_strains(
         K.setAttr(PRODUCT, _product(layout, eliminated, added, share))
 
 
-def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
-    """K of a rigid body: zero but for the diagonal of the dependent dofs."""
-    return from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
-
-
 def _projected(
     layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
 ) -> Sparse:
@@ -341,10 +317,9 @@ def _projected(
 
 def _unchanged(T: Sparse) -> BoolArray:
     """Which dofs of u are dofs of q (n,)."""
-    count = T.shape[0]
-    row = np.repeat(np.arange(count), np.diff(T.indptr))
+    row = row_numbers(T)
     own = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
-    same = np.zeros(count, dtype=bool)
+    same = np.zeros(T.shape[0], dtype=bool)
     same[row[own]] = True
     return same
 

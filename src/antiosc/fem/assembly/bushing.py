@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -18,24 +17,15 @@ from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.attachments import by_components
+from antiosc.fem.structure.placement import in_space
+from antiosc.io.matrices.dof_map import COMPONENTS
 
-AXES = (*DISPLACEMENTS, *ROTATIONS, "axial")
-
-
-def _by_components(what: str, given: Any) -> dict[str, float]:
-    """Stiffness or damping by components."""
-    if not isinstance(given, Mapping):
-        raise InputError(f"the {what} of a Bushing is a dict, as {{'z': 1e6}}; got {shown(given)}.")
-    for name in given:
-        if not isinstance(name, str) or name not in AXES:
-            raise InputError(
-                f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
-            )
-    return {name: positive(f"the {what} of {name}", value) for name, value in given.items()}
+AXES = (*COMPONENTS, "axial")
+OF_AXES = checked_by(by_components, "Bushing", AXES)
 
 
-def _branches(_: str, given: Any) -> tuple[tuple[dict[str, float], float], ...]:
+def _branches(_: str, given: object) -> tuple[tuple[dict[str, float], float], ...]:
     """Stiffnesses by components and relaxation times."""
     if not isinstance(given, list | tuple) or any(
         not isinstance(one, list | tuple) or len(one) != 2 for one in given
@@ -44,7 +34,10 @@ def _branches(_: str, given: Any) -> tuple[tuple[dict[str, float], float], ...]:
             f"branches must list pairs ({{'z': 1e6}}, relaxation time in s); got {shown(given)}."
         )
     return tuple(
-        (_by_components("stiffness of a branch", own), positive("a relaxation time", tau, "s"))
+        (
+            by_components("stiffness of a branch", own, "Bushing", AXES),
+            positive("a relaxation time", tau, "s"),
+        )
         for own, tau in given
     )
 
@@ -73,12 +66,10 @@ class Bushing(Between):
         complex stiffness at ω is k + iωc + Σ k_b iωτ/(1 + iωτ).
     """
 
-    stiffness: Mapping[str, float] = field(
-        default_factory=dict, metadata=checked_by(_by_components)
-    )
+    stiffness: Mapping[str, float] = field(default_factory=dict, metadata=OF_AXES)
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
-    damping: Mapping[str, float] = field(default_factory=dict, metadata=checked_by(_by_components))
+    damping: Mapping[str, float] = field(default_factory=dict, metadata=OF_AXES)
     branches: Sequence[tuple[Mapping[str, float], float]] = field(
         default=(), metadata=checked_by(_branches)
     )
@@ -94,11 +85,8 @@ class Bushing(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """k (b − a)² of each component."""
         a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
-        names = list(
-            dict.fromkeys(
-                [*self.stiffness, *self.damping, *(n for b, _ in self.branches for n in b)]
-            )
-        )
+        given = [self.stiffness, self.damping, *(own for own, _ in self.branches)]
+        names = list(dict.fromkeys(name for own in given for name in own))
         found = []
         if "axial" in names:
             line = b.point - a.point
@@ -111,34 +99,25 @@ class Bushing(Between):
             )
         others = [name for name in names if name != "axial"]
         if others:
-            x = a.point if self.point is None else np.pad(self.point, (0, 3 - len(self.point)))
+            x = a.point if self.point is None else in_space(self.point)
             here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
-            apart = scipy.sparse.vstack(
-                [
-                    here[1].displacements - here[0].displacements,
-                    here[1].rotations - here[0].rotations,
-                ]
-            ).tocsr()
             for name in others:
-                axis = (DISPLACEMENTS + ROTATIONS).index(name)
+                axis = COMPONENTS.index(name)
                 if axis < 3:
                     _check_moves(label, name, np.eye(3)[axis], (self.a, here[0]), (self.b, here[1]))
-                else:
-                    for end, one in zip((self.a, self.b), here, strict=True):
-                        if one.rotation_space[axis - 3, axis - 3] < 1 - 1e-6:
-                            raise InputError(
-                                f"{label} acts on {name}, a rotation that {end_text(end)} does "
-                                "not have."
-                            )
-                found.append(apart[axis])
+                    continue
+                for end, one in zip((self.a, self.b), here, strict=True):
+                    if not one.has(name):
+                        raise InputError(
+                            f"{label} acts on {name}, a rotation that {end_text(end)} does not "
+                            "have."
+                        )
+            found.append(here[1].components(others) - here[0].components(others))
         G = scipy.sparse.vstack(found).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
         order = (["axial"] if "axial" in names else []) + others
-        k, c, *more = (
-            np.diag([given.get(name, 0.0) for name in order])
-            for given in (self.stiffness, self.damping, *(own for own, _ in self.branches))
-        )
+        k, c, *more = (np.diag([own.get(name, 0.0) for name in order]) for own in given)
         branches = [(own, tau) for own, (_, tau) in zip(more, self.branches, strict=True)]
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
@@ -207,8 +186,7 @@ class Bolt(Between):
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
         turn = scipy.sparse.block_diag([R] * 4, format="csr")
-        rows = [rows for one in ends for rows in (one.displacements, one.rotations)]
-        G = (turn @ scipy.sparse.vstack(rows)).tocsr()
+        G = (turn @ scipy.sparse.vstack([one.components() for one in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]
 

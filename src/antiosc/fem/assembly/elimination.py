@@ -19,7 +19,7 @@ import scipy.sparse.csgraph
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.assembly.joint import Eliminated, Redundant, Rows
-from antiosc.fem.assembly.layout import Sparse
+from antiosc.fem.assembly.layout import Sparse, largest, row_numbers
 from antiosc.fem.assembly.wide import rounded
 
 #: A row of which less than this share is left beside earlier rows follows from them.
@@ -126,8 +126,8 @@ def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     """C without the columns of fixed dofs and without rounding."""
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
-    row = _row_numbers(C)
-    C.data = np.where(size > LEAST_COEFFICIENT * _largest(size, row, C.shape[0])[row], C.data, 0.0)
+    row = row_numbers(C)
+    C.data = np.where(size > LEAST_COEFFICIENT * largest(size, row, C.shape[0])[row], C.data, 0.0)
     C.eliminate_zeros()
     return C
 
@@ -158,10 +158,10 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
     left = np.arange(system.C.shape[0])
     while len(left):
         own = system.C[left]
-        row = _row_numbers(own)
+        row = row_numbers(own)
         size = np.abs(own.data) * system.scale[own.indices]
         asked = system.pivot[left][row]
-        large = size >= PIVOT * _largest(size, row, len(left))[row]
+        large = size >= PIVOT * largest(size, row, len(left))[row]
         alone = np.bincount(own.indices, minlength=own.shape[1])[own.indices] == 1
         fits = np.flatnonzero(alone & np.where(asked < 0, large, asked == own.indices))
         if not len(fits):
@@ -177,7 +177,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
     """The functionals that the dofs `pivots` equal, one for each row."""
-    row = _row_numbers(C)
+    row = row_numbers(C)
     own = C.indices == pivots[row]
     at = np.zeros(C.shape[0])
     at[row[own]] = C.data[own]
@@ -302,15 +302,3 @@ def _check(system: _System, T: Sparse) -> None:
             f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
             f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
         )
-
-
-def _row_numbers(C: Sparse) -> IntArray:
-    """The row of each entry."""
-    return np.repeat(np.arange(C.shape[0]), np.diff(C.indptr))
-
-
-def _largest(size: Array, row: IntArray, count: int) -> Array:
-    """Largest of the entries of each row (count,)."""
-    result = np.zeros(count)
-    np.maximum.at(result, row, size)
-    return result

@@ -8,14 +8,15 @@ it. The mean rotation is that of the rigid motion closest to the motion of the g
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, shown
+from antiosc.base.checks import array, in_words, shown
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.names import known
@@ -24,7 +25,8 @@ from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-from antiosc.fem.structure.placement import skew
+from antiosc.fem.structure.placement import in_space, skew
+from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
@@ -32,7 +34,8 @@ COLLINEAR = 1e-12
 #: Share of a direction that may be missing in what an end has of it: rounding.
 MISSING_SHARE = 1e-6
 
-End = Any
+#: "part:group" or the name of a reference point, or ("part", point)
+End: TypeAlias = str | tuple[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +59,22 @@ class Motion:
 
     def has(self, component: str) -> bool:
         """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
-        kind, told = (
-            (DISPLACEMENTS, self.displacement_space)
-            if component in DISPLACEMENTS
-            else (ROTATIONS, self.rotation_space)
-        )
-        return self.along(told, np.eye(3)[kind.index(component)])
+        told = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
+        return self.along(told, np.eye(3)["xyz".index(component[-1])])
+
+    def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
+        """Functionals of some displacements and rotations, by default of all six."""
+        six = scipy.sparse.vstack([self.displacements, self.rotations]).tocsr()
+        return six[[COMPONENTS.index(name) for name in names]]
+
+    def lacking(self, names: Sequence[str]) -> list[str]:
+        """Those of these components that it does not have."""
+        empty = np.diff(self.components(names).indptr) == 0
+        return [
+            name
+            for name, none in zip(names, empty, strict=True)
+            if none or (name in DISPLACEMENTS and not self.has(name))
+        ]
 
     @staticmethod
     def along(told: Array, direction: Array) -> bool:
@@ -72,12 +85,10 @@ class Motion:
         """The motion of a point that is rigidly connected to the end."""
         arm = point - self.point
         moved = self.displacements - scipy.sparse.csr_matrix(skew(arm)) @ self.rotations
-        return Motion(
-            moved.tocsr(), self.rotations, self.rotation_space, point, self.displacement_space
-        )
+        return replace(self, displacements=moved.tocsr(), point=point)
 
 
-def checked_end(name: str, end: Any) -> End:
+def checked_end(name: str, end: object) -> End:
     """An end in the form that is stored, or InputError."""
     if isinstance(end, str) and end:
         return end
@@ -98,7 +109,7 @@ def end_text(end: End) -> str:
     """An end in words."""
     if isinstance(end, str):
         return repr(end)
-    return f"{end[0]!r} at ({', '.join(f'{c:.6g}' for c in end[1])}) m"
+    return f"{end[0]!r} at {in_words(end[1])}"
 
 
 def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
@@ -164,8 +175,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
-        x = np.pad(np.array(end[1]), (0, 3 - len(end[1])))
-        apart = np.linalg.norm(one.points - x, axis=1)
+        apart = np.linalg.norm(one.points - in_space(end[1]), axis=1)
         nearest = int(np.argmin(apart))
         name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
     if name not in one.part.ends:
@@ -199,20 +209,16 @@ def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
     """The motion of a part at a point."""
     end = (part, point)
     member = _member(layout, part, end)
-    x = np.zeros(3)
-    x[: len(point)] = point
-    nearest = member.closest(x[None])
+    nearest = member.closest(in_space(point)[None])
+    place = member.at.placed(nearest.x)[0]
     if nearest.distance[0] > NEAR * member.part.mesh.extent():
-        found = ", ".join(f"{c:.6g}" for c in member.at.placed(nearest.x)[0])
         raise InputError(
             f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
-            f"point is ({found}) m."
+            f"point is {in_words(place)}."
         )
     displacements = layout.at_points(member, nearest.cell, nearest.X, DISPLACEMENTS)
     rotations = layout.at_points(member, nearest.cell, nearest.X, ROTATIONS)
-    return Motion(
-        displacements, rotations, _rotation_space(layout, member), member.at.placed(nearest.x)[0]
-    )
+    return Motion(displacements, rotations, _rotation_space(layout, member), place)
 
 
 def _rotation_space(layout: Layout, member: Member) -> Array:

@@ -2,35 +2,105 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+from antiosc.base._types import IntArray
 from antiosc.base.checks import instance, path as checked_path, positive, several, shown, whole
 from antiosc.base.errors import InputError, MeshError
-from antiosc.fem.assembly.deck_joints import attachments, joined
-from antiosc.fem.elements.anisotropic import AnisotropicSolid
-from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.given_sheet import GivenSheet, Nearest
-from antiosc.fem.elements.plate_section import Layer
-from antiosc.fem.elements.section import Section
-from antiosc.fem.elements.shell import Laminate, Shell
-from antiosc.fem.elements.solid import Solid
-from antiosc.fem.elements.truss import Truss
+from antiosc.fem.assembly.assemble import put_together
+from antiosc.fem.assembly.joint import Joint
+from antiosc.fem.assembly.shared_nodes import NodeConstraints, SharedNodes
+from antiosc.fem.elements.beam import Beam, Truss
+from antiosc.fem.elements.sections import Layer, Section
+from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
+from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform.mpi import collective, on_root, warn
-from antiosc.fem.structure.attachments import Attachment, attachments_of
+from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read_parts
 from antiosc.io.unit_system import UnitSystem
+
+
+def point_name(number: int) -> str:
+    """Name of a reference point, whose number is negative."""
+    return f"point {-number}"
+
+
+def attachments(model: dict[str, Any]) -> list[PointMass | Spring | Damper]:
+    """Masses and springs of a deck; those on points of no element by the names of these."""
+    masses = [PointMass(_where(at), mass, inertia) for at, mass, inertia in model["masses"]]
+    return [*masses, *(Spring(_where(at), stiffness) for at, stiffness in model["springs"])]
+
+
+def _where(at: Any) -> Any:
+    return point_name(at) if isinstance(at, int) else at
+
+
+def joined(
+    parts: Mapping[str, Structure],
+    numbers: Mapping[str, IntArray],
+    model: dict[str, Any],
+    supports: Sequence[Support],
+    attached: Sequence[PointMass | Spring | Damper],
+    solver: Choice,
+) -> Structure:
+    """One structure of the parts; `supports` may name groups of any part."""
+    joints = model["joints"]
+    points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
+    made: list[Joint] = [
+        NodeConstraints(
+            joints["equations"],
+            joints["springs"],
+            list(points),
+            numbers,
+            joints["masses"],
+            dict(joints["among"]),
+            joints["dampers"],
+        )
+    ]
+    if len(parts) > 1:
+        made.insert(0, SharedNodes(numbers))
+    point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
+    for name, part in parts.items():
+        point_supports += [
+            Support(f"{name}:{group}", fix)
+            for group, fix in model["supports"]
+            if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
+        ]
+    return put_together(
+        parts,
+        made,
+        points=points,
+        supports=[*point_supports, *_of_parts(parts, supports)],
+        attached=[*attachments(model), *attached],
+        solver=solver,
+        apart=model["held"],
+    )
+
+
+def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> list[Support]:
+    """Supports on a group as supports on this group of every part that has it."""
+    found = []
+    for support in supports:
+        where = support.where
+        owners: list[str] = []
+        if isinstance(where, str):
+            owners = [name for name, part in parts.items() if where in part.mesh.groups]
+        found += [replace(support, where=f"{name}:{where}") for name in owners] or [support]
+    return found
+
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
@@ -118,7 +188,10 @@ def read_model(
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    read = _reader(file, unit, density, merge, parts, piece, root, timeout)
+    read = _reader(
+        file, unit, density=density, merge=merge, parts=parts, piece=piece, root=root,
+        timeout=timeout,
+    )  # fmt: skip
     more = several("supports", supports, Support, "Support objects")
     added = attachments_of(attached)
     raws = on_root(comm, read)
@@ -145,8 +218,8 @@ def outline_of_deck(
     are not looked at.
     """
     needed = ("density", "merge", "parts", "piece", "root", "timeout")
-    file = checked_path("path", path)
-    raws = _reader(file, unit, *(options.get(name) for name in needed))()
+    known = {name: options[name] for name in needed if name in options}
+    raws = _reader(checked_path("path", path), unit, **known)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
     if _model(next(iter(raws.values())))["joined"]:
         inner = [f"{name}:{group}" for name, raw in raws.items() for group in raw.groups]
@@ -156,22 +229,22 @@ def outline_of_deck(
 
 def _reader(
     file: Path,
-    unit: Any,
-    density: Any,
-    merge: Any,
-    parts: Any,
-    piece: Any,
-    root: Any,
-    timeout: Any,
+    unit: str | float,
+    *,
+    density: float | None = None,
+    merge: float | None = None,
+    parts: Sequence[str] | None = None,
+    piece: int | None = None,
+    root: str | Path | None = None,
+    timeout: float | None = None,
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck: cells by their part; arguments are those of a user."""
     units = UnitSystem.of(unit)
-    if merge is not None:
-        positive("merge", merge, "m")
-    if density is not None:
-        density = positive("density", density, "kg/m³")
-    if timeout is not None:
-        positive("timeout", timeout, "s")
+    for name, value, of in (
+        ("merge", merge, "m"), ("density", density, "kg/m³"), ("timeout", timeout, "s")
+    ):  # fmt: skip
+        if value is not None:
+            positive(name, value, of)
     if parts is not None:
         named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
         if not named or not parts:

@@ -13,7 +13,6 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse
-import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
@@ -23,6 +22,20 @@ from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
 from antiosc.fem.structure.placement import Placement
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
+
+
+def row_numbers(matrix: Sparse) -> IntArray:
+    """The row of each entry."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def largest(size: Array, row: IntArray, count: int) -> Array:
+    """Largest of the entries of each row (count,)."""
+    result = np.zeros(count)
+    np.maximum.at(result, row, size)
+    return result
+
+
 #: Dofs of a reference point.
 POINT_DOFS = 6
 
@@ -78,10 +91,6 @@ class Layout:
         """Number of dofs of u."""
         return self._first_point + POINT_DOFS * len(self.points)
 
-    def add_point(self, name: str, x: Array) -> None:
-        """A further reference point at x (3,)."""
-        self.points[name] = x
-
     @property
     def size(self) -> float:
         """Diagonal of the box around everything, m."""
@@ -119,44 +128,53 @@ class Layout:
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
         """Displacements (or rotations: `names` = ROTATIONS) at X (P, tdim) in cells (P,)."""
-        space = member.part.form.space
-        rotation = member.at.rotation
-        rows, columns, values = [], [], []
-        first_row = 3 * np.arange(len(cell))[:, None]
+        space, entries = member.part.form.space, []
         for axis, name in enumerate(names):
             path = member.part.form.components.get(name)
-            if path is None or not len(cell):
-                continue
-            weights = compat.tabulate(space, path, X)
-            weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
-            dofs = member.first + compat.cell_dofs(space, path, cell)
-            for c in range(3):
-                rotated = rotation[c, axis]
-                if rotated:
-                    rows.append(np.broadcast_to(first_row + c, dofs.shape).ravel())
-                    columns.append(dofs.ravel())
-                    values.append((rotated * weights).ravel())
-        result = self._stacked(rows, columns, values, 3 * len(cell))
-        result.eliminate_zeros()
-        return result
+            if path is not None and len(cell):
+                weights = compat.tabulate(space, path, X)
+                weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
+                dofs = member.first + compat.cell_dofs(space, path, cell)
+                entries.append((dofs, weights[..., None] * member.at.rotation[:, axis]))
+        return self._stacked(entries, len(cell))
 
     def at_nodes(
         self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
         """Displacements (or rotations: `names` = ROTATIONS) of nodes (P,)."""
-        rotation = member.at.rotation
-        rows, columns, values = [], [], []
+        entries = []
         for axis, name in enumerate(names):
-            if name not in member.part.form.components:
-                continue
-            dofs = self.dofs(member, nodes, name)
-            for c in range(3):
-                rotated = rotation[c, axis]
-                if rotated:
-                    rows.append(3 * np.arange(len(nodes)) + c)
-                    columns.append(dofs)
-                    values.append(np.full(len(nodes), rotated))
-        return self._stacked(rows, columns, values, 3 * len(nodes))
+            if name in member.part.form.components:
+                values = np.tile(member.at.rotation[:, axis], (len(nodes), 1, 1))
+                entries.append((self.dofs(member, nodes, name)[:, None], values))
+        return self._stacked(entries, len(nodes))
+
+    def curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
+        """½ ∇ × u (3P, n) at X (P, tdim) in cells of a solid."""
+        form = member.part.form
+        _, J = member.part.mesh.geometry.at(cell, X)
+        slopes = compat.tabulate_slopes(form.space, form.components["x"], X)
+        gradient = np.einsum("pft,ptx->pfx", slopes, np.linalg.pinv(J))
+        entries = []
+        for axis, name in enumerate(DISPLACEMENTS):
+            path = form.components.get(name)
+            if path is not None:
+                dofs = member.first + compat.cell_dofs(form.space, path, cell)
+                own = 0.5 * np.cross(gradient, np.eye(3)[axis])  # ½ ∇φ × e
+                entries.append((dofs, own @ member.at.rotation.T))
+        return self._stacked(entries, len(cell))
+
+    def _stacked(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
+        """Three functionals of each of P points from pairs (dofs (P, k), values (P, k, 3))."""
+        total = self.nothing(3 * count)
+        if entries:
+            rows = (3 * np.arange(count)[:, None] + np.arange(3))[:, None]
+            where = [np.broadcast_arrays(rows, dofs[..., None]) for dofs, _ in entries]
+            row, column = (np.concatenate([w[k].ravel() for w in where]) for k in (0, 1))
+            value = np.concatenate([values.ravel() for _, values in entries])
+            total = self.matrix(row, column, value, 3 * count)
+            total.eliminate_zeros()
+        return total
 
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
         """Dofs in u of one component (in the axes of the part) of nodes."""
@@ -166,19 +184,6 @@ class Layout:
     def units(self, columns: IntArray) -> Sparse:
         """Functionals that are single dofs."""
         return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
-
-    def _stacked(
-        self,
-        rows: Sequence[IntArray],
-        columns: Sequence[IntArray],
-        values: Sequence[Array],
-        count: int,
-    ) -> Sparse:
-        if not rows:
-            return self.nothing(count)
-        return self.matrix(
-            np.concatenate(rows), np.concatenate(columns), np.concatenate(values), count
-        )
 
 
 def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) -> bool:
@@ -207,29 +212,3 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
                 "along x and y."
             )
     return flat
-
-
-def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:
-    """½ ∇ × u (3P, n) in the axes of the assembly at X (P, tdim) in cells of a solid."""
-    form = member.part.form
-    _, J = member.part.mesh.geometry.at(cell, X)
-    slopes = compat.tabulate_slopes(form.space, form.components["x"], X)  # (P, functions, tdim)
-    gradient = np.einsum("pft,ptx->pfx", slopes, np.linalg.pinv(J))
-    rows, columns, values = [], [], []
-    first_row = 3 * np.arange(len(cell))[:, None]
-    R = member.at.rotation
-    for axis, name in enumerate(DISPLACEMENTS):
-        path = form.components.get(name)
-        if path is None:
-            continue
-        dofs = member.first + compat.cell_dofs(form.space, path, cell)
-        # ½ ∇φ × e, turned into the axes of the assembly
-        own = 0.5 * np.cross(gradient, np.eye(3)[axis]) @ R.T
-        for c in range(3):
-            rows.append(np.broadcast_to(first_row + c, dofs.shape).ravel())
-            columns.append(dofs.ravel())
-            values.append(own[:, :, c].ravel())
-    where = np.concatenate(rows), np.concatenate(columns)
-    result = layout.matrix(*where, np.concatenate(values), 3 * len(cell))
-    result.eliminate_zeros()
-    return result

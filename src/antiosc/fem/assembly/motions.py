@@ -24,6 +24,7 @@ from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.null_space import SHIFT, orthonormal
+from antiosc.fem.structure.placement import skew
 from antiosc.fem.structure.rigid_body_modes import on_dofs, polynomials
 
 #: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
@@ -36,21 +37,13 @@ STILL = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Loose:
-    """A piece of a part, or a reference point, that moves by itself before it is joined.
+    """A piece of a part, or a reference point, that moves by itself before it is joined."""
 
-    Attributes
-    ----------
-    name : for messages.
-    rows : its dofs in u.
-    centre : (3,) [m]; size: half of its extent [m].
-    motions : (rows, 6) unit translations and rotations (about the centre, by 1/size).
-    """
-
-    name: str
-    rows: IntArray
-    centre: Array
-    size: float
-    motions: Array
+    name: str  # for messages
+    rows: IntArray  # its dofs in u
+    centre: Array  # (3,) [m]
+    size: float  # half of its extent [m]
+    motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
 
 
 def rigid_motions(layout: Layout, point: Array) -> Array:
@@ -61,16 +54,11 @@ def rigid_motions(layout: Layout, point: Array) -> Array:
     for one in layout.condensed.values():
         result[one.rows] = one.motions(point)
     for name, x in layout.points.items():
-        result[layout.of_point(name)] = _of_point(x - point)
+        six = np.eye(6)
+        six[:3, 3:] = -skew(x - point)
+        result[layout.of_point(name)] = six
     if layout.plane:
         result[:, [2, 3, 4]] = 0.0
-    return result
-
-
-def _of_point(arm: Array) -> Array:
-    """Six rigid motions on the dofs of a reference point."""
-    result = np.eye(6)
-    result[:3, 3:] = np.cross(np.eye(3), arm).T
     return result
 
 
@@ -80,21 +68,23 @@ def pieces(layout: Layout) -> Iterator[Loose]:
         labels = member.pieces
         for label in range(int(labels.max()) + 1):
             nodes = np.flatnonzero(labels == label)
-            x = member.nodes[nodes]
-            centre = (x.min(axis=0) + x.max(axis=0)) / 2
-            size = max(float(np.linalg.norm(np.ptp(x, axis=0))) / 2, 1e-9 * layout.size)
+            centre, size = _around(member.nodes[nodes], layout)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
-            yield _loose(layout, member.name, member.first + rows, centre, size,
-                         member.rigid(centre)[rows])  # fmt: skip
+            motions = member.rigid(centre)[rows]
+            yield _loose(layout, member.name, member.first + rows, centre, size, motions)
     for one in layout.condensed.values():
-        x = one.points
-        centre = (x.min(axis=0) + x.max(axis=0)) / 2
-        size = max(float(np.linalg.norm(np.ptp(x, axis=0))) / 2, 1e-9 * layout.size)
+        centre, size = _around(one.points, layout)
         rows = np.arange(one.first, one.first + one.size)
         yield _loose(layout, one.name, rows, centre, size, one.motions(centre))
     for name, x in layout.points.items():
         size = layout.size / 2
         yield _loose(layout, name, layout.of_point(name), x, size, np.eye(6))
+
+
+def _around(x: Array, layout: Layout) -> tuple[Array, float]:
+    """Centre (3,) and half of the extent of points x (n, 3) [m]."""
+    size = float(np.linalg.norm(np.ptp(x, axis=0))) / 2
+    return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
 def whole(layout: Layout, point: Array) -> Loose:

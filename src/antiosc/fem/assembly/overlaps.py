@@ -1,20 +1,110 @@
-"""Common parts of two surfaces (or lines) with meshes that do not match.
-
-A face of one side is intersected with each near face of the other in the plane that touches the
-first; points of a Gauss rule on each common polygon have coordinates in both faces. On plane faces
-the rule is exact for products of their functions, so that integrals over both sides agree.
-"""
+"""Tied faces or edges of two parts, and what these have in common where meshes do not match."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix
 import numpy as np
+import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
+from antiosc.fem.assembly.layout import Sparse
+from antiosc.fem.mesh.entities import Entities, largest
+from antiosc.fem.mesh.mesh import clamped, excess, near, projected
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import Member
+
+
+class Facets(Entities):
+    """Entities of the largest dimension in a group of a part, in the assembly.
+
+    Attributes
+    ----------
+    member : the part.
+    dim : 0 points, 1 edges, 2 faces.
+    corners : (F, v, 3) in order around each [m].
+    """
+
+    def __init__(self, member: Member, group: str) -> None:
+        self.member = member
+        super().__init__(member.part.mesh, *largest(member.part.mesh, group))
+        corners = member.vertices[self.vertices]
+        self.corners = corners if self.simplex else corners[:, [0, 1, 3, 2]]
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals (F, 3) of faces, unit tangents of edges, at the middle."""
+        _, J = self.at(np.arange(len(self)), self.middle)
+        across = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
+    def outward(self) -> Array | None:
+        """Unit vectors (F, 3) across the facets, out of the part; None where it has no outside."""
+        part = self.member.part
+        if not part.kind.outside or self.dim != part.mesh.tdim - 1:
+            return None
+        nodes = compat.geometry_nodes(part.mesh.dolfinx)[self.cells]
+        away = self.centres - self.member.vertices[nodes].mean(axis=1)
+        n = self.normals  # of edges the tangents
+        along = np.einsum("fc,fc->f", away, n)[:, None] * n
+        across = along if self.dim == 2 else away - along
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @property
+    def is_edge_of_sheet(self) -> bool:
+        """Whether these are edges of the cells of a shell."""
+        return self.dim == 1 and self.member.part.kind.sheet
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the displacements on a face, in all directions together."""
+        space = self.member.part.form.space
+        path = self.member.part.form.components["x"]
+        own = int(compat.subspace(space, path).element.basix_element.degree)
+        return own if self.simplex else 2 * own
+
+    def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
+        """(face, ξ, weight [m or m²]) of a rule for products of functions on all faces.
+
+        `pieces`: into which each edge is divided.
+        """
+        shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
+        xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
+        if pieces > 1:
+            xi = ((np.arange(pieces)[:, None] + np.ravel(xi)) / pieces).reshape(-1, 1)
+            w = np.tile(w, pieces) / pieces
+        face = np.repeat(np.arange(len(self)), len(w))
+        at = np.tile(np.asarray(xi).reshape(len(w), self.dim), (len(self), 1))
+        _, J = self.at(face, at)
+        size = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
+        return face, at, size * np.tile(w, len(self))
+
+    @cached_property
+    def measure(self) -> float:
+        """Area or length, m² or m."""
+        return float(self.rule()[2].sum())
+
+    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
+        """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly at ξ in faces."""
+        x, J = super().at(face, xi)
+        return self.member.at.placed(x), np.einsum("cx,nxd->ncd", self.member.at.rotation, J)
+
+    def basis(self, face: IntArray, xi: Array) -> Sparse:
+        """Values (n, nodes of the part) of the nodes' functions at ξ in faces."""
+        form = self.member.part.form
+        path = form.components["x"]
+        weights = compat.tabulate(form.space, path, self.reference(face, xi))
+        weights[np.abs(weights) < 1e-13] = 0.0
+        nodes = compat.cell_dofs(form.space, path, self.cells[face]) // self.member.block
+        row = np.repeat(np.arange(len(face)), nodes.shape[1])
+        shape = len(face), len(self.member.nodes)
+        result = scipy.sparse.csr_matrix((weights.ravel(), (row, nodes.ravel())), shape=shape)
+        result.eliminate_zeros()
+        return result
+
 
 #: Faces whose normals have a smaller cosine do not lie on each other.
 FACING = 0.5
@@ -28,20 +118,12 @@ OUTSIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Points of a rule on what two surfaces have in common, n of them.
+    """Points of a rule on what two surfaces have in common, n of them."""
 
-    Attributes
-    ----------
-    face : (n,), (n,) face of the first and of the second side.
-    xi : (n, dim), (n, dim) coordinates in these.
-    x : (n, 3), (n, 3) points of both sides [m].
-    weight : (n,) [m or m²].
-    """
-
-    face: tuple[IntArray, IntArray]
-    xi: tuple[Array, Array]
-    x: tuple[Array, Array]
-    weight: Array
+    face: tuple[IntArray, IntArray]  # (n,), (n,) face of the first and of the second side
+    xi: tuple[Array, Array]  # (n, dim), (n, dim) coordinates in these
+    x: tuple[Array, Array]  # (n, 3), (n, 3) points of both sides [m]
+    weight: Array  # (n,) [m or m²]
 
     def exchanged(self) -> Overlap:
         """The same with the sides exchanged."""
@@ -50,18 +132,15 @@ class Overlap:
 
     def only(self, keep: BoolArray) -> Overlap:
         """Some of the points."""
-        return Overlap(
-            (self.face[0][keep], self.face[1][keep]),
-            (self.xi[0][keep], self.xi[1][keep]),
-            (self.x[0][keep], self.x[1][keep]),
-            self.weight[keep],
-        )
+        (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
+        sides = (f[keep], g[keep]), (xi[keep], eta[keep]), (x[keep], y[keep])
+        return Overlap(*sides, self.weight[keep])
 
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     """What two sets of faces, or of edges, have in common, at most `gap` [m] apart."""
-    mine, theirs = near(second.centres, second.sizes + first.sizes.max() + gap, first.centres)[::-1]
-    reach = first.sizes[mine] + second.sizes[theirs] + gap
+    mine, theirs = near(second.centres, second.radii + first.radii.max() + gap, first.centres)[::-1]
+    reach = first.radii[mine] + second.radii[theirs] + gap
     close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
     facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > FACING
     mine, theirs = mine[close & facing], theirs[close & facing]
@@ -94,7 +173,7 @@ def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
 
 def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
     """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
-    item, point = near(faces.centres, faces.sizes + reach, points)
+    item, point = near(faces.centres, faces.radii + reach, points)
     xi = projected(
         lambda k, xi: faces.at(item[k], xi), points[point], faces.middle[item], affine=faces.affine
     )

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, BoolArray
-from antiosc.base.checks import array, coordinates, number, shown, store
+from antiosc.base._types import Array
+from antiosc.base.checks import coordinates, number, shown, store
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
+from antiosc.fem.assembly.joint import NAME, Between, Held, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.placement import checked_axis, in_space
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
@@ -29,11 +30,14 @@ class _Pin(Between):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
-        a, b = ends_at(layout, label, self.a, self.b, self.point)
+        ends = motion(layout, self.a), motion(layout, self.b)
+        x = ends[0].point if self.point is None else in_space(self.point)
+        a, b = (
+            carried(layout, label, end, one, x)
+            for end, one in zip((self.a, self.b), ends, strict=True)
+        )
         displacements, rotations = self._constrained()
         if layout.plane:
             displacements, rotations = (
@@ -88,23 +92,14 @@ class Ball(_Pin):
         return np.eye(3), np.zeros((0, 3))
 
 
-def _checked_axis(name: str, value: Any) -> tuple[float, ...]:
-    axis = array(name, value, (3,))
-    if not np.linalg.norm(axis):
-        raise InputError("axis must not be the zero vector.")
-    return tuple(axis.tolist())
-
-
 @dataclass(frozen=True)
 class _Axis(_Pin):
-    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(_checked_axis))
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
 
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """As of every pin; in a plane the axis must be one about or along which parts move."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         across = self._turns_about_axis
@@ -113,7 +108,7 @@ class _Axis(_Pin):
                 f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
-        return super().constraints(layout, before, fixed, label)
+        return super().constraints(layout, held, label)
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) across the axis."""
@@ -150,23 +145,12 @@ class Slider(_Axis):
         return self._across(), np.eye(3)
 
 
-def ends_at(
-    layout: Layout, label: str, a: End, b: End, point: Sequence[float] | None
-) -> tuple[Motion, Motion]:
-    """The motions of two ends at one point."""
-    first, second = motion(layout, a), motion(layout, b)
-    x = first.point if point is None else np.pad(np.array(point), (0, 3 - len(point)))
-    return carried(layout, label, a, first, x), carried(layout, label, b, second, x)
-
-
 def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:
     """The motion of an end at x, to which it is connected rigidly."""
     arm = x - own.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
-        return Motion(
-            own.displacements, own.rotations, own.rotation_space, x, own.displacement_space
-        )
+        return replace(own, point=x)
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
@@ -228,16 +212,13 @@ class Equation(Joint):
         store(self, terms=terms)
         super().__post_init__()
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The one row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
             own = motion(layout, end, partly=True)
-            six = scipy.sparse.vstack([own.displacements, own.rotations]).tocsr()
-            row = six[(DISPLACEMENTS + ROTATIONS).index(component)]
-            if not row.nnz or (component in DISPLACEMENTS and not own.has(component)):
+            row = own.components([component])
+            if own.lacking([component]):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
                     "have no rotations, plane parts move along x and y, a site of a model along "
@@ -251,7 +232,7 @@ class Equation(Joint):
         return [Rows(total, np.full(1, -1), label)]
 
 
-def _checked_term(term: Any) -> tuple[End, str, float]:
+def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
         raise InputError(
             f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "

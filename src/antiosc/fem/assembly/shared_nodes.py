@@ -1,26 +1,22 @@
-"""Meshes that share nodes, put together.
-
-dolfinx has one kind of cell in a mesh. A deck with triangles beside quadrilaterals, shells beside
-solids or beams beside both is therefore one part for each kind, joined where nodes of the meshes
-have the same number. On a common edge or face the displacements (and rotations) of the part with
-the higher degree follow those of the other, so that they agree along the whole edge or face.
-"""
+"""Meshes that share nodes, and constraints between numbered nodes, as decks have them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import basix
 import numpy as np
 import scipy.sparse
+from numpy.typing import ArrayLike
 
-from antiosc.base._types import BoolArray, IntArray
+from antiosc.base._types import IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import Joint, Rows
-from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.mesh.cell_geometry import projected
+from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
+from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.mesh.mesh import projected
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 
@@ -30,25 +26,17 @@ SAME_PLACE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SharedNodes(Joint):
-    """A joint of all parts at the nodes that have the same number.
+    """A joint of all parts at the nodes that have the same number."""
 
-    Attributes
-    ----------
-    numbers : part -> number of each node of its mesh, in the order in which they were read.
-    """
-
+    #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
-    #: whether a part may share no node with the others, for other joints join it
-    loose: bool = False
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
-        _check_places(layout, cells, self.loose)
+        _check_places(layout, cells)
         return [
             rows
             for k, follower in enumerate(cells)
@@ -69,11 +57,6 @@ class _Cells:
         self.member = member
         mesh = member.part.mesh
         read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-        if read.max() >= len(numbers):
-            raise InputError(
-                f"the part {member.name!r} has {read.max() + 1} nodes, and {len(numbers)} numbers "
-                "are given for them."
-            )
         corners = len(mesh.geometry.corners)
         nodes = compat.geometry_nodes(mesh.dolfinx)[:, :corners]
         self.vertices = numbers[read[nodes]]
@@ -114,8 +97,8 @@ def _degree(member: Member) -> int:
     return int(compat.subspace(space, path).element.basix_element.degree)
 
 
-def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
-    """InputError where nodes with one number lie apart, or a part shares no node."""
+def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
+    """InputError where nodes with one number lie apart."""
     numbers = np.concatenate([c.numbers for c in cells])
     positions = np.vstack([c.positions for c in cells])
     order = np.argsort(numbers, kind="stable")
@@ -127,11 +110,6 @@ def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
         raise InputError(
             f"node {numbers[first[k]]} lies {apart[k]:.3g} m apart in two parts that share it."
         )
-    owner = np.repeat(np.arange(len(cells)), [len(c.numbers) for c in cells])
-    shared = np.unique(np.concatenate([owner[first], owner[second]]))
-    alone = [c.member.name for k, c in enumerate(cells) if k not in shared]
-    if alone and len(cells) > 1 and not loose:
-        raise InputError(f"the part {alone[0]!r} shares no node with the others.")
 
 
 def _following(layout: Layout, follower: _Cells, leaders: Sequence[_Cells]) -> list[Rows]:
@@ -204,3 +182,95 @@ def _tied(
         rows.append(layout.units(dofs) - sum(axis[c] * led[c::3] for c in range(3)))
         pivots.append(dofs)
     return Rows(scipy.sparse.vstack(rows).tocsr(), np.concatenate(pivots), "shared nodes")
+
+
+@dataclass(frozen=True, eq=False)
+class NodeConstraints(Joint):
+    """Constraints Σ coefficient × motion = 0, springs and dampers of nodes and reference points."""
+
+    #: terms of each constraint; the first is the dependent motion
+    equations: Sequence[Sequence[Term]]
+    #: (terms of a relative motion, stiffness in N/m)
+    springs: Sequence[tuple[Sequence[Term], float]]
+    points: Sequence[str]  # names of the reference points in the order of their numbers
+    #: part -> number of each node of its mesh, in the order in which they were read
+    numbers: Mapping[str, IntArray]
+    #: (terms of each of k motions, their mass matrix (k, k), kg)
+    masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
+    #: node that the deck does not have, in the middle of a face -> (node, weight) of its own
+    among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    #: (terms of a relative motion, damping in N s/m)
+    dampers: Sequence[tuple[Sequence[Term], float]] = ()
+    name: str | None = "constraints of the deck"
+
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+        """One row for each constraint, those between its nodes, and of middle nodes."""
+        nodes = Nodes(layout, self.points, self.numbers)
+        own = nodes.functionals(self.equations)
+        nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
+        dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
+        rows = [Rows(own, dependent, label)] if own.shape[0] else []
+        nodes.fixed = held.fixed.copy()
+        for one in held.rows:
+            alone = np.diff(one.matrix.indptr) == 1
+            nodes.fixed[one.matrix[alone].indices] = True
+        between = between_nodes(nodes, self.equations, own, self.among)
+        if between.shape[0]:
+            rows.append(Rows.free(between, label))
+        middles = _on_middles(nodes)
+        if middles.shape[0]:
+            rows.append(Rows.free(middles, label))
+        return rows
+
+    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+        """The springs, the dampers and the masses."""
+        nodes = Nodes(layout, self.points, self.numbers)
+        flat = [terms for terms, _ in (*self.springs, *self.dampers)]
+        every = nodes.functionals([*flat, *(terms for rows, _, _ in self.masses for terms in rows)])
+        none = np.zeros((1, 1))
+        springs = [
+            Stiffness(every[k], np.array([[stiffness]]), none)
+            for k, (_, stiffness) in enumerate(self.springs)
+        ]
+        dampers = [
+            Stiffness(every[len(springs) + k], none, none, c=np.array([[damping]]))
+            for k, (_, damping) in enumerate(self.dampers)
+        ]
+        masses, start = [], len(flat)
+        for rows, M, mass in self.masses:
+            own = every[start : start + len(rows)]
+            masses.append(Stiffness(own, np.zeros((len(rows),) * 2), np.array(M), mass))
+            start += len(rows)
+        return springs + dampers + masses
+
+
+def _on_middles(nodes: Nodes) -> Sparse:
+    """A vertex of one part that is a middle node of another follows it."""
+    layout = nodes.layout
+    rows = [layout.nothing(0)]
+    for k, member in enumerate(nodes.members):
+        corners = len(member.part.mesh.geometry.corners)
+        vertices = set(nodes.tables[k][:, :corners].ravel().tolist())
+        for j, other in enumerate(nodes.members):
+            count = len(other.part.mesh.geometry.corners)
+            if j == k or nodes.tables[j].shape[1] == count:
+                continue
+            middles = set(nodes.tables[j][:, count:].ravel().tolist())
+            for number in sorted(vertices & middles):
+                for names in (
+                    (DISPLACEMENTS, ROTATIONS)
+                    if member.has_rotations and other.has_rotations
+                    else (DISPLACEMENTS,)
+                ):
+                    both = [_at(nodes, one, number, names) for one in (k, j)]
+                    rows.append(both[0] - both[1])
+    result = scipy.sparse.vstack(rows).tocsr()
+    result.eliminate_zeros()
+    return result[np.diff(result.indptr) > 0]
+
+
+def _at(nodes: Nodes, k: int, number: int, names: tuple[str, ...]) -> Sparse:
+    member: Member = nodes.members[k]
+    cell, local = nodes.at_cell[k][number]
+    X = nodes.reference_points(k)[[local]]
+    return nodes.layout.at_points(member, np.array([cell]), X, names)

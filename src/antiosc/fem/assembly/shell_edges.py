@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import in_words
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.overlaps import Overlap, closest
+from antiosc.fem.assembly.overlaps import Facets, Overlap, closest
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 
@@ -49,16 +49,15 @@ def led_by_solid(
     second = (weight * (height - middle[:, None]) ** 2).sum(axis=1)
     if (second < ENOUGH * thickness**2 / 12).any():
         k = int(np.argmin(second / thickness**2))
-        at = ", ".join(f"{c:.4g}" for c in points[k])
         raise InputError(
-            f"{label}: at ({at}) m too little of the shell's thickness of {thickness[k]:.3g} m "
-            f"lies on the face of {face.member.name!r} to hold its rotation; give all faces that "
-            "it ends on."
+            f"{label}: at {in_words(points[k])} too little of the shell's thickness of "
+            f"{thickness[k]:.3g} m lies on the face of {face.member.name!r} to hold its rotation; "
+            "give all faces that it ends on."
         )
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
     moved = layout.at_points(face.member, face.cells[on], face.reference(on, xi), DISPLACEMENTS)
-    u0 = _combined(mean, None) @ moved
+    u0 = _combined(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ moved
     rotated = _combined(slope, skew(normals)) @ moved
     return u0.tocsr(), rotated.tocsr(), normals
 
@@ -74,11 +73,9 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     return normals, own[member.part.part_of_cells()[cells]]
 
 
-def _combined(factors: Array, matrices: Array | None) -> Sparse:
+def _combined(factors: Array, matrices: Array) -> Sparse:
     """Σ_j factor_qj · (matrix_q) u_j for points q with layers j, as a matrix (3Q, 3QL)."""
     count, layers = factors.shape
-    if matrices is None:
-        matrices = np.broadcast_to(np.eye(3), (count, 3, 3))
     values = np.einsum("qj,qab->qajb", factors, matrices)
     row = 3 * np.arange(count)[:, None, None, None] + np.arange(3)[None, :, None, None]
     column = (
@@ -119,13 +116,3 @@ def rotation_rows(
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0
     matrix.eliminate_zeros()
     return Rows(matrix, np.array(pivots), label)
-
-
-def with_free_rotations(
-    layout: Layout, edge: Facets, nodes: IntArray, taken: BoolArray
-) -> BoolArray:
-    """Nodes (mask) of which no rotation is fixed or led by another joint."""
-    free = np.ones(len(nodes), dtype=bool)
-    for name in ROTATIONS:
-        free &= ~taken[layout.dofs(edge.member, nodes, name)]
-    return free

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
-from antiosc.fem.assembly.joint import NAME, Joint, Rows
+from antiosc.fem.assembly.joint import NAME, Held, Joint, Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 
@@ -45,11 +44,9 @@ class Rigid(Joint):
             nodes = member.nodes_of(group)
             if len(nodes) < 2:
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
-            layout.add_point(label, member.nodes[nodes].mean(axis=0))
+            layout.points[label] = member.nodes[nodes].mean(axis=0)
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """Every dof of the group is that of the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
@@ -97,9 +94,7 @@ class Mean(Joint):
     point: End = field(metadata=END)
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """Displacement and rotation of the point are the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)

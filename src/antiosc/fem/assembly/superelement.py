@@ -9,7 +9,8 @@ modes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
@@ -18,7 +19,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.structure.matrices import NodalMatrices
-from antiosc.fem.structure.placement import Placement
+from antiosc.fem.structure.placement import Placement, rigid_motions
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.reduced_matrices import reduced_matrices
 
@@ -36,48 +37,33 @@ NODE_DOFS = 6
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """A site or a node of a superelement, in its own axes.
+    """A site or a node of a superelement, in its own axes."""
 
-    Attributes
-    ----------
-    point : (3,) [m].
-    displacements, rotations : (3, n) functionals of the displacement and the rotation.
-    displacement_space, rotation_space : (3, 3) projections on those that it has.
-    radius : of the patch of a site [m]; None for a point.
-    local_compliance : half-space compliance of the patch [m/N], which 1/K contains.
-    """
-
-    point: Array
+    point: Array  # (3,) [m]
+    #: displacements, rotations: (3, n) functionals of the displacement and the rotation
     displacements: Array
     rotations: Array
+    #: displacement_space, rotation_space: (3, 3) projections on those that it has
     displacement_space: Array
     rotation_space: Array
-    radius: float | None = None
-    local_compliance: float = 0.0
+    radius: float | None = None  # of the patch of a site [m]; None for a point
+    local_compliance: float = 0.0  # half-space compliance of the patch [m/N], which 1/K contains
 
 
 @dataclass(frozen=True, eq=False)
 class Superelement:
-    """K and M of n dofs, and what each of these is.
+    """K and M of n dofs, and what each of these is."""
 
-    Attributes
-    ----------
-    K, M : (n, n).
-    kind : (n,) AMPLITUDE, MOVE or TURN.
-    positions, axes : (n, 3) where each displacement or rotation is [m], and its direction.
-    ends : name of a site, or number of a node -> its motion.
-    fixed : (n,) dofs that are zero.
-    rigid : (n, r) orthonormal rigid motions, on which K is exactly zero.
-    """
-
+    #: K, M: (n, n)
     K: Array
     M: Array
-    kind: IntArray
+    kind: IntArray  # (n,) AMPLITUDE, MOVE or TURN
+    #: positions, axes: (n, 3) where each displacement or rotation is [m], and its direction
     positions: Array
     axes: Array
-    ends: Mapping[str, Interface]
-    fixed: BoolArray
-    rigid: Array
+    ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
+    fixed: BoolArray  # (n,) dofs that are zero
+    rigid: Array  # (n, r) orthonormal rigid motions, on which K is exactly zero
 
     @property
     def size(self) -> int:
@@ -87,27 +73,22 @@ class Superelement:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A superelement in its place.
+    """A superelement in its place."""
 
-    Attributes
-    ----------
-    name : of the part in the assembly.
-    part : the superelement.
-    at : where it stands.
-    first : number of its first dof in u.
-    """
+    name: str  # of the part in the assembly
+    part: Superelement  # the superelement
+    at: Placement  # where it stands
+    first: int  # number of its first dof in u
 
-    name: str
-    part: Superelement
-    at: Placement
-    first: int
-    #: places and axes of its dofs in the assembly (n, 3)
-    positions: Array = field(init=False)
-    axes: Array = field(init=False)
+    @cached_property
+    def positions(self) -> Array:
+        """Places (n, 3) of its dofs in the assembly [m]."""
+        return self.at.placed(self.part.positions)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "positions", self.at.placed(self.part.positions))
-        object.__setattr__(self, "axes", self.part.axes @ self.at.rotation.T)
+    @cached_property
+    def axes(self) -> Array:
+        """Directions (n, 3) of its dofs in the assembly."""
+        return self.part.axes @ self.at.rotation.T
 
     @property
     def size(self) -> int:
@@ -126,12 +107,7 @@ class Condensed:
 
     def motions(self, point: Array) -> Array:
         """Six rigid motions (n, 6): translations, and rotations about `point` (3,)."""
-        result = np.zeros((self.size, 6))
-        move, turn = self.part.kind == MOVE, self.part.kind == TURN
-        result[move, :3] = self.axes[move]
-        result[move, 3:] = np.cross(self.positions[move] - point, self.axes[move])
-        result[turn, 3:] = self.axes[turn]
-        return result
+        return rigid_motions(self.positions, self.axes, self.part.kind == MOVE, point)
 
 
 def of_model(name: str, model: AntiOscillators) -> Superelement:

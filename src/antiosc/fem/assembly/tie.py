@@ -26,11 +26,10 @@ from antiosc.base.checks import positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.assembly.joint import NAME, Between, Rows
-from antiosc.fem.assembly.layout import Layout, Sparse, curl
-from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
-from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
+from antiosc.fem.assembly.joint import NAME, Between, Held, Rows
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, on_faces, overlap
+from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew
 
@@ -71,22 +70,20 @@ class Tie(Between):
 
     late: ClassVar[bool] = True
 
-    def constraints(
-        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
-    ) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """Every dof of the follower that is free follows the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(sides, label)
         self._tell_overlap(sides, common, label)
-        taken = fixed.copy()
-        for rows in before:
+        taken = held.fixed.copy()
+        for rows in held.rows:
             taken[rows.pivot[rows.pivot >= 0]] = True
         leads = _leader(sides, common)
         movable = [_movable(layout, side, common, k, taken) for k, side in enumerate(sides)]
         if not any(movable):
-            taken = fixed  # both follow other joints: what is said twice is found later
+            taken = held.fixed  # both follow other joints: what is said twice is found later
         elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
             leads = 1 - leads
         follower, leader = sides[1 - leads], sides[leads]
@@ -102,7 +99,7 @@ class Tie(Between):
                 f"{label} ties {kinds[dims[0]]} ({self.a!r}) to {kinds[dims[1]]} ({self.b!r}): "
                 "a Tie takes groups of faces and of edges."
             )
-        size = min(float(side.sizes.mean()) for side in sides)
+        size = min(float(side.radii.mean()) for side in sides)
         gap = GAP * size if self.gap is None else self.gap
         if dims[0] == dims[1]:
             common = overlap(sides[0], sides[1], gap)
@@ -151,7 +148,7 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
         )
     if abs(covered[0] - covered[1]) > EQUAL:
         return int(np.argmin(covered))
-    return int(np.argmax([side.sizes.mean() for side in sides]))
+    return int(np.argmax([side.radii.mean() for side in sides]))
 
 
 def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
@@ -193,7 +190,8 @@ def _projection(
     if on_solid:
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
         led: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
-        free = follows & with_free_rotations(layout, follower, nodes, taken)
+        rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
+        free = follows & ~taken[rotations].any(axis=0)
         if free.any():
             own = projection.of(free, rotated)
             middle = projection.load[free] @ normals
@@ -221,16 +219,10 @@ def _projection(
 
 @dataclass(frozen=True, eq=False)
 class _Projection:
-    """The L2 projection onto the functions of the follower's nodes.
+    """The L2 projection onto the functions of the follower's nodes."""
 
-    Attributes
-    ----------
-    D : (nodes, nodes) ∫ φ φᵀ.
-    load : (nodes, points) φ times the weights of the points.
-    """
-
-    D: Sparse
-    load: Sparse
+    D: Sparse  # (nodes, nodes) ∫ φ φᵀ
+    load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
         """What one component of the free nodes follows; `motion` (points, n) is that of the leader.
@@ -276,21 +268,19 @@ def _led(
     both_turn = follower.member.has_rotations and member.has_rotations
     rotations = layout.nothing(3 * len(cell))
     if np.abs(arm).max() > CLOSED * layout.size:
-        own = (layout, member, cell, X)
-        nodal = member.has_rotations
-        rotations = layout.at_points(member, cell, X, ROTATIONS) if nodal else curl(*own)
-        displacements = displacements + _lever(arm) @ rotations
+        rotations = (
+            layout.at_points(member, cell, X, ROTATIONS)
+            if member.has_rotations
+            else layout.curl(member, cell, X)
+        )
+        lever = scipy.sparse.block_diag(list(-skew(arm)), format="csr")  # θ → θ × r
+        displacements = displacements + lever @ rotations
     elif both_turn:
         rotations = layout.at_points(member, cell, X, ROTATIONS)
     return [
         (DISPLACEMENTS, displacements.tocsr()),
         *([(ROTATIONS, rotations)] if both_turn else []),
     ]
-
-
-def _lever(arm: Array) -> Sparse:
-    """Matrix of θ → θ × r at each point (3n, 3n)."""
-    return scipy.sparse.block_diag(list(-skew(arm)), format="csr")
 
 
 def _whole(side: Facets, nodes: IntArray) -> Array:

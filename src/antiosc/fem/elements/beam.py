@@ -1,21 +1,22 @@
-"""`Beam`: Timoshenko or Euler–Bernoulli beams on line meshes, in a plane or in space."""
+"""`Beam` (Timoshenko or Euler–Bernoulli) and `Truss`, on line meshes in a plane or in space."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, flag, instance, number
+from antiosc.base.checks import array, flag, instance, number, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
-from antiosc.fem.elements.section import Section
+from antiosc.fem.elements.sections import Section
 from antiosc.fem.elements.weak_form import (
     Isotropic,
     Kind,
@@ -27,7 +28,7 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree
+from antiosc.fem.platform.mpi import agreed
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -82,11 +83,6 @@ class Beam(Isotropic):
                 "as in Beam(..., orientation=(0, 0, 1))."
             )
 
-    @property
-    def G(self) -> float:
-        """Shear modulus, Pa."""
-        return self.E / (2 * (1 + self.nu))
-
     def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
         """Shear stiffness for bending with second moment `I`, N: G κ A, or a penalty."""
         if self.shear:
@@ -108,10 +104,6 @@ class Beam(Isotropic):
                 "Beam elements are straight; read the mesh with order=1 and more elements."
             )
         return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
-
-    def half_space_compliance(self, cosine: float) -> float:
-        """0: a beam has no local indentation; Hertz's law describes it alone."""
-        return 0.0
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
         """The length of the box; width and thickness of rectangles with the sections' A and I."""
@@ -234,13 +226,12 @@ def _orientations(mesh: Mesh, parts: Parts) -> Expr:
     middle = x[nodes].mean(axis=1)
     function = compat.cellwise(mesh.dolfinx, 3)
     values = function.x.array.reshape(-1, 3)
-    error = None
-    for beam, cells in parts:
-        try:
+
+    def work() -> None:
+        for beam, cells in parts:
             values[cells] = heights(beam, axis[cells], middle[cells])
-        except InputError as caught:
-            error = caught
-    agree(mesh.comm, error)
+
+    agreed(mesh.comm, work)
     return function
 
 
@@ -266,3 +257,58 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
             "elements a separate material."
         )
     return np.asarray(height / length)
+
+
+@dataclass(frozen=True)
+class Truss(Isotropic):
+    """Bars of a truss: each cell of a mesh of lines is one, between two hinges.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    area : float
+        Of the cross-section, m².
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
+
+    Components: x, y, z, or x, y in a plane. The elements are linear whatever the `order` of
+    `Structure`, with half of the mass of a bar at each end. A node that only collinear bars hold is
+    a mechanism: a bar that is divided into several cells needs supports or other bars there.
+    """
+
+    kind: ClassVar[Kind] = Kind("truss", outside=False, point_load=True)
+    patch_radius: ClassVar[None] = None
+
+    area: float = field(metadata=checked_by(positive, "m²"))
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Axial strain energy of the bars, and their masses at the ends."""
+        if mesh.tdim != 1:
+            raise InputError(
+                f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+            )
+        if mesh.order != 1:
+            raise InputError("the bars of a Truss are straight; read the mesh with order=1.")
+        space = compat.lagrange(mesh.dolfinx, 1, mesh.gdim)
+        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        t = tangent(mesh)
+        EA = coefficient(mesh, parts, lambda truss: truss.E * truss.area)
+        density = coefficient(mesh, parts, lambda truss: truss.rho * truss.area)
+
+        def strain(u: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
+            return ufl.dot(ufl.dot(ufl.grad(u), t), t)
+
+        at_ends = {"quadrature_rule": "GLL", "quadrature_degree": 1}
+        return WeakForm(
+            space=space,
+            stiffness=[EA * strain(w) * strain(v) * measure(mesh, 0)],
+            mass=[density * ufl.dot(w, v) * ufl.dx(domain=mesh.dolfinx, metadata=at_ends)],
+            components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
+            density=density,
+        )
+
+    def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
+        """The length of the box; width and thickness of the thickest and thinnest square bars."""
+        areas = [one.area for one in materials]
+        return box[0], sqrt(max(areas)), sqrt(min(areas))

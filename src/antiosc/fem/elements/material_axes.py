@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import array, positive
+from antiosc.base.checks import array, in_words, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree, on_root
+from antiosc.fem.platform.mpi import agreed, on_root
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -60,19 +60,18 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
     axis, side = axes.x.array.reshape(-1, 3), sides.x.array
     axis[:], side[:] = x[:, 1] - x[:, 0], 1.0
     has_sides, stated = np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
-    error = None
-    for material, cells in parts:
-        try:
+
+    def work() -> None:
+        for material, cells in parts:
             if material.axis is not None:
                 axis[cells] = _axis(material.axis, x[cells], normals[cells])
             top = (0.0, 0.0, 1.0) if material.top is None and mesh.gdim == 2 else material.top
             if top is not None:
                 side[cells] = _side(top, x[cells], normals[cells])
-        except Exception as caught:  # a user's function may raise what it likes
-            error = caught
-        has_sides[cells] = material.section.has_sides
-        stated[cells] = material.top is not None
-    agree(mesh.comm, error)
+            has_sides[cells] = material.section.has_sides
+            stated[cells] = material.top is not None
+
+    agreed(mesh.comm, work)
     if any(material.section.has_sides for material, _ in parts):
         _check_neighbours(mesh, x, side, has_sides, stated)
     return axes, sides
@@ -126,8 +125,8 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
 
 def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
     if bad.any():
-        at_point = ", ".join(f"{c:.4g}" for c in x[np.argmax(bad)].mean(axis=0))
-        raise InputError(f"{what} in {int(bad.sum())} cells, one at ({at_point}) m: {remedy}.")
+        at = in_words(x[np.argmax(bad)].mean(axis=0))
+        raise InputError(f"{what} in {int(bad.sum())} cells, one at {at}: {remedy}.")
 
 
 def shown_direction(direction: Direction) -> str:
@@ -178,10 +177,10 @@ def _compare(
     concerned = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
     bad = concerned & (way[pairs].sum(axis=0) != 0)
     if bad.any():
-        at_point = ", ".join(f"{c:.4g}" for c in points[pairs[0, np.argmax(bad)]])
+        at = in_words(points[pairs[0, np.argmax(bad)]])
         raise InputError(
             f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-            f"({at_point}) m, so that the top of the sheet would change sides: reverse the node "
+            f"{at}, so that the top of the sheet would change sides: reverse the node "
             "order of those cells, or give Laminate(..., top=…), or Shell(..., top=…), a direction "
             "on whose side the top lies."
         )

@@ -22,9 +22,10 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array
+from antiosc.base.checks import in_words
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.material_axes import axes_and_sides
-from antiosc.fem.elements.plate_section import PlateSection
+from antiosc.fem.elements.sections import PlateSection
 from antiosc.fem.elements.weak_form import Parts, coefficient
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
@@ -202,9 +203,9 @@ def areas_of(mesh: Mesh) -> Expr:
     total = mesh.comm.allreduce(len(bad))
     error = None
     if len(bad):
-        at_point = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
+        at = in_words(x[bad[0]].mean(axis=0))
         error = InputError(
-            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({at_point}) m: "
+            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at {at}: "
             "remesh the surface, or remove these cells."
         )
     agree(mesh.comm, error)

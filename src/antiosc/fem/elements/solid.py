@@ -1,19 +1,23 @@
-"""`Solid`: linear elasticity on 2-D and 3-D meshes."""
+"""`Solid` and `AnisotropicSolid`: linear elasticity on 2-D and 3-D meshes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from math import sqrt
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import ufl
+from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import choice, positive
+from antiosc.base.brief import Given
+from antiosc.base.checks import array, choice, kept, positive, store, within_range
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import (
+    Family,
     Isotropic,
     Kind,
     Parts,
@@ -23,6 +27,9 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 #: Ratio of the edges of a cell, and of the part to its shortest edge, from which K is taken by its
 #: strains; and the number of cells up to which the memory for these is small.
@@ -69,8 +76,7 @@ class Solid(Isotropic):
     @property
     def voigt(self) -> Array:
         """Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of unit strains, (6, 6), Pa."""
-        shear = self.E / (2 * (1 + self.nu))
-        C = np.diag([2 * shear] * 3 + [shear] * 3)
+        C = np.diag([2 * self.G] * 3 + [self.G] * 3)
         C[:3, :3] += self.E * self.nu / ((1 + self.nu) * (1 - 2 * self.nu))
         return C
 
@@ -85,7 +91,7 @@ class Solid(Isotropic):
         u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = coefficient(mesh, parts, _first_lame)
         shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
-        depth = coefficient(mesh, parts, _depth)
+        depth = coefficient(mesh, parts, lambda s: 1.0 if s.plane is None else s.thickness)
         rho = coefficient(mesh, parts, lambda s: s.rho)
         strain, virtual = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
         stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
@@ -173,13 +179,13 @@ def _is_thin(mesh: Mesh) -> bool:
     return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * least)
 
 
-def _strains(mesh: Mesh, parts: Parts, u: Any, degree: int) -> tuple[Any, int]:
+def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
     """Strains times √stiffness, and the degree of K's quadrature."""
     root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
     return root * _voigt_strain(u), degree
 
 
-def _voigt_strain(u: Any) -> Any:
+def _voigt_strain(u: Expr) -> Expr:
     """(ε11, ε22, ε33, γ23, γ13, γ12)."""
     e = ufl.sym(ufl.grad(u))
     shear = [2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]]
@@ -200,10 +206,6 @@ def _first_lame(solid: Solid) -> float:
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
 
 
-def _depth(solid: Solid) -> float:
-    return 1.0 if solid.plane is None else solid.thickness
-
-
 def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
     """Quadrature degrees of K and M: exact on straight simplices, full Gauss rules elsewhere.
 
@@ -214,3 +216,144 @@ def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
     if mesh.order == 1:
         return 2 * order - 2, 2 * order
     return 2 * order, 2 * order + 1
+
+
+#: Axes of the entries of a stress or an engineering strain: 11, 22, 33, 23, 13, 12.
+VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: Share of the largest entry up to which a stiffness matrix is symmetric.
+SYMMETRY = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class AnisotropicSolid(Given):
+    """A linear-elastic solid with directions: wood, single crystals, unidirectional composites.
+
+    Parameters
+    ----------
+    stiffness : array_like (6, 6)
+        Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of the strains (ε11, ε22, ε33, γ23, γ13, γ12) in the
+        material's axes, Pa; symmetric and positive definite. See `orthotropic`.
+    rho : float
+        Density, kg/m³.
+    axes : array_like (2, 3) or (3, 3), optional
+        Directions 1 and 2 of the material (and 3, which follows), as rows; default x, y, z.
+
+    It may fill groups of cells beside `Solid`. Sites on it are points: a patch has no known
+    half-space compliance.
+
+    Raises
+    ------
+    InputError
+        A matrix that is not symmetric or not positive definite, axes that are not perpendicular.
+    """
+
+    kind: ClassVar[Kind] = Kind("solid", outside=True, point_load=False)
+    patch_radius: ClassVar[None] = None
+
+    stiffness: ArrayLike
+    rho: float
+    axes: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        C = array("stiffness", self.stiffness, (6, 6))
+        if np.abs(C - C.T).max() > SYMMETRY * np.abs(C).max():
+            raise InputError("stiffness must be symmetric.")
+        least = float(np.linalg.eigvalsh((C + C.T) / 2).min())
+        if not least > 1e-12 * float(np.abs(C).max()):
+            raise InputError(
+                "stiffness must be positive definite, else the strain energy is not positive; its "
+                f"least eigenvalue is {least:.3g} Pa."
+            )
+        store(self, stiffness=kept((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
+        store(self, axes=kept(_axes(self.axes)))
+
+    @classmethod
+    @within_range
+    def orthotropic(
+        cls,
+        E: Sequence[float],
+        nu: Sequence[float],
+        G: Sequence[float],
+        rho: float,
+        axes: ArrayLike | None = None,
+    ) -> AnisotropicSolid:
+        """Three perpendicular planes of symmetry.
+
+        E : (E1, E2, E3) in Pa; nu : (nu12, nu13, nu23), nu12 the contraction along 2 under stress
+        along 1; G : (G12, G13, G23) in Pa.
+        """
+        moduli, ratios, shear = (
+            array(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
+        )
+        for name, values in (("E", moduli), ("G", shear)):
+            for value in values:
+                positive(f"each of {name}", value, "Pa")
+        S = np.diag(np.concatenate([1 / moduli, 1 / shear[::-1]]))
+        for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), ratios, strict=True):
+            S[i, j] = S[j, i] = -ratio / moduli[i]
+        if np.linalg.eigvalsh(S).min() <= 0:
+            raise InputError(
+                "the strain energy of these constants is not positive: each nu_ij² must be below "
+                "E_i/E_j, and 1 - nu12 nu21 - nu23 nu32 - nu13 nu31 - 2 nu21 nu32 nu13 above 0."
+            )
+        return cls(np.linalg.inv(S), rho, axes)
+
+    @property
+    def voigt(self) -> Array:
+        """The stiffness matrix (6, 6) in the axes of the mesh, Pa."""
+        C = np.asarray(self.stiffness)
+        number = np.zeros((3, 3), dtype=int)
+        for k, (i, j) in enumerate(VOIGT):
+            number[i, j] = number[j, i] = k
+        full = C[number[:, :, None, None], number[None, None]]
+        R = np.asarray(self.axes)  # rows: the material's directions
+        rotated = np.einsum("ia,jb,kc,ld,ijkl->abcd", R, R, R, R, full, optimize=True)
+        i, j = np.array(VOIGT).T
+        return np.asarray(rotated[i[:, None], j[:, None], i[None], j[None]])
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Displacements of degree `order`, as `Solid` has them."""
+        return general_form(mesh, parts, order)
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """InputError: it depends on the directions of the surface and of the material."""
+        raise InputError(
+            "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
+            "compliance of its patch is not known: leave radius=None, or make the cells around the "
+            "site a Solid."
+        )
+
+    def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:
+        """The box."""
+        return box
+
+    def bar_speed(self) -> float:
+        """√(E/ρ), m/s, along the stiffest of the material's directions."""
+        S = np.linalg.inv(np.asarray(self.stiffness))
+        return sqrt(float((1 / np.diag(S)[:3]).max()) / self.rho)
+
+    def constants(self) -> tuple[float, float, float]:
+        """InputError: the material has directions."""
+        raise InputError(
+            "advise needs an isotropic material; got an AnisotropicSolid: give the dimensions, and "
+            "equivalent E, nu, rho of the part."
+        )
+
+
+def _axes(given: ArrayLike | None) -> Array:
+    """Three perpendicular unit vectors as rows."""
+    if given is None:
+        return np.eye(3)
+    rows = array("axes", given, (None, 3))
+    if len(rows) not in (2, 3):
+        raise InputError(f"axes must be two or three directions (rows); got {len(rows)}.")
+    length = np.linalg.norm(rows, axis=1)
+    if not length.all():
+        raise InputError("axes must not hold the zero vector.")
+    units = rows / length[:, None]
+    third = np.cross(units[0], units[1])
+    cosines = [units[0] @ units[1], *([1 - third @ units[2]] if len(rows) == 3 else [])]
+    if np.abs(cosines).max() > 1e-6:
+        raise InputError("axes must be perpendicular to each other, and right-handed.")
+    third /= np.linalg.norm(third)
+    return np.stack([units[0], np.cross(third, units[0]), third])

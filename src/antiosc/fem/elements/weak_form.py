@@ -124,7 +124,7 @@ class Family(Protocol):
 Parts = Sequence[tuple[Any, IntArray]]
 
 
-def _checked_prony(name: str, value: Any) -> tuple[tuple[float, float], ...]:
+def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """Pairs (ratio, relaxation time) > 0."""
     pairs = array(name, list(value) if isinstance(value, list | tuple) else value, None)
     if not pairs.size:
@@ -156,6 +156,15 @@ class Isotropic(Checked):
     prony: Sequence[tuple[float, float]] = field(
         default=(), kw_only=True, metadata=checked_by(_checked_prony)
     )
+
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: no local indentation; the contact law describes it alone."""
+        return 0.0
 
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""

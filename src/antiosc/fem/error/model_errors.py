@@ -12,9 +12,8 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.error.bisection import inside, polygon
 from antiosc.fem.error.gaps import faceted, mean_gaps
-from antiosc.fem.error.halving import HalvedBeams
+from antiosc.fem.error.halving import HalvedBeams, inside, polygon
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
 from antiosc.fem.linalg.algebra import dot
@@ -24,8 +23,8 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.family_limits import strip, thickness_shear
 from antiosc.models.model_info import BeamSection, FacetGaps, Patch
+from antiosc.models.resolved import strip, thickness_shear
 
 # -- What the share "model" of an error budget must know of a struck beam.
 #

@@ -6,26 +6,18 @@ say where costs more than the cells that it would save.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
-from antiosc.fem.error.bisection import (
-    DIVIDED,
-    KIND_OF,
-    divisible,
-    gathered,
-    halved,
-    refined,
-    with_node,
-)
-from antiosc.fem.error.cell_sizes import edge_lengths
+from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, edge_lengths, gathered, refined
+from antiosc.fem.error.halving import halved, with_node
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
@@ -50,27 +42,28 @@ FIRST_GRADING, GRADING = (0.5, 1.5), (0.7, 1.5)
 LINES = 8
 
 
-class Source(Protocol):
-    """Where the meshes of one part come from."""
+class Source(ABC):
+    """Where the meshes of one part come from, of which `coarsest` is one."""
 
     #: why there is only one mesh; "" if there are more
-    fixed: str
+    fixed = ""
+    coarsest: Mesh
 
     def thickness(self) -> float:
         """Twice the volume over the surface of the part [m]: of a thin wall its thickness."""
-        ...
+        return thickness_of(self.coarsest)
 
     def extent(self) -> float:
         """Diagonal of the box around the part [m]."""
-        ...
+        return self.coarsest.extent()
 
+    @abstractmethod
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """A coarse mesh with elements of at most `size` [m], and smaller ones at points."""
-        ...
 
+    @abstractmethod
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """A mesh whose sizes are `ratio` (cells of this rank) times those of `mesh`."""
-        ...
 
 
 def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
@@ -85,12 +78,11 @@ def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
     return OfLines(mesh) if mesh.tdim == 1 else OfMesh(mesh)
 
 
-class OfMesh:
+class OfMesh(Source):
     """A mesh, whose cells are divided if they are straight simplices."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self.fixed = ""
+        self.coarsest = mesh
         if not divisible(mesh):
             kind = f"{mesh.cell} cells" if mesh.order == 1 else f"curved {mesh.cell} cells"
             self.fixed = (
@@ -100,18 +92,14 @@ class OfMesh:
 
     def thickness(self) -> float:
         """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
-        if self._mesh.cell in KIND_OF:
-            return thickness_of(self._mesh)
-        low, high = bounds(self._mesh.comm, self._mesh.dolfinx.geometry.x)
-        return float(np.min((high - low)[: self._mesh.gdim]))
-
-    def extent(self) -> float:
-        """Diagonal of the box around the mesh [m]."""
-        return self._mesh.extent()
+        if self.coarsest.cell in KIND_OF:
+            return super().thickness()
+        low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
+        return float(np.min((high - low)[: self.coarsest.gdim]))
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """The mesh itself, divided around the points."""
-        mesh = self._mesh
+        mesh = self.coarsest
         for _ in range(0 if self.fixed else MOST_DIVISIONS):
             ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
             if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
@@ -124,30 +112,20 @@ class OfMesh:
         return refined(mesh, ratio)
 
 
-class OfGeometry:
+class OfGeometry(Source):
     """A geometry that gmsh meshes."""
-
-    fixed = ""
 
     def __init__(self, path: Path, order: int) -> None:
         self._path, self._order = path, order
         self._refine: Sequence[Refinement] = ()
 
     @cached_property
-    def coarsest(self) -> Mesh:
+    def coarsest(self) -> Mesh:  # type: ignore[override]
         """The mesh of the largest cells that the geometry allows."""
         raw = self._read(None, 1, (), None, USUAL)
         for sentence in raw.told:
             warn(MPI.COMM_WORLD, sentence)
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
-
-    def thickness(self) -> float:
-        """Twice the volume over the surface of the coarsest mesh [m]."""
-        return thickness_of(self.coarsest)
-
-    def extent(self) -> float:
-        """Diagonal of the box around the coarsest mesh [m]."""
-        return self.coarsest.extent()
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """A mesh of about `size`, of some thousand cells at most."""
@@ -189,34 +167,28 @@ class OfGeometry:
         return on_root(MPI.COMM_WORLD, work)
 
 
-class OfLines:
+class OfLines(Source):
     """A mesh of lines, which are halved, or a geometry of them, which is meshed more finely.
 
     The site becomes a node.
     """
 
-    fixed = ""
-
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
-        self._mesh, self._path, self._size = mesh, path, 0.0
+        self.coarsest, self._path, self._size = mesh, path, 0.0
         self._site: Array | None = None
 
     def thickness(self) -> float:
         """Of a line 0."""
         return 0.0
 
-    def extent(self) -> float:
-        """Diagonal of the box around the lines [m]."""
-        return self._mesh.extent()
-
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
         if refine:
             self._site = _in_space(refine[0][0])
-        self._size = self._mesh.extent() / LINES
+        self._size = self.extent() / LINES
         if self._path is not None:
             return self._meshed(self._path)
-        mesh = self._struck(self._mesh)
+        mesh = self._struck(self.coarsest)
         while largest(mesh) > self._size:
             mesh = halved(mesh)
         return mesh
@@ -230,7 +202,7 @@ class OfLines:
         return mesh if self._path is None else self._meshed(self._path)
 
     def _meshed(self, path: Path) -> Mesh:
-        return self._struck(read_mesh(path, size=self._size, order=1, comm=self._mesh.comm))
+        return self._struck(read_mesh(path, size=self._size, order=1, comm=self.coarsest.comm))
 
     def _struck(self, mesh: Mesh) -> Mesh:
         return mesh if self._site is None else with_node(mesh, self._site)

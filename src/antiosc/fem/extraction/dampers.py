@@ -24,9 +24,8 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.extraction.oscillators import Found, Kept
-from antiosc.fem.extraction.ritz_basis import RitzBasis
 from antiosc.fem.extraction.site_shapes import SiteShapes
-from antiosc.fem.structure.dissipation import Dissipation, projected
+from antiosc.fem.structure.matrices import Dissipation, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -128,20 +127,21 @@ def _with_losses(
 def band_error(
     structure: Structure,
     static: SiteShapes,
-    basis: RitzBasis,
+    vectors: Array,
+    H: Array,
     c: Array,
     n: int,
     band: float,
     terms: Sequence[Dissipation],
 ) -> Reached:
-    """The bound of the module for the first n vectors; c = VᵀMΦ of all."""
-    p, k = len(static.kept), basis.steps
+    """The bound of the module for the first n of the vectors V; H = VᵀMV and c = VᵀMΦ of all."""
+    p, k = len(static.kept), vectors.shape[1]
     shift = structure.shift
     K, M = np.zeros((p + k, p + k)), np.zeros((p + k, p + k))
     M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
-    M[p:, p:] = basis.H_whole()
+    M[p:, p:] = H
     K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
-    damping = projected(structure.comm, terms, np.column_stack([static.phi, basis.vectors]))
+    damping = projected(structure.comm, terms, np.column_stack([static.phi, vectors]))
     own = slice(0, p + n)
     theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
     poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)

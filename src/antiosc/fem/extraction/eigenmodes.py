@@ -20,10 +20,9 @@ import numpy as np
 import scipy.linalg
 
 from antiosc.base._types import Array, IntArray, Matrix
-from antiosc.fem.extraction.mode_search import Pin, Search
+from antiosc.fem.extraction.eigensolvers import Search, lowest
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import (
-    by_scipy,
     by_strains,
     dot,
     frequency,
@@ -72,10 +71,10 @@ class ModeSolver:
     def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
         self._structure = structure
         self._rows = structure.rows
-        self._pin = None if held is None else Pin(held)
+        self._held = held
         #: rigid-body modes that remain
         self._rigid = structure.rigid_modes if held is None else held.nodal
-        sites = 0 if self._pin is None else self._pin.load.shape[1]
+        sites = 0 if held is None else held.load.shape[1]
         self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
@@ -106,13 +105,9 @@ class ModeSolver:
     def _by_krylov(self, count: int) -> Modes:
         """One more round: modes found before are deflated, not computed again."""
         structure, known = self._structure, self._found
-        if by_scipy(structure.K):
-            from antiosc.fem.extraction.arpack_modes import lowest
-        else:
-            from antiosc.fem.extraction.slepc_modes import lowest  # needs SLEPc
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
-        search = Search(structure, self._pin, shapes, count - before, self.limit - before)
+        search = Search(structure, self._held, shapes, count - before, self.limit - before)
         values, found = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
@@ -144,8 +139,8 @@ class ModeSolver:
         """
         structure, comm = self._structure, self._structure.comm
         conditions = multiply(structure.M, self._rigid)
-        if self._pin is not None:
-            conditions = np.column_stack([self._pin.load, conditions])
+        if self._held is not None:
+            conditions = np.column_stack([self._held.load, conditions])
         first = row_range(structure.K)[0]
         own = np.setdiff1d(np.arange(self._rows), structure.fixed)
         parts: Any = comm.gather((first + own, conditions[own]))

@@ -37,13 +37,21 @@ import numpy as np
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.progress import doing
 from antiosc.fem.extraction.dampers import Reached, band_error
-from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
+from antiosc.fem.extraction.eigenmodes import Modes, polish
+from antiosc.fem.extraction.oscillators import Remainder
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.structure.dissipation import Dissipation, ends
+from antiosc.fem.structure.matrices import Dissipation, ends
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
+from antiosc.models.free_modes import EXHAUSTED
+
+#: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
+WIDE_RANGE = 1e-8
+#: θ over the largest below which it is rounding.
+NOISE = 1e-18
+#: Columns by which a basis grows.
+BASIS_STEP = 16
 
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
 #: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
@@ -54,9 +62,14 @@ log = logging.getLogger(__name__)
 
 
 class Lanczos:
-    """The recurrence of one model of p >= 1 sites.
+    """The recurrence of one model of p >= 1 sites, in vectors V with VᵀAV = 1 that vanish there.
 
-    `load` are the next right-hand sides (rows, k), and `advance` takes their solutions.
+    Attributes
+    ----------
+    load : the next right-hand sides (rows, k), whose solutions `advance` takes.
+    steps : number of vectors; there is `room` for so many at first.
+    H : VᵀMV (steps, steps), that is T in the basis.
+    applied : how many of the vectors T has been applied to.
     """
 
     def __init__(
@@ -66,11 +79,20 @@ class Lanczos:
         room: int = BASIS_STEP,
         terms: Sequence[Dissipation] = (),
     ) -> None:
-        self._structure, self._terms = structure, terms
-        self._comm, self._shift, self._static = structure.comm, structure.shift, static
-        self._basis = RitzBasis(structure, static, room)
-        #: how many of the basis vectors T has been applied to
-        self.applied = -1
+        self._structure, self._static, self._terms = structure, static, terms
+        self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
+        self._A = structure.factorize().A
+        rows, self._locked = static.nodal.shape
+        self._most = structure.dofs - static.load.shape[1] - self._locked
+        self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
+        # V, and F = A V. In front stand the rigid-body modes that do not move the sites, which no
+        # step may pick up again.
+        self._V = np.empty((rows, self._locked + room), order="F")
+        self._F = np.empty_like(self._V)
+        if self._locked:
+            scale = np.sqrt(self._shift)  # RᵀAR = s
+            self._V[:, : self._locked] = static.nodal / scale
+            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
         #: lengths of what was dropped of TΦ and of TV
         self._dropped = np.zeros(2)
@@ -82,9 +104,86 @@ class Lanczos:
             self.load = np.hstack([self.load, forces])
 
     @property
-    def steps(self) -> int:
-        """Number of basis vectors."""
-        return self._basis.steps
+    def vectors(self) -> Array:
+        """V (rows of this rank, steps)."""
+        return self._V[:, self._locked : self._locked + self.steps]
+
+    def _add(self, w: Array, load: Array, size: float) -> float:
+        """Orthogonalise w = A⁻¹ load and add it, or return the length of what is dropped.
+
+        `size`: what its energy wᵀ load is at least taken to be, where rounding may make it. The
+        length is an upper bound; it is 0 if the space has no more dimensions.
+        """
+        k = self._locked + self.steps
+        V, F = self._V[:, :k], self._F[:, :k]
+        w = self._constrained(w)
+        before = max(float(dot(self._comm, w, load)), size)
+        w = self._constrained(w - V @ dot(self._comm, F, w))
+        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
+        # each step.
+        f = multiply(self._A, w)
+        h = dot(self._comm, V, f)  # twice is enough (Kahan)
+        # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
+        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
+        w, f = self._constrained(w - V @ h), f - F @ h
+        left = float(dot(self._comm, w, f))
+        if self.steps == self._most:  # rounding may produce directions outside the space
+            return 0.0
+        if not left > EXHAUSTED**2 * before:
+            return EXHAUSTED * float(np.sqrt(max(before, 0.0)))
+        if k == self._V.shape[1]:
+            self._V, self._F = (
+                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
+            )
+        length = float(np.sqrt(left))
+        self._V[:, k], self._F[:, k] = w / length, f / length
+        self.steps += 1
+        return 0.0
+
+    def _constrained(self, w: Array) -> Array:
+        return self._static.constrained(self._comm, w)
+
+    def _project(self) -> Array:
+        """M times the vectors that H does not contain yet, the next loads; then H contains them."""
+        first = len(self.H)
+        loads = multiply(self._M, self.vectors[:, first:])
+        column = dot(self._comm, self.vectors, loads)
+        H = np.zeros((self.steps, self.steps))
+        H[:first, :first] = self.H
+        H[:, first:], H[first:] = column, column.T
+        self.H = (H + H.T) / 2
+        return loads
+
+    def ritz(self, n: int) -> tuple[Array, Array]:
+        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
+
+        Of far higher frequencies double precision leaves no θ: it is 0.
+        """
+        H = self.H[:n, :n]
+        theta, turn = np.linalg.eigh(H)
+        noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
+        own, vectors = theta[noise:], turn[:, noise:]
+        if len(own) and own[0] < WIDE_RANGE * own[-1]:
+            poles, x = polish(vectors / np.sqrt(own), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+            order = np.argsort(-poles)
+            own, vectors = 1 / poles[order], (x / np.sqrt(poles))[:, order]
+        theta = np.concatenate([np.zeros(noise), own])
+        return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
+
+    def resolved(self, n: int) -> tuple[Array, Array]:
+        """Those of `ritz` with θ > 0."""
+        theta, turn = self.ritz(n)
+        return theta[theta > 0], turn[:, theta > 0]
+
+    def modes(self, n: int) -> Modes:
+        """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
+        theta, turn = self.resolved(n)
+        omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
+        return Modes(omega, self.vectors[:, :n] @ (turn / np.sqrt(theta)), self.exhausted)
+
+    def release(self) -> None:
+        """Release the memory of the basis."""
+        self._V = self._F = np.zeros((0, 0))
 
     @property
     def exhausted(self) -> bool:
@@ -96,12 +195,10 @@ class Lanczos:
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             size = float(dot(self._comm, w, load)) if i >= self._inertial else 0.0
-            added, length = self._basis.add(w, load, size)
-            if not added:
-                self._dropped[int(self.applied >= 0)] += length
+            self._dropped[int(self.applied >= 0)] += self._add(w, load, size)
         self.applied = first
-        self.load = self._basis.project()
-        new = self._basis.vectors[:, first:]
+        self.load = self._project()
+        new = self.vectors[:, first:]
         relaxing = [multiply(one.matrix, new) for one in self._terms if one.matrix is not None]
         self._inertial = self.load.shape[1]
         self.load = np.hstack([self.load, *relaxing])
@@ -109,7 +206,7 @@ class Lanczos:
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
         """(M0 (p, p) without cancellation below rounding, P (n, p), ω² (n,)) of the first n."""
-        theta, turn = self._basis.resolved(n)
+        theta, turn = self.resolved(n)
         P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
         return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
@@ -119,19 +216,11 @@ class Lanczos:
         m0, P, poles = self.parameters(n)
         return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
-    def release(self) -> None:
-        """Release the memory of the basis."""
-        self._basis.release()
-
-    def modes(self, n: int) -> Modes:
-        """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
-        return self._basis.modes(n, self.exhausted)
-
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ of the model of the first n <= `applied` vectors, at complex x."""
-        theta, turn = self._basis.ritz(n)
+        theta, turn = self.ritz(n)
         start, rest, shift = turn.T @ self._c[:n], self._c[n:], self._shift
-        following = self._basis.H[n:, :n] @ turn
+        following = self.H[n:, :n] @ turn
         none, beside = self._dropped
 
         def bound(x: ComplexArray) -> Array:
@@ -145,7 +234,8 @@ class Lanczos:
 
     def damped_error(self, n: int, band: float) -> Reached:
         """The bound on the error of the receptance with damping (`dampers.band_error`)."""
-        return band_error(self._structure, self._static, self._basis, self._c, n, band, self._terms)
+        both = self.vectors, self.H
+        return band_error(self._structure, self._static, *both, self._c, n, band, self._terms)
 
     def error(self, n: int, band: float) -> float:
         """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""

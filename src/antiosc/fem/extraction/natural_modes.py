@@ -12,10 +12,10 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.body_inertia import weights_of
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
-from antiosc.fem.extraction.superposition import check_modes
+from antiosc.fem.extraction.self_check import check_modes
+from antiosc.fem.extraction.site_shapes import weights_of
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform.mpi import collective, on_root

@@ -13,18 +13,18 @@ relative error of the displacements of the sites under any forces on them, of on
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
-from antiosc.models.batched_modes import MASSLESS
+from antiosc.models.free_modes import MASSLESS
 from antiosc.models.rigid_share import with_rigid
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
@@ -35,6 +35,9 @@ TOLD_APART = 1e-8
 SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
+
+#: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
+Remainder = Callable[[ComplexArray], Array]
 
 
 @dataclass(frozen=True)
@@ -256,7 +259,13 @@ def left_out(known: Found) -> Remainder:
     Without them their mass is in m0.
     """
     mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
-    return mass_above(float(known.poles.max(initial=0.0)), mass)
+    top = float(known.poles.max(initial=0.0))
+
+    def bound(x: ComplexArray) -> Array:
+        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+        return np.asarray(np.abs(x) ** 2 * mass / nearest)
+
+    return bound
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:

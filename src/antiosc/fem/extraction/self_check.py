@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.oscillators import Found
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import mpi
+from antiosc.fem.structure.structure import Structure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc.base._types import Array
-    from antiosc.fem.extraction.oscillators import Found
-    from antiosc.fem.extraction.wish import Method
-    from antiosc.fem.structure.structure import Structure
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
@@ -53,9 +53,7 @@ def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     )
 
 
-def checked_modes(
-    structure: Structure, known: Found, method: Method
-) -> tuple[dict[str, float], int]:
+def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict[str, float], int]:
     """Check constraint modes against their equations; AccuracyError far beyond CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.
@@ -106,3 +104,21 @@ def _excess(mass: Array, P: Array) -> float:
     scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
     left = (mass - P.T @ P) * scale[:, None] * scale
     return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+
+
+def check_modes(structure: Structure, modes: Modes) -> None:
+    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
+    k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
+    gram = dot(structure.comm, modes.phi, m_phi)
+    off = k_phi - m_phi * modes.omega**2
+    left, size = np.split(structure.factorize().force_sizes(np.hstack([off, k_phi])), 2)
+    worst = {
+        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
+        "residual": (left / np.maximum(size, np.finfo(float).tiny)).max(initial=0.0),
+    }
+    for name, value in worst.items():
+        if not value <= CHECK:
+            raise AccuracyError(
+                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
+            )

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
-from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.dampers import Reached, every_mode, with_damping
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
@@ -20,6 +19,7 @@ from antiosc.fem.extraction.oscillators import (
     Found,
     Kept,
     OneSite,
+    Remainder,
     at_one_site,
     elastic_count,
     error_bound,
@@ -27,15 +27,13 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.self_check import checked_modes
-from antiosc.fem.extraction.site_shapes import SiteShapes, shapes_of_models
-from antiosc.fem.extraction.wish import (
-    DEFAULT_COUNT,
-    SEARCHED,
-    STEP_AIM,
-    ExtractOptions,
-    warn_of_shortfall,
+from antiosc.fem.extraction.site_shapes import (
+    SiteShapes,
+    inertia_of,
+    shapes_of_models,
+    uniform_inertia,
+    weights_of,
 )
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import mpi
@@ -47,10 +45,36 @@ from antiosc.models.model_info import Band, ModelInfo
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
 
+#: Default number of anti-oscillators, and the largest number with a band.
+DEFAULT_COUNT, MOST_FOR_BAND = 20, 400
+
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
+SEARCHED = 10
+#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
+#: more finely and includes the dropped modes.
+STEP_AIM = 0.6
+#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
+SETTLED_FROM = 10
+
+Method = Literal["krylov", "modes"]
+ErrorOption = Literal["estimate"] | None
+
 #: The functionals of the columns of each site of a model, the normal first.
 Columns = Mapping[str, Sequence[Functional]]
 #: The name of the site of a model of one site without a name.
 UNNAMED = ""
+
+
+@dataclass(frozen=True)
+class ExtractOptions:
+    """What the caller asked for, checked."""
+
+    n: int
+    method: Method
+    tol: float
+    band: float | None
+    accuracy: float
 
 
 def models_of(
@@ -237,3 +261,37 @@ def _turned(W: Array, matrix: Array) -> Array:
     values, vectors = np.linalg.eigh(matrix)
     factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return np.asarray(factor @ factor.T)
+
+
+def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
+    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
+    too low."""
+    if options.band is None and model.n < options.n and not complete:
+        warn(
+            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
+            f"the site (share in Z above {options.tol:g}), fewer than n = {options.n}: the model "
+            "contains these; reduce tol for more.",
+            AccuracyWarning,
+        )
+    if model.info.converged == 0 and model.n >= SETTLED_FROM:
+        warn(
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
+            "frequencies are unreliable; check whether some part is very slender.",
+            AccuracyWarning,
+        )
+    if options.band is None or model.info.band is None:
+        return
+    error = model.info.band["error_bound"]
+    if not error <= options.accuracy:
+        warn(
+            f"with {model.n} anti-oscillators the error of Z up to {options.band:g} rad/s is at "
+            f"most {error:.1e}, above accuracy = {options.accuracy:g}: raise n or lower the band.",
+            AccuracyWarning,
+        )
+    elif model.n and options.band < model.omega[0]:
+        warn(
+            f"the band ends at {options.band:g} rad/s, below the first antiresonance "
+            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
+            "and mass; raise the band if the impact is shorter.",
+            AccuracyWarning,
+        )

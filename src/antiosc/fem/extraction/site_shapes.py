@@ -23,6 +23,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -31,8 +33,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
+from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.motion import Inertia
 from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
 #: rounding leaves no less (the error of the compliance is the square of it).
@@ -88,6 +95,14 @@ class SiteShapes:
     y: Array
     bAb: Array
     share: float
+
+    @cached_property
+    def _pin(self) -> Array:
+        return np.linalg.inv(self.bAb)
+
+    def constrained(self, comm: MPI.Comm, x: Array) -> Array:
+        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
+        return np.asarray(x - self.y @ (self._pin @ dot(comm, self.load, x)))
 
     @property
     def rigid(self) -> Array:
@@ -268,3 +283,27 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
         f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "
         f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
     )
+
+
+def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
+    """The inertia of a body that can move as a whole, with the momentum of these shapes."""
+    if structure.rigid_inertia is None:
+        return None
+    inertia, loads = structure.rigid_inertia
+    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
+
+
+def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
+    """Me on the rows of this rank; None for matrices, which have no coordinates."""
+    return None if target.direction is None else structure.uniform_inertia(target.direction)
+
+
+def weights_of(structure: Structure, shapes: Array) -> Array | None:
+    """Generalised masses (k, 3) of unit uniform accelerations along x, y, z of shapes (rows, k).
+
+    None for matrices. A plane structure does not move along z.
+    """
+    loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
+    if any(load is None for load in loads):
+        return None
+    return np.asarray(dot(structure.comm, shapes, np.column_stack(loads)))  # type: ignore[arg-type]

@@ -17,15 +17,20 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
-from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
-from antiosc.fem.extraction.self_check import CHECK
-from antiosc.fem.extraction.site_shapes import SiteShapes, beside_rigid, site_shapes
-from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.extraction.self_check import check_modes
+from antiosc.fem.extraction.site_models import DEFAULT_COUNT, SEARCHED
+from antiosc.fem.extraction.site_shapes import (
+    SiteShapes,
+    beside_rigid,
+    inertia_of,
+    site_shapes,
+    uniform_inertia,
+)
+from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Functional, Site
@@ -256,24 +261,6 @@ def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
     """
     a = np.hstack([static.rigid, static.slide])[0]
     return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
-
-
-def check_modes(structure: Structure, modes: Modes) -> None:
-    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
-    k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
-    gram = dot(structure.comm, modes.phi, m_phi)
-    off = k_phi - m_phi * modes.omega**2
-    left, size = np.split(structure.factorize().force_sizes(np.hstack([off, k_phi])), 2)
-    worst = {
-        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
-        "residual": (left / np.maximum(size, np.finfo(float).tiny)).max(initial=0.0),
-    }
-    for name, value in worst.items():
-        if not value <= CHECK:
-            raise AccuracyError(
-                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
-                " the matrices may be ill-conditioned (very uneven elements or materials)."
-            )
 
 
 def _model(

@@ -9,7 +9,7 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.recovery.place import NodeTensors, Place
-from antiosc.fem.site.on_nodes import check_reach
+from antiosc.fem.site.functionals import check_reach
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.structure import Structure

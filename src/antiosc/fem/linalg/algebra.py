@@ -43,17 +43,17 @@ def _petsc() -> ModuleType:
 
 def communicator(matrix: Matrix) -> MPI.Comm:
     """The communicator that shares the matrix; `SERIAL` of one of SciPy's."""
-    return cast("MPI.Comm", SERIAL if by_scipy(matrix) else _petsc().communicator(matrix))
+    return cast("MPI.Comm", SERIAL if by_scipy(matrix) else matrix.getComm().tompi4py())
 
 
 def size(matrix: Matrix) -> int:
     """Number of rows on all ranks."""
-    return int(matrix.shape[0] if by_scipy(matrix) else _petsc().size(matrix))
+    return int(matrix.shape[0] if by_scipy(matrix) else matrix.getSize()[0])
 
 
 def row_range(matrix: Matrix) -> tuple[int, int]:
     """First row of this rank, and the one after its last."""
-    first, last = (0, matrix.shape[0]) if by_scipy(matrix) else _petsc().row_range(matrix)
+    first, last = (0, matrix.shape[0]) if by_scipy(matrix) else matrix.getOwnershipRange()
     return int(first), int(last)
 
 
@@ -65,14 +65,14 @@ def rows(matrix: Matrix) -> int:
 
 def diagonal(matrix: Matrix) -> Array:
     """The diagonal on the rows of this rank."""
-    return np.asarray(matrix.diagonal() if by_scipy(matrix) else _petsc().diagonal(matrix))
+    return np.array(matrix.diagonal() if by_scipy(matrix) else matrix.getDiagonal().array_r)
 
 
 def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """The rows of this rank as CSR arrays: pointers, global columns, values."""
     if by_scipy(matrix):
         return matrix.indptr, matrix.indices, matrix.data
-    pointers, columns, values = _petsc().entries(matrix)
+    pointers, columns, values = matrix.getValuesCSR()
     return pointers, columns, values
 
 

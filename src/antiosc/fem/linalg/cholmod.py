@@ -3,7 +3,7 @@
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
 ordering is computed on the graph of the nodes. If the library cannot be called directly
-(`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solvers.ByPetsc`).
+(`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solver_choice.ByPetsc`).
 
 The table in benchmarks/speed/cholmod_or_mumps.md shows what this wins over MUMPS: whole maps 1.6
 times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
@@ -189,16 +189,7 @@ class Cholesky:
     block, permutation, last
         Of a matrix: as for its `Analysis`.
 
-    Raises
-    ------
-    NotPositiveDefiniteError
-        A has no such factor.
-    OutOfMemoryError
-        There is no memory for it.
-    NotConvergedError
-        CHOLMOD failed; the message has its reason.
-    MissingDependencyError
-        This CHOLMOD is not one that can be called directly (`refusal`).
+    NotPositiveDefiniteError where A has no such factor; other errors as of `Analysis`.
     """
 
     def __init__(

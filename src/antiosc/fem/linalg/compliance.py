@@ -29,7 +29,7 @@ from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
-from antiosc.fem.linalg.solvers import OnOneRank
+from antiosc.fem.linalg.solver_choice import OnOneRank
 from antiosc.fem.platform.mpi import agree, on_root, warn
 
 if TYPE_CHECKING:

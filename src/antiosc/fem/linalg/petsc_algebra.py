@@ -47,33 +47,6 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
     return copy
 
 
-def communicator(matrix: PETSc.Mat) -> MPI.Comm:
-    """The communicator that shares the matrix."""
-    return matrix.getComm().tompi4py()
-
-
-def size(matrix: PETSc.Mat) -> int:
-    """Number of rows on all ranks."""
-    return int(matrix.getSize()[0])
-
-
-def row_range(matrix: PETSc.Mat) -> tuple[int, int]:
-    """First row of this rank, and the one after its last."""
-    first, last = matrix.getOwnershipRange()
-    return int(first), int(last)
-
-
-def diagonal(matrix: PETSc.Mat) -> Array:
-    """The diagonal on the rows of this rank."""
-    return np.array(matrix.getDiagonal().array_r)
-
-
-def entries(matrix: PETSc.Mat) -> tuple[IntArray, IntArray, Array]:
-    """The rows of this rank as CSR arrays: pointers, global columns, values."""
-    pointers, columns, values = matrix.getValuesCSR()
-    return pointers, columns, values
-
-
 def declare_definite(matrix: PETSc.Mat) -> None:
     """Tell PETSc that the matrix is symmetric and positive definite."""
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -186,7 +159,7 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
 
 def free_when_dropped(*matrices: PETSc.Mat) -> None:
     """Have the memory of the matrices freed when nobody uses them any more. Collective."""
-    free(communicator(matrices[0]))
+    free(matrices[0].getComm().tompi4py())
     for matrix in matrices:
         watch(matrix)
 

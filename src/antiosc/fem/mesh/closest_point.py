@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).

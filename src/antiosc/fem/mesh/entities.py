@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix
 import numpy as np
@@ -19,21 +20,14 @@ DEGREE = 6
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Weighted points in cells of a mesh, n of them.
+    """Weighted points in cells of a mesh, n of them."""
 
-    Attributes
-    ----------
-    entity : (n,) number of the entity of each.
-    cell, X : (n,) cell and (n, tdim) reference coordinates in it.
-    x : (n, 3) coordinates [m].
-    weight : (n,) [m, m² or m³; 1 for points].
-    """
-
-    entity: IntArray
+    entity: IntArray  # (n,) number of the entity of each
+    #: cell, X: (n,) cell and (n, tdim) reference coordinates in it
     cell: IntArray
     X: Array
-    x: Array
-    weight: Array
+    x: Array  # (n, 3) coordinates [m]
+    weight: Array  # (n,) [m, m² or m³; 1 for points]
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
@@ -96,6 +90,17 @@ class Entities:
 
     def __len__(self) -> int:
         return len(self.cells)
+
+    @cached_property
+    def centres(self) -> Array:
+        """Middles of the vertices (F, 3) [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @cached_property
+    def radii(self) -> Array:
+        """Radius (F,) of a ball around the middle that holds the entity [m]."""
+        away = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
+        return np.asarray(away.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
 
     def reference(self, face: IntArray, xi: Array) -> Array:
         """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of entities (n,)."""

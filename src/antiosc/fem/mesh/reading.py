@@ -124,19 +124,23 @@ def read_mesh(
     AntioscWarning
         Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells.
     """
-    _check(size, gdim, order, refine)
+    for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
+        if value is not None:
+            positive(name, value, of)
+    for name, given, options in (("gdim", gdim, (2, 3)), ("order", order, (1, 2))):
+        if given is not None:
+            choice(name, given, options)
+    for name, either in (("trust", trust), ("solid", solid), ("fragments", fragments)):
+        flag(name, either)
+    _check_refinements(refine)
     if parts is not None:
         if cells is not None:
             raise InputError("give cells= or parts=, which both select cells; got both.")
         if isinstance(parts, str):
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         cells = list(parts) if isinstance(parts, list | tuple) else parts
-    _check_choice(cells, trust, timeout)
-    flag("solid", solid)
-    flag("fragments", fragments)
+    _check_selection(cells)
     units = None if unit is None else UnitSystem.of(unit)
-    if merge is not None:
-        positive("merge", merge, "m")
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     if groups is not None:
         instance("groups", groups, Mapping, "a dict: name -> (MeshTags, value)")
@@ -178,14 +182,7 @@ def read_mesh(
     return distributed(raw, file.name, comm)
 
 
-def _check(
-    size: float | None, gdim: int | None, order: int | None, refine: Sequence[Refinement]
-) -> None:
-    if size is not None:
-        positive("size", size, "m")
-    for name, value, options in (("gdim", gdim, (2, 3)), ("order", order, (1, 2))):
-        if value is not None:
-            choice(name, value, options)
+def _check_refinements(refine: Sequence[Refinement]) -> None:
     if not isinstance(refine, Sequence) or isinstance(refine, str):
         raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
     for one in refine:
@@ -201,7 +198,7 @@ def _check(
         positive("a size of refine", local, "m")
 
 
-def _check_choice(cells: Any, trust: Any, timeout: Any) -> None:
+def _check_selection(cells: object) -> None:
     if isinstance(cells, list | tuple):
         if not cells or not all(isinstance(c, str) and c for c in cells):
             raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
@@ -209,9 +206,6 @@ def _check_choice(cells: Any, trust: Any, timeout: Any) -> None:
         text("cells", cells)
     elif cells is not None:
         whole("cells", cells, 1, 3)
-    flag("trust", trust)
-    if timeout is not None:
-        positive("timeout", timeout, "s")
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:

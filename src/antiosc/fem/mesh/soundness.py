@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array
+from antiosc.base.checks import in_words
 from antiosc.base.errors import MeshError, warn
 from antiosc.fem.mesh import conformity
 from antiosc.fem.platform import compat
@@ -38,70 +39,75 @@ def sound(
     """
     kind = raw.kind
     vertices = raw.cells[:, : kind.vertices]
-    _refuse_repeated(raw, vertices, name)
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    flat = collapsed(raw.points, cells, kind.shape, kind.order)
-    if len(flat):
-        measure = ("length", "area", "volume")[kind.dim - 1]
-        raise MeshError(
-            f"{len(flat)} of {len(cells)} cells of {name} have no {measure}, one at "
-            f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
+    fills = kind.dim == raw.points.shape[1]
+
+    def told(some: IntArray, what: str, remedy: str) -> str:
+        centre = raw.points[raw.cells[some[0]]].mean(axis=0)
+        return (
+            f"{len(some)} of {len(cells)} cells of {name} {what}, one at {in_words(centre)}: "
+            f"{remedy}."
         )
+
+    def refuse(some: IntArray, what: str, remedy: str) -> None:
+        if len(some):
+            raise MeshError(told(some, what, remedy))
+
+    ordered = np.sort(raw.cells, axis=1)
+    refuse(
+        np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1)),
+        "use a node twice", "write them as cells of fewer nodes, or mesh it anew",
+    )  # fmt: skip
+    refuse(
+        conformity.repeated(vertices),
+        "repeat another one, node by node", "delete the copies",
+    )  # fmt: skip
+    if kind.shape in TWO_SIDES:
+        refuse(
+            conformity.doublets(vertices, kind),
+            "share two sides with another one", "make one cell of both, or divide them",
+        )  # fmt: skip
+    if fills:
+        refuse(
+            conformity.crowded(vertices, kind),
+            "share a side with more than one other",
+            "they overlap; delete the superfluous ones",
+        )
+    refuse(
+        collapsed(raw.points, cells, kind.shape, kind.order),
+        f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
+        "merge the nodes that coincide, or mesh it anew",
+    )
     if kind.order > 1 and not made_here:
-        unlike = conformity.unlike_middles(cells, compat.nodes_between(kind.shape))
-        if len(unlike):
-            raise MeshError(
-                f"{len(unlike)} of {len(cells)} cells of {name} have a node inside a side that is "
-                "a corner of another cell, or not the node that another cell has there, one at "
-                f"({_centre(raw, unlike[0])}) m: merge the nodes that coincide, or mesh it anew."
-            )
+        refuse(
+            conformity.unlike_middles(cells, compat.nodes_between(kind.shape)),
+            "have a node inside a side that is a corner of another cell, or not the node that "
+            "another cell has there",
+            "merge the nodes that coincide, or mesh it anew",
+        )
     if not pieces:
         _refuse_pieces(raw, name, by)
-    fills = kind.dim == raw.points.shape[1]
     if fills and made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
     if kind.dim > 1:
         bad = folded(raw.points, cells, kind.shape, kind.order)
         if len(bad):
-            warn(
-                f"{len(bad)} of {len(cells)} cells of {name} fold over themselves, one at "
-                f"({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh "
-                "(in gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
+            remedy = (
+                "what is computed there is wrong; optimise the mesh (in gmsh: "
+                "Mesh.HighOrderOptimize = 2) or read it with order=1"
             )
+            warn(told(bad, "fold over themselves", remedy))
     if not made_here:
-        _tell_unfit(raw, vertices, name, pieces)
+        over = conformity.overlapping(raw.points, vertices, kind)
+        if len(over):
+            remedy = (
+                "mass and stiffness count twice there; mesh the parts as one (in gmsh: "
+                "BooleanUnion or BooleanFragments)"
+            )
+            warn(told(over, "overlap others", remedy))
+        if not pieces:
+            _tell_cracks(raw, vertices, name)
     return raw
-
-
-def _refuse_repeated(raw: RawMesh, vertices: IntArray, name: str) -> None:
-    ordered = np.sort(raw.cells, axis=1)
-    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
-    if len(twice):
-        raise MeshError(
-            f"{len(twice)} of {len(vertices)} cells of {name} use a node twice, one at "
-            f"({_centre(raw, twice[0])}) m: write them as cells of fewer nodes, or mesh it anew."
-        )
-    again = conformity.repeated(vertices)
-    if len(again):
-        raise MeshError(
-            f"{len(again)} of {len(vertices)} cells of {name} repeat another one, node by node, "
-            f"one at ({_centre(raw, again[0])}) m: delete the copies."
-        )
-    if raw.kind.shape in TWO_SIDES:
-        pairs = conformity.doublets(vertices, raw.kind)
-        if len(pairs):
-            raise MeshError(
-                f"{len(pairs)} of {len(vertices)} cells of {name} share two sides with another "
-                f"one, one at ({_centre(raw, pairs[0])}) m: make one cell of both, or divide them."
-            )
-    if raw.kind.dim == raw.points.shape[1]:
-        many = conformity.crowded(vertices, raw.kind)
-        if len(many):
-            raise MeshError(
-                f"{len(many)} of {len(vertices)} cells of {name} share a side with more than one "
-                f"other, one at ({_centre(raw, many[0])}) m: they overlap; delete "
-                "the superfluous ones."
-            )
 
 
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
@@ -122,28 +128,14 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
         )
 
 
-def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str, pieces: bool) -> None:
-    over = conformity.overlapping(raw.points, vertices, raw.kind)
-    if len(over):
-        warn(
-            f"{len(over)} of {len(vertices)} cells of {name} overlap others, one at "
-            f"({_centre(raw, over[0])}) m: mass and stiffness count twice there; mesh the parts as "
-            "one (in gmsh: BooleanUnion or BooleanFragments)."
-        )
-    if pieces:
-        return
+def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
     loose = conformity.unjoined(raw.points, vertices, raw.kind)
     if len(loose):
-        at = ", ".join(f"{c:.4g}" for c in raw.points[loose[0]])
         warn(
-            f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at ({at}) "
-            "m: the mesh has a crack there, by coincident or hanging nodes; merge them, or mesh "
-            "the parts as one, unless the crack is intended."
+            f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at "
+            f"{in_words(raw.points[loose[0]])}: the mesh has a crack there, by coincident or "
+            "hanging nodes; merge them, or mesh the parts as one, unless the crack is intended."
         )
-
-
-def _centre(raw: RawMesh, cell: int) -> str:
-    return ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[cell]].mean(axis=0))
 
 
 # -- Folded and collapsed cells: found by their Jacobian, straightened if gmsh made them.

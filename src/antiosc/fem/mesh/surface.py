@@ -13,9 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.entities import Entities
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
 
 #: Faces whose normals differ by less than this cosine lie on one side of an edge.
@@ -72,7 +71,6 @@ class Faces(Entities):
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
         super().__init__(mesh, mesh.tdim if sheet else mesh.tdim - 1, self.facets)
-        self.centres = self.corners.mean(axis=1)
 
     def across(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
         """(points, unit normals (n, 3)) at ξ in faces: outward on solids."""
@@ -95,13 +93,11 @@ class Faces(Entities):
         return self.across(np.arange(len(self.facets)), self.middle)[1]
 
     @cached_property
-    def sizes(self) -> tuple[Array, Array]:
-        """(mean length of the sides (F,), radius of a ball that holds the face (F,)) [m]."""
+    def sizes(self) -> Array:
+        """Mean length of the sides (F,) [m]."""
         around = [0, 1, 3, 2] if self.corners.shape[1] == 4 else list(range(self.corners.shape[1]))
         side = self.corners[:, around] - np.roll(self.corners[:, around], 1, axis=1)
-        ball = np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1, initial=0.0)
-        bulge = 1.0 if self.affine else 1.3
-        return np.linalg.norm(side, axis=2).mean(axis=1), bulge * ball
+        return np.asarray(np.linalg.norm(side, axis=2).mean(axis=1))
 
     def contact(self, points: Array, directions: Array, radii: Array, labels: IntArray) -> Contact:
         """Data of the surface at sites (P, 3) with unit directions of impact (P, 3).
@@ -110,7 +106,7 @@ class Faces(Entities):
         are numbers of the faces of this rank, `radii` (P,) the search radii.
         """
         comm, count = self.mesh.comm, len(points)
-        mean, _ = self.sizes
+        mean = self.sizes
         face, site, normal, gap = self._feet(points, radii)
         depth = _least(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
@@ -139,8 +135,7 @@ class Faces(Entities):
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
         """(face, point, unit normal, distance) of the faces of this rank near each point."""
-        _, ball = self.sizes
-        face, point = near(self.centres, ball + radii.max(initial=0.0), points)
+        face, point = near(self.centres, self.radii + radii.max(initial=0.0), points)
         xi = projected(
             lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
         )
@@ -157,7 +152,7 @@ class Faces(Entities):
         """
         face, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
-        item, point = near(self.centres, self.sizes[1] + rise, points)
+        item, point = near(self.centres, self.radii + rise, points)
         found = self._on_plane(item, points[point], normals[point])
         bend = self.bend[item]
         close = excess(found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
@@ -219,7 +214,7 @@ class Faces(Entities):
             xi = np.tile(corner, (len(every), 1))
             straight = x + np.einsum("nxd,nd->nx", J, xi - self.middle)
             off = np.linalg.norm(self.at(every, xi)[0] - straight, axis=1)
-            bend = np.maximum(bend, off / self.sizes[0])
+            bend = np.maximum(bend, off / self.sizes)
         return np.where(bend > STRAIGHT, bend, 0.0)
 
     def _lattice(self) -> Array:

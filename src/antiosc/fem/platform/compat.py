@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import basix
     from numpy.typing import ArrayLike
     from ufl.core.expr import Expr
+    from ufl.integral import Integral
 
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
@@ -60,7 +61,7 @@ def create_mesh(
 
 
 def _all_on_root(
-    comm: MPI.Comm, n_parts: int, kinds: Any, cells: Any
+    comm: MPI.Comm, n_parts: int, kinds: Sequence[Any], cells: Any
 ) -> dolfinx.graph.AdjacencyList:
     if isinstance(cells, list):  # of vertices, one flat array a kind of cell
         n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
@@ -324,7 +325,7 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
 
 
-def tabulate_slopes(space: Any, path: Sequence[int], X: Array) -> Array:
+def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     """Their derivatives along the reference directions: (points, functions, directions)."""
     element = subspace(space, path).element.basix_element
     tables = np.asarray(element.tabulate(1, X))[1:]
@@ -426,7 +427,7 @@ def quadratic(
     x, cell = fem.Function(space), cellwise(space.mesh)
     q = ufl.TestFunction(cell.function_space)
 
-    def of_cells(one: Any) -> Any:
+    def of_cells(one: Integral) -> Integral:
         least = min(degree, one.metadata().get("quadrature_degree", degree))
         metadata = {**one.metadata(), "quadrature_degree": least}
         return one.reconstruct(integrand=q * one.integrand(), metadata=metadata)

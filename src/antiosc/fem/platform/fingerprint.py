@@ -29,29 +29,29 @@ MOST_NESTED = 12
 FEW_ENTRIES = 64
 
 #: What all ranks made together, and the number they gave it: it is the same on all of them.
-_together: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+_together: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 
 
-def number(made: Any, serial: int) -> None:
+def number(made: object, serial: int) -> None:
     """Register `made` as the `serial`-th object that all ranks made together."""
     for k, one in enumerate(made if isinstance(made, list) else [made]):
         if type(one).__hash__ is object.__hash__ and type(one).__module__.startswith("antiosc."):
             _together[one] = serial + k
 
 
-def named(value: Any) -> str | None:
+def named(value: object) -> str | None:
     """Name of an object that all ranks made together; None for any other."""
     if type(value).__hash__ is not object.__hash__ or value not in _together:
         return None
     return f"{type(value).__name__} no. {_together[value]}"
 
 
-def of_petsc(value: Any) -> bool:
+def of_petsc(value: object) -> bool:
     """Whether `value` is an object of PETSc, which need not be installed."""
     return any(kind.__module__ == "petsc4py.PETSc" for kind in type(value).__mro__)
 
 
-def is_void(value: Any) -> bool:
+def is_void(value: object) -> bool:
     """Whether `value` is an object of PETSc that is empty or was destroyed.
 
     Any question to such an object kills the process.
@@ -59,7 +59,7 @@ def is_void(value: Any) -> bool:
     return of_petsc(value) and not value
 
 
-def fingerprint(value: Any) -> bytes:
+def fingerprint(value: object) -> bytes:
     """16 bytes that distinguish values; never raises."""
     found = hashlib.blake2b(digest_size=16)
     try:
@@ -98,17 +98,17 @@ def _parts(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
         yield from _of_object(value, inside)
 
 
-def _each(values: Iterable[Any], above: tuple[int, ...]) -> Iterator[bytes]:
+def _each(values: Iterable[object], above: tuple[int, ...]) -> Iterator[bytes]:
     for count, one in enumerate(values):
         yield b"%d" % count
         yield from _parts(one, above)
 
 
-def _kind(value: Any) -> bytes:
+def _kind(value: object) -> bytes:
     return f"{type(value).__module__}.{type(value).__qualname__}".encode()
 
 
-def _of_number(value: Any) -> Iterator[bytes]:
+def _of_number(value: object) -> Iterator[bytes]:
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, float):
         yield f"{plain + 0.0:.10g}".encode()
@@ -118,7 +118,7 @@ def _of_number(value: Any) -> Iterator[bytes]:
         yield repr(plain).encode()
 
 
-def _of_array(value: NDArray[Any], above: tuple[int, ...]) -> Iterator[bytes]:
+def _of_array(value: NDArray[np.generic], above: tuple[int, ...]) -> Iterator[bytes]:
     yield repr(value.shape).encode()
     if value.dtype.kind in "fc":
         kind = np.complex128 if value.dtype.kind == "c" else np.float64
@@ -131,7 +131,7 @@ def _of_array(value: NDArray[Any], above: tuple[int, ...]) -> Iterator[bytes]:
         yield from _parts(value.tolist(), above)
 
 
-def _of_object(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
+def _of_object(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     module = type(value).__module__.partition(".")[0]
     by_identity = type(value).__hash__ is object.__hash__
     serial = _together.get(value) if by_identity else None
@@ -159,7 +159,7 @@ def _of_object(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
         yield from _each([(k, own[k]) for k in sorted(own) if _counts(own[k])], above)
 
 
-def _counts(value: Any) -> bool:
+def _counts(value: object) -> bool:
     """Whether a value that a function or a foreign object holds must be the same on all ranks.
 
     Counters, caches, open files and a rank's own part of something need not.
@@ -191,7 +191,7 @@ def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
             yield from _parts(constant, above)
 
 
-def _global_facts(value: Any) -> tuple[Any, ...]:
+def _global_facts(value: Any) -> tuple[object, ...]:
     """What a distributed object of PETSc, dolfinx or MPI is on all of its ranks."""
     if is_void(value):
         return ("empty or destroyed",)

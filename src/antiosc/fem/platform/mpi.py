@@ -22,25 +22,28 @@ from antiosc.base.errors import AntioscWarning, InputError
 from antiosc.base.memory import within_memory
 from antiosc.fem.platform.fingerprint import fingerprint, is_void, named, number
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 
 class Serial:
     """What antiosc uses of an MPI communicator, on one rank."""
 
     rank, size = 0, 1
 
-    def allreduce(self, value: Any) -> Any:
+    def allreduce(self, value: T) -> T:
         """The sum over the one rank."""
         return value
 
-    def allgather(self, value: Any) -> list[Any]:
+    def allgather(self, value: T) -> list[T]:
         """The values of all ranks."""
         return [value]
 
-    def gather(self, value: Any, root: int = 0) -> list[Any]:
+    def gather(self, value: T, root: int = 0) -> list[T]:
         """The values of all ranks, on `root`."""
         return [value]
 
-    def bcast(self, value: Any, root: int = 0) -> Any:
+    def bcast(self, value: T, root: int = 0) -> T:
         """The value of rank `root`."""
         return value
 
@@ -54,9 +57,6 @@ try:
 except ImportError:  # given matrices need none
     MPI = None
 
-P = ParamSpec("P")
-T = TypeVar("T")
-
 #: All processes, and this one alone.
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
@@ -68,7 +68,7 @@ _serial = 0
 
 
 def collective(
-    default: MPI.Comm = WORLD, **counts: Callable[[Any], Any]
+    default: MPI.Comm = WORLD, **counts: Callable[[Any], object]
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Guard a public function that all ranks must call with the same arguments.
 
@@ -109,7 +109,7 @@ def collective(
     return guard
 
 
-def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:
+def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
     """InputError on all ranks unless they call `name` with the same arguments."""
     own = name, {key: fingerprint(value) for key, value in arguments.items()}
     ranks = comm.allgather(own)
@@ -138,7 +138,9 @@ def _public(name: str) -> str:
     return name.removesuffix(".__init__").removesuffix(".__new__")
 
 
-def _given(signature: inspect.Signature, args: Iterable[Any], kwargs: Any) -> dict[str, Any]:
+def _given(
+    signature: inspect.Signature, args: Iterable[object], kwargs: Mapping[str, object]
+) -> dict[str, object]:
     """Argument name -> value; positions where the call does not fit the function."""
     try:
         given = dict(signature.bind_partial(*args, **kwargs).arguments)
@@ -147,7 +149,7 @@ def _given(signature: inspect.Signature, args: Iterable[Any], kwargs: Any) -> di
     return {name: value for name, value in given.items() if name not in ("self", "cls")}
 
 
-def _counted(count: Callable[[Any], Any], value: Any) -> Any:
+def _counted(count: Callable[[Any], object], value: object) -> object:
     """`count(value)`; the value itself where it is not what it should be."""
     try:
         return count(value)
@@ -155,9 +157,9 @@ def _counted(count: Callable[[Any], Any], value: Any) -> Any:
         return value
 
 
-def _flat(values: Iterable[Any]) -> list[Any]:
+def _flat(values: Iterable[object]) -> list[object]:
     """Values, and those of mappings among them, what most ranks share in front."""
-    found: list[Any] = []
+    found: list[object] = []
     for value in values:
         among = value.values() if isinstance(value, Mapping) else [value]
         found += sorted(among, key=_ranks, reverse=True)
@@ -213,7 +215,7 @@ def alike(one: MPI.Comm, other: MPI.Comm) -> bool:
     return MPI.Comm.Compare(one, other) in (MPI.IDENT, MPI.CONGRUENT)
 
 
-def _conclude(comm: MPI.Comm, error: Exception | None, made: Any) -> None:
+def _conclude(comm: MPI.Comm, error: Exception | None, made: object) -> None:
     """Raise the error of any rank; otherwise number the objects that all ranks made."""
     global _serial
     found = comm.allgather((_portable(error), _serial))
@@ -242,6 +244,18 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
 def agree(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise the first error that any rank has, on every rank; return if none has one."""
     _raise_first(comm.allgather(_portable(error)), error)
+
+
+def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """The result of `work()` of each rank; the first error of any rank is raised on all."""
+    result: T | None = None
+    error: Exception | None = None
+    try:
+        result = work()
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    return result  # type: ignore[return-value]
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:

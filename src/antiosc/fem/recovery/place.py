@@ -64,13 +64,13 @@ class NodeTensors(NamedTuple):
     origins: list[Origin]
 
 
-def layers_of(material: Any) -> Sequence[Any]:
+def layers_of(material: object) -> Sequence[Any]:
     """The layers of a laminate; none of other materials."""
     layers: Sequence[Any] = getattr(material, "layers", ())
     return layers
 
 
-def strength_of(material: Any, place: Place) -> float | Strengths | None:
+def strength_of(material: object, place: Place) -> float | Strengths | None:
     """Yield strength of a material, or the strengths of the layer of a laminate; None: unknown."""
     layers = layers_of(material)
     if not layers:
@@ -79,7 +79,9 @@ def strength_of(material: Any, place: Place) -> float | Strengths | None:
     return strength
 
 
-def place(surface: Any, layer: Any, fibre: Any, axes: Any, stiffener: Any = None) -> Place:
+def place(
+    surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
+) -> Place:
     """The arguments of `probe` after a check; InputError for others."""
     if isinstance(surface, str):
         checks.choice("surface", surface, SURFACES)

@@ -13,10 +13,9 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.given_sheet import GivenSheet
 from antiosc.fem.elements.material_axes import axes_and_sides
-from antiosc.fem.elements.plate_section import Layer, shear_stresses
-from antiosc.fem.elements.shell import Laminate, Sheet
+from antiosc.fem.elements.sections import Layer, shear_stresses
+from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
 from antiosc.fem.platform import compat
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.points import PointsInCells, gauss_points, in_frame, lagrange_1d

@@ -21,7 +21,6 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.named_points import middle_of, motion_of
-from antiosc.fem.site.patches import loads, patches
 from antiosc.fem.site.site import (
     LEAST_FREE_SHARE,
     Functional,
@@ -30,7 +29,7 @@ from antiosc.fem.site.site import (
     constrained,
     tangents,
 )
-from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
+from antiosc.fem.site.sites import Sites, loads, located, on_free_dofs, patches, sums, tell
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 
 #: A point counts as on the structure up to this share of the structure's size.

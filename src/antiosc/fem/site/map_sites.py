@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -67,7 +66,7 @@ class MapSites:
         return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
 
 
-def targets(where: Any) -> Sequence[str] | None:
+def targets(where: object) -> Sequence[str] | None:
     """Names of the surfaces of a map; None where `where` is None or lists points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
@@ -135,7 +134,7 @@ class Ground:
 
 
 def sites_of(
-    structure: MeshedParts, where: Any, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """The sites of a map: on groups ("part:group" of an assembly) and parts, or at points.
 
@@ -163,7 +162,7 @@ def sites_of(
     return replace(found, sites=replace(found.sites, loads=structure.own(found.sites.loads)))
 
 
-def movable(found: MapSites, where: Any) -> MapSites:
+def movable(found: MapSites, where: object) -> MapSites:
     """The sites, or InputError if there are none."""
     if not len(found.sites):
         on = f" on {where!r}" if isinstance(where, str) else ""
@@ -186,7 +185,7 @@ def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
 
 
 def _at_points(
-    structure: MeshedParts, where: Any, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """Sites at points, each on the part that a `Site` there would strike."""
     points = points_given(where, direction)
@@ -245,7 +244,10 @@ def _on_part(
 
 
 def sites_on(
-    structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedStructure,
+    where: object,
+    direction: Sequence[float] | None,
+    radius: float | None,
 ) -> MapSites:
     """The sites of one surface (a group, or None for all), or at points: perhaps none."""
     along = None if direction is None else _in_space(direction)
@@ -303,7 +305,7 @@ def surface(structure: MeshedStructure, group: str | None) -> Ground:
     return Ground(x.reshape(-1, 3)[first], mean, corner)
 
 
-def points_given(points: Any, direction: Any) -> Array:
+def points_given(points: object, direction: object) -> Array:
     """Points (P, 3) of a map, or InputError."""
     if direction is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
@@ -323,7 +325,7 @@ def _in_space(direction: Sequence[float]) -> Array:
     return np.pad(given, (0, 3 - len(given)))
 
 
-def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Ground:
+def _given(structure: MeshedStructure, points: object, along: Array | None) -> Ground:
     """Points of the structure that the caller gave."""
     at = points_given(points, along)
     mesh = structure.mesh

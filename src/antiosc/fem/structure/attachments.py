@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import dolfinx
 import numpy as np
@@ -22,6 +22,7 @@ from antiosc.base.checks import (
     array,
     choice,
     coordinates,
+    in_words,
     nonnegative,
     positive,
     several,
@@ -37,7 +38,8 @@ from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree
-from antiosc.fem.structure.dissipation import Dissipation
+from antiosc.fem.structure.matrices import Dissipation
+from antiosc.fem.structure.placement import in_space
 from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
@@ -46,28 +48,30 @@ SAME_DOF = 1e-7
 NEAR = 1e-3
 
 
-def _checked_where(_: str, where: Any) -> str | tuple[float, ...]:
+def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
     """A group's name, or coordinates."""
     return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
 
 
-def _checked_inertia(name: str, value: Any) -> float | tuple[float, ...]:
+def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
     values = array(name, value, None)
-    if values.shape not in ((), (3,)):
-        raise InputError(f"inertia must be one number or three (in kg m²); got {shown(value)}.")
-    if (values < 0).any():
-        raise InputError(f"inertia must be >= 0 (in kg m²); got {shown(value)}.")
+    if values.shape not in ((), (3,)) or (values < 0).any():
+        raise InputError(
+            f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."
+        )
     return tuple(values.tolist()) if values.ndim else float(values)
 
 
-def _by_components(kind: str, name: str, given: Any) -> dict[str, float]:
-    """Values > 0 by components."""
-    if not isinstance(given, Mapping) or not given:
-        raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
+def by_components(
+    name: str, given: object, kind: str, allowed: Sequence[str] = COMPONENTS
+) -> dict[str, float]:
+    """Values > 0 by components, the stiffness or damping of a `kind`, or InputError."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(given)}.")
     for component in given:
-        if component not in COMPONENTS:
+        if component not in allowed:
             raise InputError(
-                f"a {kind} acts on {', '.join(COMPONENTS)}; {component!r} is not one of them."
+                f"a {kind} acts on {', '.join(allowed)}; {shown(component)} is not one of them."
             )
     return {
         component: positive(f"the {name} along {component}", value)
@@ -75,20 +79,11 @@ def _by_components(kind: str, name: str, given: Any) -> dict[str, float]:
     }
 
 
-def _checked_stiffness(name: str, stiffness: Any) -> dict[str, float]:
-    return _by_components("Spring", name, stiffness)
-
-
-def _checked_damping(name: str, damping: Any) -> dict[str, float]:
-    return _by_components("Damper", name, damping)
-
-
-def _checked_tau(name: str, tau: Any) -> float | None:
-    return None if tau is None else positive(name, tau, "s")
-
-
-def _checked_to(_: str, to: Any) -> tuple[float, ...] | None:
-    return None if to is None else coordinates("to", to)
+def _some_components(name: str, given: object, kind: str) -> dict[str, float]:
+    found = by_components(name, given, kind)
+    if not found:
+        raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
+    return found
 
 
 @dataclass(frozen=True)
@@ -117,8 +112,8 @@ class PointMass(Checked):
 
     def values(self) -> dict[str, float]:
         """Component -> mass or inertia."""
-        inertia = np.broadcast_to(self.inertia, (3,))
-        return dict(zip(COMPONENTS, [self.mass] * 3 + [float(i) for i in inertia], strict=True))
+        inertia = np.broadcast_to(self.inertia, (3,)).tolist()
+        return dict(zip(COMPONENTS, [*[self.mass] * 3, *inertia], strict=True))
 
 
 @dataclass(frozen=True)
@@ -134,7 +129,7 @@ class Spring(Checked):
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
-    stiffness: Mapping[str, float] = field(metadata=checked_by(_checked_stiffness))
+    stiffness: Mapping[str, float] = field(metadata=checked_by(_some_components, "Spring"))
 
 
 @dataclass(frozen=True)
@@ -157,9 +152,9 @@ class Damper(Checked):
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
-    damping: Mapping[str, float] = field(metadata=checked_by(_checked_damping))
-    to: Sequence[float] | None = field(default=None, metadata=checked_by(_checked_to))
-    tau: float | None = field(default=None, metadata=checked_by(_checked_tau))
+    damping: Mapping[str, float] = field(metadata=checked_by(_some_components, "Damper"))
+    to: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
+    tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
 
     @property
     def values(self) -> dict[str, float]:
@@ -221,13 +216,26 @@ class Footing:
 Attachment = PointMass | Spring | Damper | Footing
 
 
-def attachments_of(given: Any) -> list[PointMass | Spring | Damper]:
+def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
     """Checked attachments, a footing by its parts."""
     known = (PointMass, Spring, Damper, Footing)
     found: list[Attachment] = several(
         "attached", given, known, "PointMass, Spring, Damper and Footing objects"
     )
     return [part for one in found for part in (one._parts() if isinstance(one, Footing) else [one])]
+
+
+def values_of(one: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
+    """Component -> mass, stiffness or damping; a damper that relaxes has a stiffness.
+
+    A mass on a `plane` structure has none along z, nor about x and y.
+    """
+    if isinstance(one, Spring):
+        return dict(one.stiffness)
+    if isinstance(one, Damper):
+        return one.values
+    names = ("x", "y", "rz") if plane else COMPONENTS
+    return {name: value for name, value in one.values().items() if value and name in names}
 
 
 @dataclass(frozen=True)
@@ -270,13 +278,7 @@ class Stiffener:
 
     def rows_of(self, columns: Array) -> Array:
         """Beam dofs (rows of this rank, k) of dofs of the sheet (rows of this rank, k)."""
-        right, left = self.shared.createVecs()
-        result = np.zeros((left.getLocalSize(), columns.shape[1]))
-        for k, column in enumerate(columns.T):
-            right.setArray(column)
-            self.shared.mult(right, left)
-            result[:, k] = left.array_r
-        return result
+        return multiply(self.shared, columns)
 
 
 def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Added, Stiffener]:
@@ -306,61 +308,44 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
     inertia = multiply(own[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
     rows = compat.local_size(to.form.space)
-    added = Added(mass, _transposed(T, inertia), np.zeros((rows, 0)))
+    on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
+    added = Added(mass, on_sheet, np.zeros((rows, 0)))
     return added, Stiffener(line, form, parts, own[0], own[1], T)
 
 
 def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
-    """Add a mass, a spring or a damper at its points."""
-    if isinstance(one, Damper):
-        return _damped(to, one)
-    matrix = to.M if isinstance(one, PointMass) else to.K
-    values = one.values() if isinstance(one, PointMass) else one.stiffness
-    values = {component: value for component, value in values.items() if value}
-    if "z" not in to.form.components and isinstance(one, PointMass):
-        values.pop("z", None)  # a plane structure does not move there
-    _check_components(to, one, values)
-    points = _attachment_points(to.mesh, one.where)
-    rows = compat.local_size(to.form.space)
-    inertia, springs = np.zeros((rows, 3)), []
-    for nearest in points:
-        for component, value in values.items():
-            b = _add_component(to, matrix, component, nearest, value)
-            if isinstance(one, Spring):
-                springs.append(b)
-            elif component in "xyz":
-                inertia[:, "xyz".index(component)] += value * b
-    matrix.assemble()
-    mass = one.mass * len(points) if isinstance(one, PointMass) else 0.0
-    return Added(mass, inertia, np.column_stack([np.zeros((rows, 0)), *springs]))
-
-
-def _check_components(to: Matrices, one: Any, values: Mapping[str, float]) -> None:
+    """Add a mass or a spring at its points; K and M know nothing of dampers."""
+    values = values_of(one, plane="z" not in to.form.components)
     foreign = [component for component in values if component not in to.form.components]
     if foreign:
         raise InputError(
             f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
             f"components of this structure are {', '.join(to.form.components)}."
         )
-
-
-def _damped(to: Matrices, one: Damper) -> Added:
-    """The functionals of a damper, of which K and M know nothing."""
-    _check_components(to, one, one.values)
-    ground = None if one.to is None else _attachment_points(to.mesh, one.to)[0]
-    rows = []
-    for nearest in _attachment_points(to.mesh, one.where):
-        for component in one.values:
-            b = _add_component(to, None, component, nearest, 0.0)
-            if ground is not None:
-                b = b - _add_component(to, None, component, ground, 0.0)
-            rows.append(b)
-    count = len(rows) // len(one.values)
-    c = np.diag(np.tile(list(one.values.values()), count))
-    size = compat.local_size(to.form.space)
-    G = scipy.sparse.csr_matrix(np.array(rows).reshape(len(rows), size))
-    none = np.zeros((size, 0))
-    return Added(0.0, np.zeros((size, 3)), none, [Dissipation(G, c, one.tau)])
+    matrix = to.M if isinstance(one, PointMass) else to.K if isinstance(one, Spring) else None
+    points = _attachment_points(to.mesh, one.where)
+    rows = compat.local_size(to.form.space)
+    mass, inertia, springs = 0.0, np.zeros((rows, 3)), np.zeros((rows, 0))
+    found = [
+        (component, value, _add_component(to, matrix, component, nearest, value))
+        for nearest in points
+        for component, value in values.items()
+    ]
+    if matrix is not None:
+        matrix.assemble()
+    if isinstance(one, Damper):
+        ground = [] if one.to is None else _attachment_points(to.mesh, one.to)
+        ends = {c: _add_component(to, None, c, end, 0.0) for end in ground for c in values}
+        G = np.array([b - ends[c] if ends else b for c, _, b in found]).reshape(-1, rows)
+        c = np.diag([value for _, value, _ in found])
+        damper = Dissipation(scipy.sparse.csr_matrix(G), c, one.tau)
+        return Added(mass, inertia, springs, [damper])
+    if isinstance(one, Spring):
+        return Added(mass, inertia, np.column_stack([springs, *(b for _, _, b in found)]))
+    for component, value, b in found:
+        if component in "xyz":
+            inertia[:, "xyz".index(component)] += value * b
+    return Added(one.mass * len(points), inertia, springs)
 
 
 def _add_component(
@@ -386,14 +371,11 @@ def _add_component(
 
 def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[ClosestPoint]:
     if not isinstance(where, str):
-        point = np.zeros(3)
-        point[: len(where)] = where
-        nearest = closest(mesh, point)
+        nearest = closest(mesh, in_space(where))
         if nearest.distance > NEAR * mesh.extent():
-            at = ", ".join(f"{c:.6g}" for c in nearest.x)
             raise InputError(
-                f"the point {tuple(where)} is {nearest.distance:.3g} m off the structure; its "
-                f"nearest point is ({at}) m."
+                f"the point {in_words(where)} is {nearest.distance:.3g} m off the structure; its "
+                f"nearest point is {in_words(nearest.x)}."
             )
         return [nearest]
     group = mesh.group(where)
@@ -477,14 +459,3 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
     agree(to.mesh.comm, error)
     T.assemble()
     return T
-
-
-def _transposed(T: PETSc.Mat, columns: Array) -> Array:
-    """Tᵀ · columns."""
-    right, left = T.createVecs()
-    result = np.zeros((right.getLocalSize(), columns.shape[1]))
-    for k, column in enumerate(columns.T):
-        left.setArray(column)
-        T.multTranspose(left, right)
-        result[:, k] = right.array_r
-    return result

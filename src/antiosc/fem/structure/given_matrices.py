@@ -24,7 +24,7 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform.fingerprint import of_petsc
-from antiosc.fem.platform.mpi import agree, alike
+from antiosc.fem.platform.mpi import agree, agreed, alike
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
 from antiosc.io.matrices.dof_map import DofMap, rows_of
@@ -74,12 +74,7 @@ def as_petsc(name: str, matrix: Matrix) -> PETSc.Mat:
     else:
         copy = petsc_algebra.from_csr(name, _of_arrays(name, matrix))
     _check_square(name, copy.getSize())
-    error = None
-    try:
-        _check_values(name, algebra.entries(copy)[2])
-    except InputError as caught:
-        error = caught
-    agree(communicator(copy), error)
+    agreed(communicator(copy), lambda: _check_values(name, algebra.entries(copy)[2]))
     return copy
 
 

@@ -1,10 +1,11 @@
-"""`StructureMatrices`: K and M with their supports applied, and what is known of their dofs."""
+"""K and M with their supports applied, what is known of their dofs, and what takes energy."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,14 +13,63 @@ from antiosc.base._types import Array, Box, IntArray, Matrix
 from antiosc.base.checks import array
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import force_ratios, multiply
-from antiosc.fem.linalg.scipy_solvers import solver_for
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.algebra import dot, force_ratios, multiply
+from antiosc.fem.linalg.solver import Choice, Solver, solver_for
 from antiosc.fem.structure import null_space
-from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.null_space import RIGID_FORCE
+from antiosc.fem.structure.placement import rigid_motions
 from antiosc.io.matrices.dof_map import DofMap
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+#: Eigenvalues of a projected matrix over the largest that are rounding.
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Dissipation:
+    """One term."""
+
+    G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
+    c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
+    tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
+    matrix: Matrix | None = None  # of all dofs, times `factor`
+    factor: float = 1.0
+
+    def projected(self, comm: MPI.Comm, V: Array) -> Array:
+        """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""
+        if self.matrix is None:
+            assert self.c is not None
+            return np.asarray(_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
+        return _root(self.factor * dot(comm, V, multiply(self.matrix, V)))
+
+
+def _root(matrix: Array) -> Array:
+    """L with L'L = the semidefinite matrix."""
+    diagonal = matrix.diagonal()
+    least = max(ROUNDING * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
+    real = values > ROUNDING * values.max(initial=0.0)
+    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
+
+
+def ends(terms: Sequence[Dissipation]) -> Array | None:
+    """Gᵀ (rows of this rank, k) of all functionals: the forces of dashpots and branches."""
+    loads = [np.asarray(one.G.T.toarray()) for one in terms if one.matrix is None]
+    return np.hstack(loads) if loads else None
+
+
+def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
+    """All damping of the motions V (rows of this rank, k)."""
+    none = np.zeros((0, V.shape[1]))
+    found = [(one.projected(comm, V), one.tau) for one in terms]
+    viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
+    return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
+
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
 CLOSER = 6
@@ -27,26 +77,18 @@ CLOSER = 6
 
 @dataclass(eq=False)
 class StructureMatrices:
-    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest.
+    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest."""
 
-    Attributes
-    ----------
-    K, M : PETSc.Mat or scipy.sparse.csr_matrix
-        Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
-    fixed : dofs of this rank that the supports hold; of a mesh, ghosts included.
-    rigid_modes : M-orthonormal rigid-body modes that the supports leave (rows of this rank, r).
-    first_shift : first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes.
-    solver : choice of the solver.
-    C : damping, of given matrices.
-    """
-
+    #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix
     M: Matrix
-    fixed: IntArray
+    fixed: IntArray  # dofs of this rank that the supports hold; of a mesh, ghosts included
+    #: M-orthonormal rigid-body modes that the supports leave (rows of this rank, r)
     rigid_modes: Array
+    #: first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes
     first_shift: float
     solver: Choice = "auto"
-    C: Matrix | None = field(default=None, kw_only=True)
+    C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
 
     #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
@@ -104,7 +146,11 @@ class StructureMatrices:
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
+        """Length, width and thickness of the part, m.
+
+        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
+        thickness are those of the rectangle with its section's A and I.
+        """
         raise InputError("matrices have no dimensions: give length, width and thickness.")
 
     def constants(self) -> tuple[float, float, float]:
@@ -112,13 +158,20 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None for matrices, which do not tell where e points.
+        """
         array("direction", direction, (3,))
         return None
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
+        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
+
+        With them any shape's momentum is its product with M r. None for matrices, which have no
+        coordinates, and where no rigid-body mode is left.
+        """
         return None
 
     def dissipation(self) -> list[Dissipation]:
@@ -140,21 +193,14 @@ FILE_DIGITS = 1e-4
 
 @dataclass(eq=False)
 class NodalMatrices(StructureMatrices):
-    """K and M of another program with the node and direction of each row.
-
-    Attributes
-    ----------
-    map : DofMap
-    """
+    """K and M of another program with the node and direction of each row."""
 
     map: DofMap = field(kw_only=True)
 
-    #: whether the node and direction of each row are known
     nodal: ClassVar[bool] = True
 
     @property
     def located(self) -> bool:
-        """Whether coordinates of nodes are known."""
         return self.map.located
 
     def nodes(self) -> tuple[Array, IntArray]:
@@ -183,14 +229,7 @@ class NodalMatrices(StructureMatrices):
         if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
-        motions = np.zeros((len(component), 6))
-        for axis in range(3):
-            along, turning = component == axis + 1, component == axis + 4
-            motions[along, axis] = 1.0
-            motions[turning, 3 + axis] = 1.0
-            for spin in range(3):
-                turn = np.cross(np.eye(3)[spin], points - point)
-                motions[along, 3 + spin] = turn[along, axis]
+        motions = rigid_motions(points, np.eye(3)[(component - 1) % 3], component <= 3, point)
         there = motions.any(axis=0)
         forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
         limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
@@ -198,7 +237,6 @@ class NodalMatrices(StructureMatrices):
 
     @property
     def mass(self) -> float:
-        """Total mass in kg; InputError where supports have left rows out."""
         known = self.rigid_inertia
         if known is None:
             raise InputError(
@@ -208,14 +246,12 @@ class NodalMatrices(StructureMatrices):
         return known[0].mass
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me for e, a unit uniform motion along `direction` (3,); None where rows are left out."""
         direction = array("direction", direction, (3,))
         known = self.rigid_inertia
         return None if known is None else np.asarray(known[1][:, :3] @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:  # type: ignore[override]
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         if self._motions is None:
             return None
         point, motions = self._motions
@@ -224,5 +260,4 @@ class NodalMatrices(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def describe(self, dofs: int) -> str:
-        """One line: what was given and with how many dofs."""
         return f"given matrices, {len(np.unique(self.map.node))} nodes, {dofs} dofs"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -26,8 +26,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.attachments import Stiffener
-from antiosc.fem.structure.dissipation import Dissipation
-from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.rigid_body_modes import about
 from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group
@@ -40,20 +39,12 @@ DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A part of an assembly in its position.
+    """A part of an assembly in its position."""
 
-    Attributes
-    ----------
-    name : of the part in the assembly.
-    part : the structure.
-    at : its placement.
-    first : number of its first dof in u.
-    """
-
-    name: str
-    part: MeshedStructure
-    at: Placement
-    first: int
+    name: str  # of the part in the assembly
+    part: MeshedStructure  # the structure
+    at: Placement  # its placement
+    first: int  # number of its first dof in u
 
     @property
     def size(self) -> int:
@@ -122,36 +113,26 @@ class Member:
 
 @dataclass(eq=False)
 class MeshedStructure(StructureMatrices):
-    """K and M of a mesh, and the mesh.
+    """K and M of a mesh, and the mesh."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-    form : WeakForm
-        That was assembled on it.
-    parts : sequence of (material, cells of this rank)
-    total_mass : kg
-    attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
-        this rank, 3).
-    again : gives the same structure of a copy of its mesh, for instance on other ranks, or with
-        other supports.
-    supports : what holds it.
-    stiffeners : the beams on the edges of a sheet, by group.
-    dampers : of its attachments; conditions : its fixed dofs, as its forms are assembled with.
-    doubts : sentences on what is implausible of its size and its materials.
-    """
-
-    mesh: Mesh = field(kw_only=True)
-    form: WeakForm = field(kw_only=True)
-    parts: Parts = field(kw_only=True)
-    total_mass: float = field(kw_only=True)
-    attached_inertia: Array = field(kw_only=True)
-    again: Callable[..., MeshedStructure] = field(kw_only=True)
-    supports: Sequence[Support] = field(default=(), kw_only=True)
-    stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
-    doubts: tuple[str, ...] = field(default=(), kw_only=True)
-    dampers: Sequence[Dissipation] = field(default=(), kw_only=True)
-    conditions: Any = field(default_factory=dict, kw_only=True)
+    _: KW_ONLY
+    mesh: Mesh
+    form: WeakForm  # that was assembled on it
+    parts: Parts  # (material, cells of this rank)
+    total_mass: float  # kg
+    #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
+    attached_inertia: Array
+    #: gives the same structure of a copy of its mesh, for instance on other ranks, or with other
+    #: supports
+    again: Callable[..., MeshedStructure]
+    supports: Sequence[Support] = ()
+    #: the beams on the edges of a sheet, by group
+    stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
+    #: sentences on what is implausible of its size and its materials
+    doubts: tuple[str, ...] = ()
+    dampers: Sequence[Dissipation] = ()  # of its attachments
+    #: its fixed dofs, as its forms are assembled with
+    conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
 
     meshed: ClassVar[bool] = True
 
@@ -206,34 +187,28 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported body (rows of this rank, r)."""
         return rigid_body_modes.motions(self.form, self.K)
 
     @property
     def mass(self) -> float:
-        """Total mass in kg."""
         return self.total_mass
 
     @property
     def plausibility(self) -> dict[str, Any]:
-        """What was implausible, and the largest √(E/ρ) of its materials, m/s."""
         speed = max(material.bar_speed() for material, _ in self.parts)
         return {"wave_speed": speed, **({"doubts": list(self.doubts)} if self.doubts else {})}
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
         materials = [material for material, _ in self.parts]
         return self._material.dimensions((length, width, thickness), materials)
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
         return self._material.constants()
 
     def uniform_inertia(self, direction: Array) -> Array:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
         direction = array("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
@@ -242,7 +217,6 @@ class MeshedStructure(StructureMatrices):
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         if not self.rigid_modes.shape[1]:
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
@@ -281,11 +255,9 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def lossy(self) -> bool:
-        """Whether a material has a loss factor."""
         return any(getattr(material, "loss", 0.0) for material, _ in self.parts)
 
     def dissipation(self) -> list[Dissipation]:
-        """Its dampers, and the layers of materials that relax."""
         return [*self.dampers, *self._layers]
 
     @cached_property
@@ -301,7 +273,6 @@ class MeshedStructure(StructureMatrices):
         return self._stiffnesses("loss")
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV of the materials; None where none has a loss factor."""
         if not self.lossy:
             return None
         own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
@@ -319,7 +290,6 @@ class MeshedStructure(StructureMatrices):
         return found
 
     def describe(self, dofs: int) -> str:
-        """One line: what was modelled and with how many dofs."""
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "

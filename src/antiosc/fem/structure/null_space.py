@@ -25,8 +25,7 @@ from antiosc.fem.linalg.algebra import (
     softness,
     sum_of,
 )
-from antiosc.fem.linalg.scipy_solvers import solver_for
-from antiosc.fem.linalg.solver import Solver
+from antiosc.fem.linalg.solver import Solver, solver_for
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -13,7 +13,8 @@ from antiosc.base._types import IntArray
 from antiosc.base.checks import several, whole
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.fem.elements.weak_form import Family, measure
+from antiosc.fem.elements.beam import Beam
+from antiosc.fem.elements.weak_form import Family, Parts, measure
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
@@ -27,9 +28,75 @@ from antiosc.fem.structure.attachments import (
     add_beams,
     attachments_of,
 )
-from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
+
+
+def divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntArray]]]:
+    """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
+    if not isinstance(material, Mapping) or mesh.tdim != 2:
+        return material, []
+    beams = {name: one for name, one in material.items() if isinstance(one, Beam)}
+    if not beams:
+        return material, []
+    cells = {name: one for name, one in material.items() if name not in beams}
+    if not cells or not all(_family(one).kind.sheet for one in cells.values()):
+        raise InputError(
+            f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
+            f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
+        )
+    found = []
+    for name, beam in beams.items():
+        edges = mesh.group(name).get(1)
+        if edges is None:
+            raise InputError(
+                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
+                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
+            )
+        found.append((name, beam, edges))
+    return cells, found
+
+
+def parts_of(mesh: Mesh, material: object) -> Parts:
+    """[(material, cells of this rank)], each cell once."""
+    imap = compat.cell_map(mesh.dolfinx)
+    n_cells = imap.size_local + imap.num_ghosts
+    if not isinstance(material, Mapping):
+        return [(_family(material), np.arange(n_cells, dtype=np.int32))]
+    if not material:
+        raise InputError("material is an empty dict: give {group name: material}.")
+    times = np.zeros(n_cells, dtype=int)
+    parts: list[tuple[Family, IntArray]] = []
+    for name, given in material.items():
+        one = _family(given)
+        cells = mesh.group(name).get(mesh.tdim)
+        if cells is None:
+            raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
+        times[cells] += 1
+        parts.append((one, cells))
+    if len({one.kind for one, _ in parts}) > 1:
+        raise InputError(
+            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
+            "and Laminate."
+        )
+    none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
+    twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
+    if none or twice:
+        raise InputError(
+            f"every cell needs one material: of {mesh.n_cells} cells {none} have none and "
+            f"{twice} more than one; the groups named are {', '.join(map(repr, material))}."
+        )
+    return parts
+
+
+def _family(material: object) -> Family:
+    """`material`, or InputError for anything else."""
+    if isinstance(material, type) or not isinstance(material, Family):
+        raise InputError(
+            "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
+            f"{type(material).__name__}."
+        )
+    return material
 
 
 def assembled(
@@ -72,7 +139,10 @@ def assembled(
         raise InputError("the supports fix every dof of the structure: nothing can move.")
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains.
-    rest = K if form.strains is None else _zeros_like(K)
+    rest = K
+    if form.strains is not None:
+        rest = K.duplicate()
+        rest.zeroEntries()
     to = Matrices(mesh, form, rest, M, fixed)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
@@ -128,12 +198,6 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
         rest.setValue(first + dof, first + dof, 1.0)
     rest.assemble()
     attach(K, S, rest)
-
-
-def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
-    result = matrix.duplicate()
-    result.zeroEntries()
-    return result
 
 
 def _of_section(material: Family, extent: float) -> str:

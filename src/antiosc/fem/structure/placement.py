@@ -4,25 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import array, coordinates, number, shown
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 
 
-def _in_space(name: str, value: Any) -> tuple[float, ...]:
-    given = coordinates(name, value)
-    return (*given, 0.0)[:3]
+def in_space(point: ArrayLike) -> Array:
+    """Three coordinates of a point of two or three; z = 0 where there are two."""
+    x = np.asarray(point, dtype=float)
+    return np.pad(x, (0, 3 - len(x)))
 
 
-def _axis(name: str, value: Any) -> tuple[float, ...]:
+def _checked_point(name: str, value: object) -> tuple[float, ...]:
+    return tuple(in_space(coordinates(name, value)).tolist())
+
+
+def checked_axis(name: str, value: object) -> tuple[float, ...]:
+    """The direction of an axis, or InputError."""
     axis = array(name, value, (3,))
     if not np.linalg.norm(axis):
-        raise InputError("axis must not be the zero vector: it is the axis of rotation.")
+        raise InputError(f"{name} must not be the zero vector.")
     return tuple(axis.tolist())
 
 
@@ -42,10 +48,10 @@ class Placement(Checked):
         The point c on the axis of rotation, m.
     """
 
-    shift: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_in_space))
-    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(_axis))
+    shift: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
     angle: float = field(default=0.0, metadata=checked_by(number, "rad"))
-    about: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_in_space))
+    about: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
 
     @property
     def rotation(self) -> Array:
@@ -77,7 +83,20 @@ def skew(a: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def placement(name: str, given: Any) -> Placement:
+def rigid_motions(points: Array, axes: Array, moves: BoolArray, centre: Array) -> Array:
+    """Unit translations along x, y, z and rotations about `centre` (3,) on n dofs (n, 6).
+
+    `points` and `axes` (n, 3): where each dof is, and its direction; `moves` (n,): whether it is
+    a displacement, or else a rotation.
+    """
+    result = np.zeros((len(points), 6))
+    result[moves, :3] = axes[moves]
+    result[moves, 3:] = np.cross(points[moves] - centre, axes[moves])
+    result[~moves, 3:] = axes[~moves]
+    return result
+
+
+def placement(name: str, given: Placement | Sequence[float] | None) -> Placement:
     """`given` as a Placement: one itself, or a translation of 2 or 3 numbers."""
     if given is None:
         return Placement()

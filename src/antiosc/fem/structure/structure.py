@@ -70,6 +70,8 @@ class Structure(Brief):
     supports : tuple of Support
     mass : float
         Total mass, kg.
+    dimensions : (float, float, float)
+        Length, width and thickness of the part, m, as `antiosc.studies.advice` wants them.
     rigid_modes : ndarray (rows of this rank, r)
         M-orthonormal rigid-body modes that the supports leave.
     shift : float
@@ -87,6 +89,11 @@ class Structure(Brief):
     """
 
     matrices: StructureMatrices
+    # of the matrices, by `__getattr__`; their docstrings stand there
+    mass: float
+    dimensions: Box
+    rigid_inertia: tuple[Inertia, Array] | None
+
     seconds: dict[str, float]
     supports: tuple[Support, ...] = ()
     #: mesh, material and options of a structure of one mesh
@@ -273,22 +280,6 @@ class Structure(Brief):
         assert self._factored is not None
         return self._factored[1]
 
-    # -- what the matrices know of their dofs
-
-    @property
-    def mass(self) -> float:
-        """Total mass in kg."""
-        return self.matrices.mass
-
-    @property
-    def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m, as `antiosc.studies.advice` wants them.
-
-        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
-        thickness are those of the rectangle with its section's A and I.
-        """
-        return self.matrices.dimensions
-
     def constants(self) -> tuple[float, float, float]:
         """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
         return self.matrices.constants()
@@ -299,15 +290,6 @@ class Structure(Brief):
         None for matrices, which do not tell where e points.
         """
         return self.matrices.uniform_inertia(direction)
-
-    @property
-    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
-
-        With them any shape's momentum is its product with M r. None for matrices, which have no
-        coordinates, and where no rigid-body mode is left.
-        """
-        return self.matrices.rigid_inertia
 
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
@@ -326,7 +308,7 @@ class Structure(Brief):
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
 
     def __getattr__(self, name: str) -> Any:
-        """Other attributes of the matrices: those of a mesh have `mesh`, `form` and `parts`."""
+        """Attributes of the matrices: those of a mesh have `mesh`, `form` and `parts`, too."""
         if name == "matrices" or name.startswith("__"):
             raise AttributeError(name)
         try:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import InitVar, dataclass
-from typing import Any
+from functools import partial
 
 import dolfinx
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.brief import Given
-from antiosc.base.checks import array, coordinates, nonnegative, shown, store
+from antiosc.base.checks import coordinates, in_words, nonnegative, shown, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree, bounds
+from antiosc.fem.platform.mpi import agreed, bounds
+from antiosc.fem.structure.placement import in_space
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -56,7 +57,7 @@ class Support(Given):
     box: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
     plane: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
 
-    def __post_init__(self, near: Any, box: Any, plane: Any) -> None:
+    def __post_init__(self, near: object, box: object, plane: object) -> None:
         given = {"where": self.where, "near": near, "box": box, "plane": plane}
         named = [name for name, value in given.items() if value is not None]
         if len(named) > 1:
@@ -111,7 +112,7 @@ class Support(Given):
         if isinstance(self.where, str):
             return f"on group {self.where!r}"
         if isinstance(self.where, Region):
-            return str(self.where)
+            return self.where.words
         return f"by function {getattr(self.where, '__name__', repr(self.where))!r}"
 
 
@@ -128,10 +129,10 @@ def fixed_dofs(
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
-            low, high = (_text(corner) for corner in bounds(mesh.comm, mesh.dolfinx.geometry.x))
+            low, high = map(in_words, bounds(mesh.comm, mesh.dolfinx.geometry.x))
             raise InputError(
                 f"the support {support.label} fixes nothing: no point of the mesh lies "
-                f"there; check the group or the coordinates (the mesh spans {low} to {high} m)."
+                f"there; check the group or the coordinates (the mesh spans {low} to {high})."
             )
     return fixed
 
@@ -140,31 +141,19 @@ def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) 
     if isinstance(support.where, str):
         return dofs_of_group(mesh, form, support.where, path)
     dofs, x = compat.dof_coordinates(form.space, path)
-    mask, error = None, None
     size = {"size": mesh.extent()} if isinstance(support.where, Region) else {}
-    try:
-        mask = support.selected(x, **size)
-    except Exception as caught:
-        error = caught
-    agree(mesh.comm, error)
-    return dofs[mask]
+    return dofs[agreed(mesh.comm, lambda: support.selected(x, **size))]
 
 
 def dofs_of_group(mesh: Mesh, form: WeakForm, group: str, path: tuple[int, ...]) -> IntArray:
     """Dofs of one component on the entities of a group, of this rank, ghosts included."""
     component = compat.subspace(form.space, path)
     parts = mesh.group(group)
-    found = [_topological(mesh, component, dim, parts[dim]) for dim in sorted(parts)]
-    return np.unique(np.concatenate([NO_DOFS, *found]))
-
-
-def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> IntArray:
-    mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
-    return np.asarray(dolfinx.fem.locate_dofs_topological(component, dim, entities))
-
-
-def _text(point: Array) -> str:
-    return "(" + ", ".join(f"{c:.4g}" for c in point) + ")"
+    found = [NO_DOFS]
+    for dim in sorted(parts):
+        mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
+        found.append(dolfinx.fem.locate_dofs_topological(component, dim, parts[dim]))
+    return np.unique(np.concatenate(found))
 
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.
@@ -172,107 +161,68 @@ AT_FACE = 1e-6
 
 
 @dataclass(frozen=True)
-class Ball:
-    """Points that are no further than `radius` (m) from `centre` (m)."""
+class Region:
+    """Points selected by their coordinates."""
 
-    centre: tuple[float, ...]
-    radius: float
-
-    def __call__(self, x: Array, size: float | None = None) -> BoolArray:
-        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
-        offset = x - np.reshape(self.centre, (3, 1))
-        return np.asarray(np.linalg.norm(offset, axis=0) <= self.radius + _slack(x, size))
-
-    def __str__(self) -> str:
-        return f"within {self.radius:g} m of {_point(self.centre)}"
-
-
-@dataclass(frozen=True)
-class Box:
-    """Points between `lower` and `upper` (m) in every direction."""
-
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
+    words: str  # where it is, in a sentence
+    outside: Callable[[Array], Array]  # how far points x (3, n) lie outside of it [m] (n,)
 
     def __call__(self, x: Array, size: float | None = None) -> BoolArray:
         """Which points x (3, n) belong to it; `size`: of the mesh, m."""
-        slack = _slack(x, size)
-        low, high = (np.reshape(corner, (3, 1)) for corner in (self.lower, self.upper))
-        return np.asarray(((x >= low - slack) & (x <= high + slack)).all(axis=0))
-
-    def __str__(self) -> str:
-        return f"in the box from {_point(self.lower)} to {_point(self.upper)}"
+        if size is None:
+            size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
+        return np.asarray(self.outside(x) <= AT_FACE * size)
 
 
-@dataclass(frozen=True)
-class Plane:
-    """Points of the plane through `point` (m) across the unit vector `normal`."""
-
-    point: tuple[float, ...]
-    normal: tuple[float, ...]
-
-    def __call__(self, x: Array, size: float | None = None) -> BoolArray:
-        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
-        height = np.asarray(self.normal) @ (x - np.reshape(self.point, (3, 1)))
-        return np.asarray(np.abs(height) <= _slack(x, size))
-
-    def __str__(self) -> str:
-        return f"on the plane through {_point(self.point)} across {_numbers(self.normal)}"
-
-
-Region = Ball | Box | Plane
-
-
-def ball(given: Any) -> Ball:
+def ball(given: object) -> Region:
     """near=(point, radius)."""
-    centre, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
-    return Ball(_padded("the point of near", centre), nonnegative("the radius of near", radius))
+    point, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
+    centre = in_space(coordinates("the point of near", point))
+    radius = nonnegative("the radius of near", radius)
+    return Region(f"within {radius:g} m of {in_words(centre)}", partial(_off_ball, centre, radius))
 
 
-def _box(given: Any) -> Box:
+def _off_ball(centre: Array, radius: float, x: Array) -> Array:
+    return np.asarray(np.linalg.norm(x - centre[:, None], axis=0) - radius)
+
+
+def _box(given: object) -> Region:
     """box=(lower, upper)."""
     pair = _pair("box", given, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
-    lower, upper = (_padded("a corner of box", corner) for corner in pair)
-    if any(low > high for low, high in zip(lower, upper, strict=True)):
+    lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
+    if (lower > upper).any():
         raise InputError(
-            f"box=(lower, upper) has a lower corner {_numbers(lower)} above the upper corner "
-            f"{_numbers(upper)} in some direction: exchange these coordinates."
+            f"box=(lower, upper) has a lower corner {in_words(lower)} above the upper corner "
+            f"{in_words(upper)} in some direction: exchange these coordinates."
         )
-    return Box(lower, upper)
+    words = f"in the box from {in_words(lower)} to {in_words(upper)}"
+    return Region(words, partial(_off_box, lower, upper))
 
 
-def _plane(given: Any) -> Plane:
+def _off_box(lower: Array, upper: Array, x: Array) -> Array:
+    return np.asarray(np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
+
+
+def _plane(given: object) -> Region:
     """plane=(point, normal)."""
     pair = _pair("plane", given, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
-    point, normal = _padded("the point of plane", pair[0]), array("normal", pair[1], (None,))
-    across = np.array(_padded("the normal of plane", normal))
-    length = float(np.linalg.norm(across))
+    point, normal = (
+        in_space(coordinates(f"the {name} of plane", one))
+        for name, one in zip(("point", "normal"), pair, strict=True)
+    )
+    length = float(np.linalg.norm(normal))
     if length == 0:
         raise InputError("the normal of plane must not be the zero vector.")
-    return Plane(point, tuple((across / length).tolist()))
+    across = ", ".join(f"{c:g}" for c in normal / length)
+    words = f"on the plane through {in_words(point)} across ({across})"
+    return Region(words, partial(_off_plane, point, normal / length))
 
 
-def _pair(name: str, given: Any, form: str) -> tuple[Any, Any]:
+def _off_plane(point: Array, normal: Array, x: Array) -> Array:
+    return np.asarray(np.abs(normal @ (x - point[:, None])))
+
+
+def _pair(name: str, given: object, form: str) -> tuple[object, object]:
     if not isinstance(given, list | tuple) or len(given) != 2:
         raise InputError(f"{name} must be a pair {form}; got {shown(given)}.")
     return given[0], given[1]
-
-
-def _padded(name: str, given: Any) -> tuple[float, ...]:
-    """Three coordinates; z = 0 where there are two."""
-    point = coordinates(name, given)
-    return (*point, 0.0) if len(point) == 2 else tuple(point)
-
-
-def _slack(x: Array, size: float | None) -> float:
-    if size is None:
-        size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
-    return AT_FACE * size
-
-
-def _point(point: tuple[float, ...]) -> str:
-    return f"{_numbers(point)} m"
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in values) + ")"

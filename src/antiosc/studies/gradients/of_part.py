@@ -17,7 +17,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.extraction.extract import extract
-from antiosc.fem.extraction.wish import ErrorOption
+from antiosc.fem.extraction.site_models import ErrorOption
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Site
