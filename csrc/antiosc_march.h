@@ -344,6 +344,7 @@ typedef struct aom_slopes {
     double *laws;              /* [n_contacts][AOM_LAW_SLOPES]; those of AOM_HERTZ by k and c in all */
     double *friction;          /* [n_contacts][2] by its coefficient, by the tangential stiffness */
     double *q, *v;             /* [n_modes] */
+    double *preload;           /* [n_contacts] by the forces at the start, all else given */
     double grazing; /* the least speed at which a contact touches or parts, over its largest */
 } aom_slopes;
 
@@ -353,10 +354,14 @@ AOM_API size_t aom_gradient_size(const aom_stepper *stepper);
 /* The exact derivatives of the steps of a run: its levels of steps stay, and what ends a step earlier
  * (a contact that leaves its branch, a break of the loads) goes on ending it. The record has the
  * states of every step, that of the end behind them, and its exits. After aom_start with the system
- * and the options of the run. AOM_BAD_LAW with laws of the caller's, AOM_BAD_CONTACT with
- * contacts that are closed at the start. Friction in two directions takes their couplings as equal. */
+ * and the options of the run. AOM_BAD_LAW with laws of the caller's. The preloads are inputs of their
+ * own: how they follow from the rest is the caller's. Friction in two directions takes their couplings
+ * as equal. */
 AOM_API int aom_gradient(aom_stepper *stepper, const aom_record *run, const aom_goal *goal,
                          aom_slopes *out, void *memory, size_t bytes);
+
+/* Derivatives of the force of a new contact at rest by the first parameters of its law, into out. */
+AOM_API void aom_law_slopes(const aom_law *law, double delta, double out[AOM_LAW_SLOPES]);
 
 /* ---- Reading runs ---------------------------------------------------------------------------- */
 

@@ -57,38 +57,27 @@ typedef struct adjoint {
 } adjoint;
 
 static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
-    double **of_modes[] = {&a->now.q, &a->now.v, &a->q0, &a->v0, &a->no_q};
-    double **of_rows[] = {&a->now.force, &a->now.depth, &a->now.rate, &a->no_depth, &a->no_rate,
-                          &a->anchor};
-    for (size_t k = 0; k < sizeof of_modes / sizeof *of_modes; k++)
-        *of_modes[k] = take(m, J, sizeof(double));
-    for (size_t k = 0; k < sizeof of_rows / sizeof *of_rows; k++)
-        *of_rows[k] = take(m, rows, sizeof(double));
+    const struct {
+        double **array;
+        size_t count;
+    } each[] = {
+        {&a->now.q, J}, {&a->now.v, J}, {&a->q0, J}, {&a->v0, J}, {&a->no_q, J},
+        {&a->now.force, rows}, {&a->now.depth, rows}, {&a->now.rate, rows}, {&a->no_depth, rows},
+        {&a->no_rate, rows}, {&a->anchor, rows}, {&a->explicit_force, 2 * rows},
+        {&a->span, SLOTS}, {&a->f, 3 * rows}, {&a->c, 3 * rows}, {&a->by_force, 3 * rows},
+        {&a->by_parabola, 3 * rows}, {&a->rates, 2 * rows}, {&a->direct, 2 * rows},
+        {&a->by_depth, 2 * rows}, {&a->by_rate, 2 * rows}, {&a->load, 3 * J}, {&a->by_load, 3 * J},
+        {&a->q, 2 * J}, {&a->v, 2 * J}, {&a->by_q, 2 * J}, {&a->by_v, 2 * J},
+        {&a->matrix, 4 * rows * rows}, {&a->rest, 2 * rows},
+        {&a->work, 16 * J}, {&a->slopes, 8 * SLOTS * J}, /* found before they are read */
+    };
     a->owner = take(m, rows, sizeof(int));
     a->active = take(m, rows, sizeof(int));
     a->slides = take(m, 2 * rows, sizeof(slide));
-    a->explicit_force = take(m, 2 * rows, sizeof(double));
     a->laws = take(m, rows, sizeof(law_slopes));
-    a->span = take(m, SLOTS, sizeof(double));
-    a->f = take(m, 3 * rows, sizeof(double));
-    a->c = take(m, 3 * rows, sizeof(double));
-    a->by_force = take(m, 3 * rows, sizeof(double));
-    a->by_parabola = take(m, 3 * rows, sizeof(double));
-    a->rates = take(m, 2 * rows, sizeof(double));
-    a->direct = take(m, 2 * rows, sizeof(double));
-    a->by_depth = take(m, 2 * rows, sizeof(double));
-    a->by_rate = take(m, 2 * rows, sizeof(double));
-    a->load = take(m, 3 * J, sizeof(double));
-    a->by_load = take(m, 3 * J, sizeof(double));
-    a->q = take(m, 2 * J, sizeof(double));
-    a->v = take(m, 2 * J, sizeof(double));
-    a->by_q = take(m, 2 * J, sizeof(double));
-    a->by_v = take(m, 2 * J, sizeof(double));
     a->tangents = take(m, 2 * rows, sizeof(tangent));
-    a->matrix = take(m, 4 * rows * rows, sizeof(double));
-    a->rest = take(m, 2 * rows, sizeof(double));
-    a->work = take(m, 16 * J, sizeof(double)); /* these two are found before they are read */
-    a->slopes = take(m, 8 * SLOTS * J, sizeof(double));
+    for (size_t k = 0; k < sizeof each / sizeof *each; k++)
+        *each[k].array = take(m, each[k].count, sizeof(double));
 }
 
 size_t aom_gradient_size(const aom_stepper *st) {
@@ -718,12 +707,30 @@ static bool undo_step(adjoint *a, int64_t k) {
     return isfinite(longer);
 }
 
+/* A contact that is closed at the start: what its law remembers, and what the force there did. */
+static void undo_preload(adjoint *a, int c) {
+    const aom_system *system = &a->st->system;
+    const aom_contact *contact = system->contacts + c;
+    aom_exit begun = {.before = {AOM_APART}, .after = {AOM_FORWARD}};
+    edge *now = &a->now;
+    undo_branch(&contact->law, &begun, contact->slowest, a->laws + c, now->depth + c, now->rate + c);
+    a->out->preload[c] += now->force[c] + a->goal->force[c];
+    for (int i = 0; i < system->n_rows; i++) {
+        ptrdiff_t at = (ptrdiff_t)i * system->n_rows + c;
+        a->out->preload[c] -= now->depth[i] * system->residual[at];
+        a->out->residual[at] -= now->depth[i] * contact->preload;
+    }
+}
+
 /* The derivatives by the state at the start. */
 static void finish(adjoint *a) {
     const aom_system *system = &a->st->system;
     int J = system->n_modes, m = system->n_rows;
     edge *now = &a->now;
     undo_exits(a, 0);
+    for (int c = 0; c < system->n_contacts; c++)
+        if (system->contacts[c].preload > 0.0)
+            undo_preload(a, c);
     for (int i = 0; i < m; i++) { /* what the laws took from the motion at the start */
         double *beta = a->out->beta + (ptrdiff_t)i * J;
         add(J, now->depth[i], beta_row(a->st, i), now->q);
@@ -749,7 +756,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;
-        if (system->contacts[c].preload > 0.0 || system->contacts[c].closing > 0.0)
+        if (system->contacts[c].closing > 0.0)
             return AOM_BAD_CONTACT;
     }
     arena taken = {memory, 0};

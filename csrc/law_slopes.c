@@ -115,6 +115,11 @@ law_slopes force_slopes(const aom_law *law, int branch, double delta, double rat
     return by;
 }
 
+void aom_law_slopes(const aom_law *law, double delta, double out[AOM_LAW_SLOPES]) {
+    const double memory[AOM_MEMORY] = {0.0};
+    memcpy(out, force_slopes(law, AOM_FORWARD, delta, 0.0, memory).params, AOM_LAW_SLOPES * sizeof *out);
+}
+
 /* Derivatives of the bound at which a branch ends. */
 law_slopes bound_slopes(const aom_law *law, int branch, bound exit, const double *memory) {
     law_slopes by = {{0.0}, {0.0}};

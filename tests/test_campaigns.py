@@ -17,7 +17,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.studies.chance import monte_carlo as campaign
-from mpi import ENVIRONMENT
+from mpi import ENVIRONMENT, run_ranks
 
 INPUTS = {"x": ao.uniform(0.0, 1.0)}
 #: A campaign in a program; a worker that finds no file "killed" makes it and dies.
@@ -145,3 +145,20 @@ def test_ranks_are_workers(tmp_path):
     assert failed == 0
     assert workers == 2
     assert squares == pytest.approx(total())
+
+
+@pytest.mark.mpi
+def test_several_ranks_do_not_write_one_store(tmp_path: Path) -> None:
+    script = """
+    import sys
+    import antiosc as ao
+    from mpi4py import MPI
+
+    try:
+        ao.monte_carlo(lambda x: x, {"x": ao.uniform(0.0, 1.0)}, 3, store=sys.argv[1])
+    except ao.InputError as error:
+        print("2 MPI ranks" in str(error))
+    """
+    path = tmp_path / "campaign.csv"
+    assert run_ranks(2, script, str(path)) == ["True\n", "True\n"]
+    assert not path.exists()

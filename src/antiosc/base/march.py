@@ -142,7 +142,7 @@ class Slopes(Structure):
 
     _fields_ = [
         *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
-        *((name, c_void_p) for name in ("laws", "friction", "q", "v")),
+        *((name, c_void_p) for name in ("laws", "friction", "q", "v", "preload")),
         ("grazing", c_double),
     ]
 
@@ -262,6 +262,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
+    "aom_law_slopes": (None, c_void_p, c_double, c_void_p),
     "aom_gradient_size": (c_size_t, c_void_p),
     "aom_gradient": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_size_t),
     "aom_summarize": (Summary, c_void_p),

@@ -437,7 +437,7 @@ def quadratic(
         for own in (ufl.replace(each, dict.fromkeys(each.arguments(), x)) for each in forms)
     )
     compiled, total = _compiled(form, SUMS), 0.0
-    for column, weight in zip(with_ghosts(space, block).T, weights, strict=True):
+    for column, weight in zip(with_ghosts(space, block).T.copy(), weights, strict=True):
         x.x.array[:] = column
         vector = fem.petsc.assemble_vector(compiled)
         total = total + weight * vector.array_r

@@ -292,7 +292,8 @@ class Slopes:
     """Derivatives of a goal by the numbers of a `System`, of the same shapes.
 
     `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
-    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness.
+    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness; `pressed` (p,):
+    by the forces at the start, as if these followed from nothing.
     """
 
     square: Array
@@ -305,6 +306,7 @@ class Slopes:
     friction: Array
     q: Array
     v: Array
+    pressed: Array
 
 
 def gradient(
@@ -340,7 +342,7 @@ def gradient(
     )  # fmt: skip
     goal = march.Goal(len(readings), *at[5:])
     s, laws = system, (len(system.laws), march.LAW_SLOPES)
-    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v]
+    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v, s.pressed]
     shapes: list[tuple[int, ...]] = [each.shape for each in like]
     shapes.insert(6, laws)
     ends = [0, *accumulate([prod(shape) for shape in shapes])]

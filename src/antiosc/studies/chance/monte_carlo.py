@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
@@ -72,7 +73,8 @@ def monte_carlo(
         `Client.get_executor()`. What it loses is recorded as failed.
     store : path, optional
         A CSV file of the finished runs, written as they come. If it exists, its runs are taken
-        and only the others are made, those that failed included: a broken campaign goes on.
+        and only the others are made, those that failed included: a broken campaign goes on. Not on
+        several MPI ranks that all make the same calls: give an executor on one of them.
 
     Returns
     -------
@@ -90,6 +92,12 @@ def monte_carlo(
     given, size = checked(inputs), checks.whole("n", n, most=MOST)
     check_executor(executor)
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
+    mpi = sys.modules.get("mpi4py.MPI")
+    if store is not None and executor is None and mpi is not None and mpi.COMM_WORLD.size > 1:
+        raise InputError(
+            f"store is one file, and {mpi.COMM_WORLD.size} MPI ranks would all write it: run the"
+            " campaign on one, with executor=mpi4py.futures.MPIPoolExecutor()."
+        )
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, drawn)
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]

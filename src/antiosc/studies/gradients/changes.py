@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,24 +27,49 @@ from antiosc.studies.gradients.recorded import Recorded
 FINER, LEAST = 0.1, 1e-7
 #: Share of the anti-oscillators without which a run shows what truncation changes.
 FEWER = 0.25
+#: Frequencies that differ by less, relatively, are of one group: modes that turn into each other.
+CLOSE = 1e-2
+#: What the modes of a group have that turns with them.
+TURNING = ("beta", "loads", "q", "v", "B")
 #: Options of `simulate` that its error control reads.
 LIMITS = ("max_contacts", "max_steps")
 
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """Change of the goal from one set of bodies to another, to first order."""
+    """Change of the goal from one set of bodies to another, to first order.
+
+    Modes of nearly equal frequencies turn into each other within small changes. The squares of
+    their frequencies are a matrix X with such a group, and what changes evenly is X beside the
+    displacements of the site in the Krylov basis of both.
+    """
     a, b = before.system, after.system
     if a.omega.shape != b.omega.shape or found.system.omega.shape != a.omega.shape:
         raise NotDifferentiableError(
             "the number of modes changes with an input: build models with as many anti-oscillators."
         )
-    pairs = [
-        (by.square, b.omega**2 - a.omega**2), (by.decay, b.decay - a.decay),
-        (by.beta, b.beta - a.beta), (by.residual, b.R - a.R), (by.loads, b.loads - a.loads),
-        (by.offsets, b.offsets - a.offsets), (by.q, b.q - a.q), (by.v, b.v - a.v),
-        (wanted.B, after.B - before.B), (wanted.r, after.r - before.r),
-    ]  # fmt: skip
-    total = sum(float(np.sum(slope * change)) for slope, change in pairs)
+    slopes: dict[str, Array] = {
+        "square": by.square, "decay": by.decay, "beta": by.beta, "loads": by.loads,
+        "q": by.q[None], "v": by.v[None], "B": wanted.B.T,
+    }  # fmt: skip
+    here, one, other = _of_modes(found), _of_modes(before), _of_modes(after)
+    total = 0.0
+    for group, column in _groups(found):
+        x, base = here["square"][group], _krylov(here, group, column)
+        # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
+        twist = np.sum([here[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0)
+        by_matrix = (twist.T - twist) / (2 * (x[:, None] - x + np.eye(x.size)))
+        for values, sign in ((one, -1), (other, 1)):
+            turn = base @ _krylov(values, group, column).T
+            matrix = (turn * values["square"][group]) @ turn.T
+            total += sign * float(np.sum(by_matrix * matrix))
+            for name in ("square", "decay"):
+                values[name][group] = turn**2 @ values[name][group]
+            for name in TURNING:
+                values[name][..., group] = values[name][..., group] @ turn.T
+    total += sum(float(np.sum(slope * (other[n] - one[n]))) for n, slope in slopes.items())
+    pairs = [(by.residual, b.R - a.R), (by.offsets, b.offsets - a.offsets),
+             (wanted.r, after.r - before.r)]  # fmt: skip
+    total += sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
         total += float(slope @ (_leading(new) - _leading(old)))
         if old.kernel[0].kind == march.TABLE and old is not new:  # type: ignore[attr-defined]
@@ -52,6 +77,34 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
                 "there are no derivatives by the curves of a table: make it outside of build."
             )
     return total
+
+
+def _of_modes(bodies: Assembly | Recorded) -> dict[str, Array]:
+    """What each mode has, copies (…, J)."""
+    s = bodies.system
+    found = {"square": s.omega**2, "decay": s.decay, "beta": s.beta, "loads": s.loads,
+             "q": s.q[None], "v": s.v[None], "B": bodies.B.T}  # fmt: skip
+    return {name: value.copy() for name, value in found.items()}
+
+
+def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
+    """Modes of nearly equal frequencies of bodies of one site, and the column of the site."""
+    for part in found.parts.values():
+        omega, column = found.system.omega[part.span], part.columns.start
+        if part.columns.stop != column + 1 or not omega.size:
+            continue
+        ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
+        for begin, end in zip([0, *ends], [*ends, omega.size], strict=True):
+            if omega[end - 1] > omega[begin] > 0:
+                yield slice(part.span.start + begin, part.span.start + end), column
+
+
+def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
+    """The orthonormal Krylov basis of the squares of a group and its displacements of the site."""
+    x = values["square"][group]
+    powers = np.vander((x - x.mean()) / np.ptp(x), increasing=True).T * values["B"][column, group]
+    basis, R = np.linalg.qr(powers.T)
+    return np.asarray(basis * np.where(R.diagonal() < 0, -1.0, 1.0))
 
 
 def _leading(law: ContactLaw) -> Array:

@@ -21,11 +21,12 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import WeakForm, measure
 from antiosc.fem.platform import compat
+from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.studies.gradients.goals import Sampled
 from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
-from antiosc.studies.gradients.of_part import CHANGE, values_of
+from antiosc.studies.gradients.of_part import CHANGE, Chain, site_of, values_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,6 +93,8 @@ def design_map(
 ) -> DesignMap:
     """Where material helps: the derivative of a result by the thickness of every cell.
 
+    By E the compliance of the contact's patch belongs to the cells under the patch.
+
     Parameters
     ----------
     part : Structure
@@ -126,6 +129,8 @@ def design_map(
         total += compat.quadratic(change, upper.space, to.shapes @ turn, shares, DEGREE)
     own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
     relative = total / (2 * CHANGE)
+    if by == "E" and to.by_local:
+        relative += _of_patch(meshed, to, total.size)
     size = np.array(own)[meshed.part_of_cells()[: total.size]]
     per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
@@ -145,6 +150,17 @@ def _form(part: Structure, meshed: MeshedStructure, by: str, sign: int) -> WeakF
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     form: WeakForm = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
     return form
+
+
+def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
+    """(cells,) what the compliance of the site's patch, as 1/E, gives to the cells under it."""
+    site = site_of(to.model)
+    point, along = np.array([site.point]), np.array([site.direction], dtype=float)
+    at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
+    assert at.weighted is not None
+    own = at.weighted.cell < cells
+    shares = np.bincount(at.weighted.cell[own], at.weighted.weight[own], cells)
+    return np.asarray(-to.by_local * at.local[0] * shares)
 
 
 def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:

@@ -135,7 +135,9 @@ def _impulse(found: Recorded, c: int, to: Seeds) -> None:
 def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
     """The edges at which a contact touches and parts, and whether it parted from the last."""
     assert found.run.exits is not None
-    spans, begin, parted = [], None, True
+    spans: list[tuple[int, int]] = []
+    begin = 0 if found.system.pressed[c] > 0 else None  # closed at the start
+    parted = begin is None
     for row in found.run.exits:
         step, which, before, after = int(row[0]), int(row[1]), int(row[5]), int(row[9])
         if which != c:

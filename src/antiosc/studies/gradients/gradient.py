@@ -19,6 +19,7 @@ from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
+from antiosc.studies.gradients.at_rest import through_start
 from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
@@ -64,14 +65,11 @@ class Gradient(Brief):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        holders = [
-            each for each in (*self.bodies.values(), *self.contacts.values()) if name in each
-        ]
+        every = (*self.bodies.values(), *self.contacts.values())
+        holders = [each for each in every if name in each]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted(
-            {n for each in (*self.bodies.values(), *self.contacts.values()) for n in each}
-        )
+        known = sorted({n for each in every for n in each})
         why = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
@@ -144,8 +142,8 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, contacts that are closed at the start, laws
-        made elsewhere, and a part that is not that of the model.
+        For a history without its run, an unknown goal, damping that couples modes, laws made
+        elsewhere, and a part that is not that of the model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -200,6 +198,8 @@ def derived(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
+    if found.settled or s.pressed.any():
+        through_start(s, slopes, found.settled)
     return found, wanted, slopes
 
 
@@ -210,7 +210,8 @@ def _of_part(
     from antiosc.studies.gradients.of_part import Structure, by_part, by_shape  # loads dolfinx
 
     if isinstance(part, Structure):
-        known = [which for which, each in enumerate(taken) if not which or _has_shapes(each, name)]
+        shapes = [each[0].parts[name].body.shapes for each in taken]
+        known = [which for which, own in enumerate(shapes) if not which or own is not None]
         slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
         own = dict(zip(known, slopes, strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
@@ -226,21 +227,12 @@ def _of_part(
     return by_shape(part, checks.column("x", x), taken[0][0].parts[name].body, changes)
 
 
-def _has_shapes(taken: Taken, name: str) -> bool:
-    return taken[0].parts[name].body.shapes is not None
-
-
 def _refuse(found: Recorded) -> None:
     s = found.system
     if s.first is not None:
         raise InputError(
             "a gradient does not take damping that couples the modes (a DampingMatrix, dampers): "
             "take it of a model with damping ratios."
-        )
-    if np.any(s.pressed > 0):
-        raise InputError(
-            "a scene whose contacts are closed at the start has no gradients yet: begin it with"
-            " a gap >= 0 and without preload."
         )
     for law in s.laws:
         if not is_compiled(law):

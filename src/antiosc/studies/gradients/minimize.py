@@ -100,7 +100,8 @@ def minimize(
     scale = np.where(start != 0, abs(start), 1.0)
     search = _Search(build, goal, scale)
     limits = _scaled(bounds, start, scale)
-    rules = [_rule(each, scale) for each in _listed(constraints)]
+    listed = constraints if isinstance(constraints, list | tuple) else [constraints]
+    rules = [_rule(each, scale) for each in listed]
     first = abs(search.value(start / scale)) or 1.0
     found = optimize.minimize(
         lambda y: search.value(y) / first,
@@ -170,10 +171,6 @@ def _scaled(bounds: Any, start: Array, scale: Array) -> list[tuple[float, float]
             raise InputError(f"x0 must lie within its bounds, {low:g} to {high:g}; got {x:g}.")
         found.append((low / unit, high / unit))
     return found
-
-
-def _listed(constraints: Any) -> list[Any]:
-    return list(constraints) if isinstance(constraints, list | tuple) else [constraints]
 
 
 def _rule(rule: Any, scale: Array) -> dict[str, Any]:

@@ -35,7 +35,7 @@ class Recorded:
     """What the march took and wrote down; B (J, P), r (P, P), G (m, P) as in `Assembly`.
 
     `ends`: the names of the ends of the contacts; `laws`: as they were given. `driven`: loads or
-    the ground act in time.
+    the ground act in time; `settled`: it begins in equilibrium.
     """
 
     system: System
@@ -47,7 +47,8 @@ class Recorded:
     B: Array
     r: Array
     G: Array
-    driven: bool = False
+    driven: bool
+    settled: bool
 
     @property
     def edges(self) -> Array:
@@ -83,4 +84,5 @@ def recorded(hit: Any) -> Recorded:
         r=a.r,
         G=a.G,
         driven=bool(a.scene.loads) or a.scene.base is not None,
+        settled=a.scene.preload,
     )

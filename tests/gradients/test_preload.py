@@ -1,0 +1,69 @@
+"""Gradients of a scene that begins in equilibrium, its contacts closed, against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import antiosc as ao
+
+LAWS = [ao.Hertz(3e8), ao.HuntCrossley(3e8, 0.8), ao.Thornton(3e8, 2e-6)]
+SIZES = {"k0": 2e6, "stiffness": 3e8, "ball": 0.1, "machine": 0.3, "m": 0.05, "omega": 3e3}
+
+
+def impulse(law: ao.ContactLaw, m0: float, tol: float, change: dict[str, float]) -> ao.SceneHistory:
+    """A machine that rests on a structure, which a ball strikes."""
+    x = {name: size * (1 + change.get(name, 0.0)) for name, size in SIZES.items()}
+    part = ao.AntiOscillators(m0=m0, k0=x["k0"], m=[x["m"], 0.03], omega=[x["omega"], 8e3])
+    scene = ao.Scene(
+        {"part": part, "ball": ao.RigidMass(x["ball"], 1.0), "machine": ao.RigidMass(x["machine"])},
+        [
+            ao.Contact("part", "machine", replace(law, stiffness=x["stiffness"])),
+            ao.Contact("part", "ball", ao.Hertz(3e8), gap=1e-5),
+        ],
+        gravity=500.0,
+        preload=True,
+    )
+    return scene.run(2e-3, tol=tol)
+
+
+@pytest.mark.filterwarnings("ignore:The run ends during contact")
+@pytest.mark.parametrize("m0", [0.0, 0.04])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_a_machine_that_rests_on_what_is_struck(law: ao.ContactLaw, m0: float) -> None:
+    pair, h = ("part", "machine"), 1e-5
+    hit = impulse(law, m0, 1e-7, {})
+    assert hit[pair].force[0] == pytest.approx(0.3 * 500.0)
+    g = ao.gradient(hit, "impulse", contact=pair)
+    part = g.bodies["part"]
+    found = {
+        "k0": part["k0"], "m": part["m"][0], "omega": part["omega"][0],
+        "stiffness": g.contacts[pair]["stiffness"], "ball": g.bodies["ball"]["mass"],
+        "machine": g.bodies["machine"]["mass"],
+    }  # fmt: skip
+    along = dict(zip(SIZES, (1.0, -2.0, 1.5, -1.0, 2.0, 0.5), strict=True))
+    ends = [
+        impulse(law, m0, 1e-9, {n: s * h * x for n, x in along.items()})[pair].impulse
+        for s in (-1, 1)
+    ]
+    slope = sum(found[name] * size * along[name] for name, size in SIZES.items())
+    assert slope == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=0, abs=1e-4 * g.value)
+
+
+def test_a_load_that_presses_a_massless_site_at_once() -> None:
+    """Without preload: a share of the load, s/(1 + s) with s = k r, which nothing else feels."""
+    compliance, load = 1e-4, 50.0
+
+    def run(stiffness: float) -> ao.SceneHistory:
+        body = ao.SiteModes(omega=[300.0], b=[[0.0]], sites=["tip"], r=[[compliance]])
+        return ao.Scene(
+            {"part": body, "stop": ao.Obstacle()},
+            [ao.Contact("part:tip", "stop", ao.Linear(stiffness))],
+            loads=[ao.Load("part:tip", [0.0, 1.0], [-load, -load])],
+        ).run(0.01)
+
+    g = ao.gradient(run(3e4), "force", time=0.0)
+    slope = g.contacts["part:tip", "stop"]["stiffness"]
+    assert g.value == pytest.approx(load * 3 / 4)
+    assert slope == pytest.approx(load * compliance / 16, rel=1e-6)
