@@ -316,6 +316,21 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an edge cuts the patch")
+def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run():
+    light, stiff = (
+        ao.Structure(
+            parts.line(0.2, 8),
+            ao.Beam(E, 0.3, 7850.0, ao.Section.rectangle(0.01, 0.01)),
+            [ao.Support("left")],
+        )
+        for E in (70e9, 210e9)
+    )
+    hit = quiet_load(ao.extract(light, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
+    assert ao.probe(light, hit, (0.1, 0.0)).any()
+    with pytest.raises(ao.InputError, match="another structure"):
+        ao.probe(stiff, hit, (0.1, 0.0))
+
+
 def test_what_cannot_be_probed_is_refused(sheet):
     part = sheet[0]
     hit = ao.simulate(ao.extract(part, SITE, 4), BALL, LAW, 1e-4)
