@@ -79,12 +79,11 @@ class NastranDeck:
                 self.deck.told.append(some)
             return present
         first = self.bulk.of_first(what)
+        sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
         used = set() if first is None else {first}
-        for entry in self.named(f"{what}ADD"):
-            if entry.whole(0) == first:
-                added = {entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)}
-                used = added | used & present
-        lost, others = used - present, present - used
+        if first in sums:
+            used = set(map(int, sums[first].words(1))) | used & present
+        lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
             raise MeshError(
                 f"the case control of {name} selects SPC = {first}, which is not there."
