@@ -14,7 +14,7 @@ from antiosc.io.request import FileReader, Request
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh, model as nastran_model
-from antiosc_decks.sources import BULK as _BULK
+from antiosc_decks.sources import BULK as _BULK, Sources
 
 
 def _reader(
@@ -26,7 +26,12 @@ def _reader(
         # the time limit grows with the files that a deck includes
         options = ask.model or {}
         found = read(
-            Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size), options.get("root")
+            Sources(
+                Path(ask.path),
+                ask.name,
+                lambda size: ask.allow(30 + 3e-5 * size),
+                options.get("root"),
+            )
         )
         deck: Deck = found.deck
         if ask.model is not None:

@@ -170,7 +170,6 @@ def element_copies(
 
 
 def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
-    """Elements on nodes with other numbers."""
     label = np.empty(len(nodes.labels), dtype=np.int64)
     label[nodes.order] = nodes.labels
 

@@ -34,8 +34,6 @@ def chosen_elements(deck: Deck) -> BoolArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
-
-
 #: Of a class of antiosc, as JSON holds them.
 Arguments = dict[str, Any]
 
@@ -137,14 +135,9 @@ class ModelBuilder:
             "nothing can be struck; add it to the deck, or give density= in kg/m³."
         )
 
-    def _constants(self, material: Material) -> Array:
-        if material.constants is None:
-            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
-        return material.constants
-
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
-        self._constants(material)
+        material.elasticity()
         found = material.isotropic
         if found is None:
             raise material.place.error(
@@ -173,7 +166,7 @@ class ModelBuilder:
 
     def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
-        E1, E2, _, nu12, _, _, *G = self._constants(material).tolist()
+        E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
         found = {name: value * self.units.stress for name, value in moduli}
         thick = thickness * self.units.length

@@ -14,8 +14,8 @@ from antiosc_decks.model.builder import Arguments, Family, ModelBuilder
 from antiosc_decks.model.geometry import measures_of
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
-DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Solid": 3}
-DIMENSION["AnisotropicSolid"] = 3
+DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2}
+DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
 
@@ -78,7 +78,6 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    """Add to the density of elements."""
     rods = np.array([int(element) in builder.rods for element in elements])
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
         rod = builder.rods[element]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -149,17 +147,9 @@ class NastranDeck:
         return system.axes
 
 
-def read(
-    path: Path,
-    name: str,
-    on_size: Callable[[int], None] = lambda size: None,
-    root: str | None = None,
-) -> NastranDeck:
-    """The deck in a file; `on_size` is called with the number of bytes read.
-
-    `root`: the folder of the files that it may include; None: its own, or the one above.
-    """
-    bulk = Bulk(Sources(path, name, on_size, root))
+def read(sources: Sources) -> NastranDeck:
+    """The deck in some files."""
+    bulk = Bulk(sources)
     for entry in bulk.entries:
         if entry.fault and fate_of(entry.name).kind == "read":
             raise entry.fault
@@ -168,7 +158,7 @@ def read(
             whole = entry.text(1).upper() in ("", "PRIMARY")
             entry.needs(whole, f"{own} is not read; write its elements out.")
     scope_parts(bulk.entries)
-    found = _nodes(bulk, name)
+    found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):

@@ -10,6 +10,7 @@ from antiosc_decks.abaqus import assembly as abaqus_assembly
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.ties import surfaces_of
 from antiosc_decks.model.constraints import Constraints
+from antiosc_decks.sources import Sources
 from refusals import refused
 
 RNG = np.random.default_rng(37)
@@ -19,7 +20,7 @@ def deck_of(folder, x: np.ndarray, text: str):
     path = folder / "a.inp"
     nodes = "".join(f"{k},{','.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x, 1))
     path.write_text(f"*NODE\n{nodes}{text}")
-    whole = abaqus_assembly.read(path, "a.inp")
+    whole = abaqus_assembly.read(Sources(path, "a.inp"))
     return whole, [pair for pair in whole.cards if pair[0].keyword != "NODE"]
 
 
