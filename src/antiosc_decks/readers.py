@@ -23,16 +23,11 @@ def _reader(
     """The reader of a dialect, from that of its mesh and that of its model."""
 
     def reader(ask: Request) -> FileMesh:
-        # the time limit grows with the files that a deck includes
+        def allow(size: int) -> None:  # the time limit grows with the files that a deck includes
+            ask.allow(30 + 3e-5 * size)
+
         options = ask.model or {}
-        found = read(
-            Sources(
-                Path(ask.path),
-                ask.name,
-                lambda size: ask.allow(30 + 3e-5 * size),
-                options.get("root"),
-            )
-        )
+        found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
         deck: Deck = found.deck
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")

@@ -42,10 +42,6 @@ class Row(Placed):
         """Its numbers, or so many; an empty field is 0."""
         return [self.real(k) for k in range(count or len(self.fields))]
 
-    def integers(self) -> list[int]:
-        """Its integers; empty fields are left out."""
-        return [whole_number(word, self.place) for word in self.fields if word]
-
 
 @dataclass
 class Card(Placed):

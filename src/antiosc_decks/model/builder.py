@@ -63,11 +63,6 @@ class Rod:
     #: its thickness and width (from 1.01: of the square of its thickness)
     effective: tuple[float, float] | None = None
 
-    @property
-    def dimension(self) -> int:
-        """Of what its mass is spread over: a length, or an area."""
-        return 1 if self.effective is None else 2
-
 
 @dataclass
 class ModelBuilder:

@@ -57,7 +57,7 @@ def _sections(
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
     if element in builder.rods:
         rod = builder.rods[element]
-        return rod.dimension, rod.across, rod.mass / rod.across
+        return 1 if rod.effective is None else 2, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]

@@ -160,11 +160,6 @@ class Bulk:
             raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
         self._continuations.find_lost()
 
-    def of_first(self, what: str) -> int | None:
-        """The set of the first subcase, by default that above all subcases."""
-        sets = self.selected or {}
-        return sets.get((what, 1), sets.get((what, 0)))
-
     def _read(self, lines: list[str], file: str) -> None:
         number = 0
         while number < len(lines) and not self._ended:

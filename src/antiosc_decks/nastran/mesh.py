@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, through
@@ -67,7 +67,7 @@ class NastranDeck:
         """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
 
         Without case control all of them are used. The choice is told; MeshError if there are no
-        supports of the number that is selected.
+        supports of the number that is selected. What stands above all subcases is of each.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
@@ -76,11 +76,12 @@ class NastranDeck:
                 some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
                 self.deck.told.append(some)
             return present
-        first = self.bulk.of_first(what)
+        first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
         used = set() if first is None else {first}
         if first in sums:
-            used = set(map(int, sums[first].words(1))) | used & present
+            words, place = sums[first].words(1), sums[first].place
+            used = {whole_number(word, place) for word in words} | used & present
         lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
             raise MeshError(

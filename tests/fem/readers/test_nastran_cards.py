@@ -108,7 +108,7 @@ def test_case_control_and_names_in_comments(tmp_path):
     text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
     text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
     found = bulk(tmp_path, text)
-    assert [found.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
+    assert found.selected == {("SPC", 0): 3, ("MPC", 0): 4, ("SPC", 1): 5, ("MPC", 1): 6}
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
 
