@@ -1,0 +1,151 @@
+"""Bodies whose damping couples their modes: by differences of the modes, not of runs.
+
+The march gives the derivatives by its first-order modes (`antiosc.models.first_order`). These are
+found anew at a small change of each parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import NotDifferentiableError
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.simulation.march.engine import Slopes
+from antiosc.simulation.problem.assembly import Assembly
+from antiosc.simulation.problem.scene_states import marched_states
+from antiosc.studies.gradients.goals import Seeds
+from antiosc.studies.gradients.parameters import Values
+from antiosc.studies.gradients.recorded import Recorded
+
+#: Relative change of a parameter on either side.
+STEP = 1e-5
+#: Change of a mode over that of the parameter above which it is another mode.
+OTHER = 1e3
+
+
+def first_order_weights(found: Recorded, weights: Array) -> Array:
+    """Weights (n, 2 I + m) of readings in the modes of the march, from those (n, 2 J + m)."""
+    first, J = found.system.first, found.system.omega.size
+    if first is None:
+        return weights
+    return np.hstack([first.seen(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]])
+
+
+def by_coupled(
+    found: Recorded,
+    by: Slopes,
+    name: str,
+    closing: float,
+    change: Callable[[AntiOscillators, AntiOscillators], float],
+) -> Values:
+    """Derivatives by the parameters of a model of one site; its damping matrix stays.
+
+    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range.
+    `change` of the goal from one model to another; `closing` as in `by_body`.
+    """
+    model = found.parts[name].body
+    if not isinstance(model, AntiOscillators) or model.sites or found.driven:
+        return {}
+    result: Values = {"m0": None, "k0": None, "m": np.zeros(model.n), "omega": np.zeros(model.n)}
+    for key, place, h, ends in _ends(model):
+        slope = change(*ends) / (2 * h)
+        if place is None:
+            result[key] = slope
+        else:
+            result[key][place] = slope
+    at, s = found.places[name], found.system.marched
+    if closing and not found.system.q[found.parts[name].span].any():
+        result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
+    return result
+
+
+def _ends(model: AntiOscillators) -> Iterator[tuple[str, int | None, float, list[Any]]]:
+    """Name, place in its array, change, and the models on either side, of each parameter."""
+    for name in ("m0", "k0"):
+        value = float(getattr(model, name))
+        if value > 0:
+            h = STEP * value
+            yield name, None, h, [replace(model, **{name: value + s * h}) for s in (-1, 1)]
+    for name in ("m", "omega"):
+        values = getattr(model, name)
+        for i, value in enumerate(values.tolist()):
+            one = STEP * value * np.eye(model.n)[i]
+            yield (
+                name,
+                i,
+                STEP * value,
+                [replace(model, **{name: values + s * one}) for s in (-1, 1)],
+            )
+    damping = model.damping
+    assert isinstance(damping, DampingMatrix)
+    scaled = []
+    for size in (1 - STEP, 1 + STEP):
+        root = np.sqrt(size)
+        own = of_factors(root * damping.factor, [(root * L, tau) for L, tau in damping.factors])
+        scaled.append(replace(model, damping=own))
+    yield "damping", None, STEP, scaled
+
+
+def changed_coupled(
+    found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
+) -> float:
+    """Change of the goal by the modes of one set of bodies to another, to first order."""
+    size = found.system.marched.omega.size
+    one, other = _of_march(before), _of_march(after)
+    if any(one[n].shape != other[n].shape for n in one) or one["omega"].shape != (1, size):
+        raise NotDifferentiableError("the number of modes changes with a parameter.")
+    seen = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
+    scale = np.stack([np.ones(size), found.system.marched.omega])  # of a and of b
+    turn = np.where(np.sum(seen[0] * seen[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
+    for n in ("B", "V", "rigid", "beta", "loads", "state"):
+        other[n] = (other[n].reshape(-1, 2, size) * turn).reshape(other[n].shape)
+    _refuse_other_modes(one, other)
+    change = {n: other[n] - one[n] for n in one}
+    squares = (other["omega"] ** 2 - one["omega"] ** 2)[0]
+    total = float(by.square @ squares + by.decay @ change["decay"][0])
+    total += float(np.sum(np.hstack([by.beta, by.gamma]) * change["beta"]))
+    total += float(np.sum(by.loads * change["loads"]))
+    total += float(np.append(by.q, by.v) @ change["state"][0])
+    for (step, u, _), own in wanted.sites:
+        since = u * float(found.edges[step + 1] - found.edges[step])
+        at = np.array([step]), np.array([since])
+        state = np.hstack(marched_states(found.run, found.system, found.load, *at))[0]
+        moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
+        total += float(np.sum(own * moved))
+    return total
+
+
+def _of_march(bodies: Assembly) -> dict[str, Array]:
+    """What the march takes of the modes, and how these move the sites, rows (n, I) or (n, 2 I)."""
+    s, first = bodies.system.marched, bodies.system.first
+    assert first is not None
+    assert s.gamma is not None
+    zero = np.zeros(bodies.B.T.shape)
+    return {
+        "omega": s.omega[None], "decay": s.decay[None], "beta": np.hstack([s.beta, s.gamma]),
+        "loads": s.loads, "state": np.append(s.q, s.v)[None],
+        "B": first.seen(bodies.B.T, zero), "V": first.seen(zero, bodies.B.T),
+        "rigid": first.seen(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
+    }  # fmt: skip
+
+
+def _refuse_other_modes(one: dict[str, Array], other: dict[str, Array]) -> None:
+    """NotDifferentiableError where modes turn into each other within the change."""
+    size = one["omega"].size
+    pairs = [(one[n], other[n]) for n in ("omega", "decay")]
+    pairs.append((one["B"][:, :size], other["B"][:, :size]))
+    for a, b in pairs:
+        off = np.abs(b - a) / np.maximum(
+            np.abs(a).max(axis=0), 1e-9 * np.abs(a).max(initial=1e-300)
+        )
+        if off.max(initial=0.0) > OTHER * STEP:
+            raise NotDifferentiableError(
+                f"two poles of the damped bodies nearly fall together: within {STEP:g} of a"
+                " parameter their modes turn into each other; change the damping by a per cent."
+            )
