@@ -352,10 +352,10 @@ def gradient(
     out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
     begin = march.address(block)
     slopes = march.Slopes(*[begin + 8 * end for end in ends[:-1]])
-    if not s.decay.any():
-        slopes.decay = None
     if s.gamma is None:
         slopes.gamma = None
+        if not s.decay.any():
+            slopes.decay = None
     if space.work is None:
         space.work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
     work = march.address(space.work), space.work.nbytes

@@ -24,9 +24,11 @@ from antiosc.studies.gradients.parameters import Values
 from antiosc.studies.gradients.recorded import Recorded
 
 #: Relative change of a parameter on either side.
-STEP = 1e-5
+STEP = 1e-4
 #: Change of a mode over that of the parameter above which it is another mode.
-OTHER = 1e3
+OTHER = 1e2
+#: Share of the largest below which a mode of other size is none to tell by.
+VISIBLE = 1e-3
 
 
 def first_order_weights(found: Recorded, weights: Array) -> Array:
@@ -71,17 +73,14 @@ def _ends(model: AntiOscillators) -> Iterator[tuple[str, int | None, float, list
         value = float(getattr(model, name))
         if value > 0:
             h = STEP * value
-            yield name, None, h, [replace(model, **{name: value + s * h}) for s in (-1, 1)]
+            changes: list[dict[str, Any]] = [{name: value + s * h} for s in (-1, 1)]
+            yield name, None, h, [replace(model, **change) for change in changes]
     for name in ("m", "omega"):
         values = getattr(model, name)
         for i, value in enumerate(values.tolist()):
             one = STEP * value * np.eye(model.n)[i]
-            yield (
-                name,
-                i,
-                STEP * value,
-                [replace(model, **{name: values + s * one}) for s in (-1, 1)],
-            )
+            changes = [{name: values + s * one} for s in (-1, 1)]
+            yield name, i, STEP * value, [replace(model, **change) for change in changes]
     damping = model.damping
     assert isinstance(damping, DampingMatrix)
     scaled = []
@@ -96,16 +95,8 @@ def changed_coupled(
     found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
 ) -> float:
     """Change of the goal by the modes of one set of bodies to another, to first order."""
-    size = found.system.marched.omega.size
-    one, other = _of_march(before), _of_march(after)
-    if any(one[n].shape != other[n].shape for n in one) or one["omega"].shape != (1, size):
-        raise NotDifferentiableError("the number of modes changes with a parameter.")
-    seen = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
-    scale = np.stack([np.ones(size), found.system.marched.omega])  # of a and of b
-    turn = np.where(np.sum(seen[0] * seen[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
-    for n in ("B", "V", "rigid", "beta", "loads", "state"):
-        other[n] = (other[n].reshape(-1, 2, size) * turn).reshape(other[n].shape)
-    _refuse_other_modes(one, other)
+    here = _of_march(found)
+    one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
     change = {n: other[n] - one[n] for n in one}
     squares = (other["omega"] ** 2 - one["omega"] ** 2)[0]
     total = float(by.square @ squares + by.decay @ change["decay"][0])
@@ -121,7 +112,7 @@ def changed_coupled(
     return total
 
 
-def _of_march(bodies: Assembly) -> dict[str, Array]:
+def _of_march(bodies: Assembly | Recorded) -> dict[str, Array]:
     """What the march takes of the modes, and how these move the sites, rows (n, I) or (n, 2 I)."""
     s, first = bodies.system.marched, bodies.system.first
     assert first is not None
@@ -135,17 +126,28 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def _refuse_other_modes(one: dict[str, Array], other: dict[str, Array]) -> None:
-    """NotDifferentiableError where modes turn into each other within the change."""
+def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
+    """The others with the signs of the modes here; NotDifferentiableError for other modes."""
     size = one["omega"].size
+    if any(one[n].shape != other[n].shape for n in one):
+        raise NotDifferentiableError(
+            "the number of modes of the damped bodies changes with a parameter: change its damping"
+            " by a per cent."
+        )
+    seen = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
+    scale = np.stack([np.ones(size), one["omega"][0]])  # of a and of b
+    turn = np.where(np.sum(seen[0] * seen[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
+    for n in ("B", "V", "rigid", "beta", "loads", "state"):
+        other[n] = (other[n].reshape(-1, 2, size) * turn).reshape(other[n].shape)
     pairs = [(one[n], other[n]) for n in ("omega", "decay")]
     pairs.append((one["B"][:, :size], other["B"][:, :size]))
     for a, b in pairs:
         off = np.abs(b - a) / np.maximum(
-            np.abs(a).max(axis=0), 1e-9 * np.abs(a).max(initial=1e-300)
+            np.abs(a).max(axis=0), VISIBLE * np.abs(a).max(initial=1e-300)
         )
         if off.max(initial=0.0) > OTHER * STEP:
             raise NotDifferentiableError(
                 f"two poles of the damped bodies nearly fall together: within {STEP:g} of a"
                 " parameter their modes turn into each other; change the damping by a per cent."
             )
+    return other

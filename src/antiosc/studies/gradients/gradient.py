@@ -322,8 +322,8 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
     if by is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
-            " moving ground, or damping that couples its modes: give a function of x that builds the"
-            " part, and x."
+            " moving ground, or damping that couples its modes: give a function of x that builds"
+            " the part, and x."
         )
     part = found.parts[name]
     touching = np.flatnonzero(found.G[:, part.columns.start])
