@@ -564,6 +564,12 @@ static void row_system(adjoint *a, int i, int s, double depth, double rate) {
     to_system(a, i, depth, rate, a->q + s * J, v, a->v + s * J, g);
 }
 
+/* The share that the next break has in loads and gaps at t. */
+static double share_of_next(const aom_stepper *st, double t) {
+    const double *at = st->system.breaks + st->now.segment;
+    return st->now.segment + 1 == st->system.n_breaks ? 0.0 : (t - at[0]) / (at[1] - at[0]);
+}
+
 /* What is kept of a step's derivatives: by the system, by the time, forces and memory at its start. */
 static void keep(adjoint *a, const double *mu) {
     aom_stepper *st = a->st;
@@ -571,7 +577,7 @@ static void keep(adjoint *a, const double *mu) {
     int J = system->n_modes, m = system->n_rows, K = st->now.segment;
     bool last = K + 1 == system->n_breaks;
     double span = last ? 1.0 : system->breaks[K + 1] - system->breaks[K];
-    double u = last ? 0.0 : (a->start - system->breaks[K]) / span;
+    double u = share_of_next(st, a->start);
     for (int j = 0, width = load_width(system); j < width; j++) {
         const double *by = j < J ? a->by_load + j : a->by_push + j - J;
         double *to = a->out->loads + (ptrdiff_t)K * width + j, over = last ? 0.0 : by[J] / span;
@@ -743,7 +749,7 @@ static void undo_touch(adjoint *a, const aom_exit *e, const double *state) {
     memcpy(a->load, st->work.load, (size_t)J * sizeof(double));
     clear(a->load + J, 2 * J);
     memcpy(a->w0, v, (size_t)J * sizeof(double));
-    double rate = -st->work.drift[c];
+    double rate = -st->work.drift[c], next = share_of_next(st, st->now.time);
     if (coupled)
         add(J, 1.0, st->work.load + J, a->w0);
     for (int j = 0; coupled && j < J; j++)
@@ -751,6 +757,14 @@ static void undo_touch(adjoint *a, const aom_exit *e, const double *state) {
                                        2.0 * system->decay[j] * a->w0[j]);
     to_motion(a, c, 0.0, now->rate[c], now->q, now->v, now->v);
     to_system(a, c, 0.0, now->rate[c], q, v, a->w0, a->load);
+    for (int j = 0; coupled && j < 2 * J; j++) { /* the loads turn the rate at once */
+        double gamma = gamma_row(st, c)[j % J];
+        double own = j < J ? gamma : beta_row(st, c)[j - J] - 2.0 * system->decay[j - J] * gamma;
+        double *to = a->out->loads + (ptrdiff_t)st->now.segment * 2 * J + j;
+        to[0] += (1.0 - next) * now->rate[c] * own;
+        if (next > 0.0)
+            to[2 * J] += next * now->rate[c] * own;
+    }
     rate += dot(J, beta_row(st, c), a->w0);
     double nu = (by_time(a, 0.0, q, a->w0, now->q, now->v) + now->time) / rate;
     now->rate[c] = 0.0;
