@@ -7,6 +7,7 @@ found anew at a small change of each parameter.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -23,10 +24,10 @@ from antiosc.studies.gradients.goals import Seeds
 from antiosc.studies.gradients.parameters import Values
 from antiosc.studies.gradients.recorded import Recorded
 
-#: Relative change of a parameter on either side.
-STEP = 1e-4
-#: Change of a mode over that of the parameter above which it is another mode.
-OTHER = 1e2
+#: Relative changes of a parameter on either side: the first in which no modes turn into others.
+STEPS = (1e-4, 1e-5, 1e-6)
+#: Relative change of a mode above which it is another one.
+OTHER = 1e-2
 #: Share of the largest below which a mode of other size is none to tell by.
 VISIBLE = 1e-3
 
@@ -48,18 +49,19 @@ def by_coupled(
 ) -> Values:
     """Derivatives by the parameters of a model of one site; its damping matrix stays.
 
-    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range.
+    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range, and
+    where two poles nearly fall together.
     `change` of the goal from one model to another; `closing` as in `by_body`.
     """
     model = found.parts[name].body
     if not isinstance(model, AntiOscillators) or model.sites or found.driven:
         return {}
     result: Values = {"m0": None, "k0": None, "m": np.zeros(model.n), "omega": np.zeros(model.n)}
-    for key, place, h, ends in _ends(model):
-        slope = change(*ends) / (2 * h)
-        if place is None:
+    for key, place in _parameters(model):
+        slope = _slope(model, key, place, change)
+        if place is None or slope is None:
             result[key] = slope
-        else:
+        elif result[key] is not None:
             result[key][place] = slope
     at, s = found.places[name], found.system.marched
     if closing and not found.system.q[found.parts[name].span].any():
@@ -67,28 +69,39 @@ def by_coupled(
     return result
 
 
-def _ends(model: AntiOscillators) -> Iterator[tuple[str, int | None, float, list[Any]]]:
-    """Name, place in its array, change, and the models on either side, of each parameter."""
-    for name in ("m0", "k0"):
-        value = float(getattr(model, name))
-        if value > 0:
-            h = STEP * value
-            changes: list[dict[str, Any]] = [{name: value + s * h} for s in (-1, 1)]
-            yield name, None, h, [replace(model, **change) for change in changes]
-    for name in ("m", "omega"):
-        values = getattr(model, name)
-        for i, value in enumerate(values.tolist()):
-            one = STEP * value * np.eye(model.n)[i]
-            changes = [{name: values + s * one} for s in (-1, 1)]
-            yield name, i, STEP * value, [replace(model, **change) for change in changes]
-    damping = model.damping
-    assert isinstance(damping, DampingMatrix)
-    scaled = []
-    for size in (1 - STEP, 1 + STEP):
-        root = np.sqrt(size)
-        own = of_factors(root * damping.factor, [(root * L, tau) for L, tau in damping.factors])
-        scaled.append(replace(model, damping=own))
-    yield "damping", None, STEP, scaled
+def _parameters(model: AntiOscillators) -> Iterator[tuple[str, int | None]]:
+    """Name and place in its array of each parameter."""
+    yield from ((name, None) for name in ("m0", "k0") if getattr(model, name) > 0)
+    yield from ((name, i) for name in ("m", "omega") for i in range(model.n))
+    yield "damping", None
+
+
+def _slope(
+    model: AntiOscillators,
+    name: str,
+    place: int | None,
+    change: Callable[[AntiOscillators, AntiOscillators], float],
+) -> float | None:
+    """The derivative by a parameter; None where two modes turn into each other at once."""
+    given = getattr(model, name)
+    size = 1.0 if name == "damping" else float(given if place is None else given[place])
+    for step in STEPS:
+        with suppress(NotDifferentiableError):
+            ends = (_changed(model, name, place, by) for by in (-step, step))
+            return change(*ends) / (2 * step * size)
+    return None
+
+
+def _changed(model: AntiOscillators, name: str, place: int | None, by: float) -> AntiOscillators:
+    """The model with another value of a parameter, relatively."""
+    given: Any = getattr(model, name)
+    if isinstance(given, DampingMatrix):
+        root = np.sqrt(1 + by)
+        scaled = of_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
+        return replace(model, damping=scaled)
+    share = 1.0 if place is None else np.eye(model.n)[place]
+    changes: dict[str, Any] = {name: given * (1 + by * share)}
+    return replace(model, **changes)
 
 
 def changed_coupled(
@@ -145,9 +158,9 @@ def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]
         off = np.abs(b - a) / np.maximum(
             np.abs(a).max(axis=0), VISIBLE * np.abs(a).max(initial=1e-300)
         )
-        if off.max(initial=0.0) > OTHER * STEP:
+        if off.max(initial=0.0) > OTHER:
             raise NotDifferentiableError(
-                f"two poles of the damped bodies nearly fall together: within {STEP:g} of a"
-                " parameter their modes turn into each other; change the damping by a per cent."
+                "two poles of the damped bodies nearly fall together: their modes turn into each"
+                " other within a small change; change the damping by a per cent."
             )
     return other
