@@ -49,8 +49,8 @@ def by_coupled(
 ) -> Values:
     """Derivatives by the parameters of a model of one site; its damping matrix stays.
 
-    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range, and
-    where two poles nearly fall together.
+    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range,
+    and where two poles nearly fall together.
     `change` of the goal from one model to another; `closing` as in `by_body`.
     """
     model = found.parts[name].body
