@@ -40,6 +40,7 @@ def test_ranks_end_whose_test_was_killed(hangs, monkeypatch):
     monkeypatch.setattr(mpi, "SPARE", 1)
     ranks = mpi.Ranks(2)
     if hangs:
+        ranks.run("", (), 60)
         with pytest.raises(AssertionError, match="not done"):
             ranks.run(HANG, (), 1)
     ranks.close()
