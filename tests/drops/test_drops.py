@@ -18,7 +18,7 @@ from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.contact_scene import BODY
 from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.episode import Episode
-from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.fall import fall_of
 from antiosc.studies.drops.flight import Flight, State, most, ringing
 from antiosc.studies.drops.floor import Setting, law_of
 from antiosc.studies.drops.orientation import tilted
@@ -154,7 +154,7 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
     start = hung(
         body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
     )
-    fall = Fall.of(body, start, where)
+    fall = fall_of(body, start, where)
     for one in fall.episodes:
         for state, t in ((one.start, 0.0), (one.end, one.duration)):
             scene = one.history.at([t])[BODY]
@@ -179,7 +179,7 @@ def test_a_face_that_lands_flat_keeps_the_energy(
 ) -> None:
     """Two or four corners at once; on edge the corners press the block out of its balance."""
     body, where = free_body(block(), 0, None, None), setting(law, height=1.0, tol=1e-3)
-    fall = Fall.of(body, started(body, where, tilt), where)
+    fall = fall_of(body, started(body, where, tilt), where)
     assert len(fall.episodes[0].which) > 1
     energy = fall.energy()[1].sum(axis=1)
     np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
@@ -194,7 +194,7 @@ def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded
     start = hung(
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
-    one = Fall.of(body, start, where).episodes[0]
+    one = fall_of(body, start, where).episodes[0]
     R, v, L, peak = landed(body, one, k, friction)
     assert one.forces()[1].sum(axis=1).max() == pytest.approx(peak, rel=5e-4)
     assert np.degrees(np.arccos((np.trace(one.start.R.T @ R) - 1) / 2)) > 10
@@ -243,7 +243,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
     )
     for turns in (1.0, 0.05):
         monkeypatch.setattr("antiosc.studies.drops.episode.TURNS", turns)
-        fall = Fall.of(body, start, where)
+        fall = fall_of(body, start, where)
         one = fall.impacts[0]
         found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
     assert len(fall.episodes) > 3
@@ -257,7 +257,7 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     peaks = []
     for reach in (0.0, 30.0):
         monkeypatch.setattr("antiosc.studies.drops.episode.REACH", reach)
-        fall = Fall.of(body, started(body, where, (0.02, 0.05, 0)), where)
+        fall = fall_of(body, started(body, where, (0.02, 0.05, 0)), where)
         peaks.append([(one.contacts, one.peak_force, one.impulse) for one in fall.impacts])
     assert peaks[1][0][0] > 1
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
@@ -349,7 +349,7 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     body, k = bar(), 2e8
     where = setting(ao.Hertz(k), impacts=3)
     start = started(body, where, (0.0, 30.0, 0.0))
-    fall = Fall.of(body, start, where)
+    fall = fall_of(body, start, where)
     touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
     peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
     mine = fall.impacts.column("peak_force")

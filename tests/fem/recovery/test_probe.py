@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -217,6 +219,23 @@ def test_a_loaded_shell_bends():
     np.testing.assert_allclose(abs(forces[[3, 6]]), [M, 5.0 / 0.02], rtol=5e-2)
     equal = ao.probe(part, hit, (x, 0.01), "von_mises")[-1]
     assert equal == pytest.approx(size, rel=2e-2)
+
+
+@pytest.mark.parametrize("outline", [True, False])
+def test_von_mises_of_a_beam_is_that_of_its_worst_fibre(outline):
+    """σ = M h/2I of a cantilever under a force; the centroid alone has no bending."""
+    side = 0.01
+    square = ao.Section.rectangle(side, side)
+    section = square if outline else ao.Section(A=square.A, I=square.I)
+    part = ao.Structure(
+        parts.line(0.2, 8), ao.Beam(**parts.STEEL, section=section), [ao.Support("left")]
+    )
+    hit = quiet_load(ao.extract(part, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
+    told = contextlib.nullcontext() if outline else pytest.warns(ao.AccuracyWarning, match="fibre")
+    with told:
+        stress = ao.probe(part, hit, (0.1, 0.0), "von_mises")[-1]
+    bent = 5.0 * 0.1 * side / 2 / square.I
+    assert stress == pytest.approx(bent if outline else 0.0, rel=2e-2, abs=1e-6 * bent)
 
 
 def test_section_forces_of_a_plane_beam():

@@ -17,7 +17,7 @@ from antiosc.simulation.sweep import check_executor
 from antiosc.studies.drops.body import MODES, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
-from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.fall import Fall, fall_of
 from antiosc.studies.drops.floor import Floor, Setting
 from antiosc.studies.drops.orientation import orientation
 
@@ -128,7 +128,7 @@ def drop(
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
-        fall = Fall.of(body, start, setting)
+        fall = fall_of(body, start, setting)
         fall.warn()
         return fall
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")

@@ -20,7 +20,7 @@ from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.course import hung
-from antiosc.studies.drops.fall import Fall
+from antiosc.studies.drops.fall import fall_of
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Setting
 from antiosc.studies.drops.rotation import turned
@@ -163,7 +163,7 @@ def _drawn(
 
 def _tumble(drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: Any) -> dict[str, float]:
     """The values of the impacts of one fall, by name and number."""
-    impacts = Fall.of(*drawn(seed)).impacts
+    impacts = fall_of(*drawn(seed)).impacts
     return {
         f"{name} {k}": float(getattr(one, name))
         for name in QUANTITIES

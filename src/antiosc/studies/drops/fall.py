@@ -80,11 +80,6 @@ class Fall(Brief):
     groups: list[list[int]]
     status: str
 
-    @classmethod
-    def of(cls, body: FreeBody, start: State, setting: Setting) -> Fall:
-        """The fall of a body from a state."""
-        return cls(body, setting, start, *course(body, start, setting))
-
     @cached_property
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
@@ -311,7 +306,7 @@ class Fall(Brief):
         body, setting, s = self.body, self.setting, self.start
         for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
             nudged = hung(body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity)
-            other = Fall.of(body, nudged, setting).impacts.column("peak_force")
+            other = fall_of(body, nudged, setting).impacts.column("peak_force")
             count = min(len(own), len(other))
             off = np.abs(other[:count] / own[:count] - 1) > spread
             known = min(known, int(np.argmax(off)) if off.any() else count)
@@ -352,3 +347,8 @@ class Fall(Brief):
             )
         if "not at rest" in self.status:
             warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+
+
+def fall_of(body: FreeBody, start: State, setting: Setting) -> Fall:
+    """The fall of a body from a state."""
+    return Fall(body, setting, start, *course(body, start, setting))
