@@ -42,6 +42,8 @@ ENVIRONMENT = {
     "HWLOC_HIDE_ERRORS": "2",
     "OMP_NUM_THREADS": "1",
 }
+#: Seconds over its time for which a rank whose test's process was killed may hang.
+SPARE = 30
 
 
 def run_ranks(
@@ -92,7 +94,8 @@ class Ranks:
         for name in names:
             os.mkfifo(self.folder / name)
         # both ways, so that opening waits for no rank
-        *self.asks, self.done = (os.open(self.folder / name, os.O_RDWR) for name in names)
+        self.pipes = [os.open(self.folder / name, os.O_RDWR) for name in names]
+        *self.asks, self.done = self.pipes
         path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])
         python = [sys.executable, str(TESTS / "rank.py"), str(self.folder)]
         with open(self.folder / "errors", "w") as errors:
@@ -109,7 +112,7 @@ class Ranks:
         """What each rank prints."""
         path = Path(tempfile.mkdtemp(dir=self.folder)) / "script.py"
         path.write_text(script)
-        line = json.dumps([str(path), os.getcwd(), arguments]) + "\n"
+        line = json.dumps([str(path), os.getcwd(), arguments, int(timeout) + SPARE]) + "\n"
         for ask in self.asks:
             os.write(ask, line.encode())
         wrong = self._wait(timeout)
@@ -132,10 +135,14 @@ class Ranks:
                 left -= len(os.read(self.done, left))
         return ""
 
+    def close(self) -> None:
+        """Close the pipes, with which the ranks end."""
+        while self.pipes:
+            os.close(self.pipes.pop())
+
     def end(self, patience: float = 5) -> None:
         """The ranks end as their pipes do; those that hang are killed."""
-        for pipe in (*self.asks, self.done):
-            os.close(pipe)
+        self.close()
         try:
             self.process.wait(patience)
         except subprocess.TimeoutExpired:

@@ -8,6 +8,7 @@ import importlib
 import json
 import os
 import runpy
+import signal
 import sys
 import traceback
 import warnings
@@ -38,6 +39,13 @@ def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
     gc.collect()  # by all ranks at the same place: what they share ends together
 
 
+def at_once(path: str, flags: int) -> int:
+    """Open a pipe, whether or not the test's process still has its other end."""
+    pipe = os.open(path, flags | os.O_NONBLOCK)
+    os.set_blocking(pipe, True)
+    return pipe
+
+
 def main(pipes: str) -> None:
     from mpi4py import MPI
 
@@ -46,14 +54,19 @@ def main(pipes: str) -> None:
         for package in ("antiosc.fem", "dolfinx.jit"):
             importlib.import_module(package)
         compile_quickly()
-    with open(f"{pipes}/ask.{rank}") as asked, open(f"{pipes}/done", "wb", 0) as done:
+    with (
+        open(f"{pipes}/ask.{rank}", opener=at_once) as asked,
+        open(f"{pipes}/done", "wb", 0, opener=at_once) as done,
+    ):
         for line in asked:
-            script, folder, arguments = json.loads(line)
+            script, folder, arguments, patience = json.loads(line)
+            signal.alarm(patience)  # ends a rank that hangs where the test's process was killed
             try:
                 run(script, f"{script}.{rank}", folder, arguments)
             except BaseException:
                 traceback.print_exc()
                 MPI.COMM_WORLD.Abort(1)  # at once: at the exit PETSc would wait for the others
+            signal.alarm(0)
             done.write(b".")
 
 

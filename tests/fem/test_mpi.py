@@ -4,6 +4,7 @@ import time
 
 import pytest
 
+import mpi
 from mpi import run_ranks
 
 pytestmark = pytest.mark.mpi
@@ -20,13 +21,30 @@ def test_one_rank_that_raises_fails_all():
         run_ranks(2, script)
 
 
+HANG = """
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 0:
+    MPI.COMM_WORLD.recv(source=1)
+"""
+
+
 def test_a_hang_is_ended():
-    script = """
-        from mpi4py import MPI
-        if MPI.COMM_WORLD.rank == 0:
-            MPI.COMM_WORLD.recv(source=1)
-    """
     start = time.monotonic()
     with pytest.raises(AssertionError, match="not done after 3 s"):
-        run_ranks(2, script, timeout=3)
+        run_ranks(2, HANG, timeout=3)
     assert time.monotonic() - start < 300
+
+
+@pytest.mark.parametrize("hangs", [False, True], ids=["at the start", "in a script"])
+def test_ranks_end_whose_test_was_killed(hangs, monkeypatch):
+    monkeypatch.setattr(mpi, "SPARE", 1)
+    ranks = mpi.Ranks(2)
+    if hangs:
+        ranks.run("", (), 60)
+        with pytest.raises(AssertionError, match="not done"):
+            ranks.run(HANG, (), 1)
+    ranks.close()
+    try:
+        ranks.process.wait(60)
+    finally:
+        ranks.end()

@@ -269,7 +269,8 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
 
 def _polynomial(factors: Array, cubic: tuple[int, int], X: Expr) -> Expr:
     powers = (*QUADRATIC, cubic)
-    return sum(float(f) * X[0] ** r * X[1] ** s for f, (r, s) in zip(factors, powers, strict=True))
+    terms = zip(factors.tolist(), powers, strict=True)
+    return sum(f * X[0] ** r * X[1] ** s for f, (r, s) in terms if f)
 
 
 def _dropped_of_cubics() -> Array:

@@ -176,7 +176,9 @@ class Isotropic(Checked):
 
 
 def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Expr:
-    """`value(material)`, a number or a matrix, as a cell-wise constant (UFL)."""
+    """`value(material)`, a number or a matrix, of each cell (UFL)."""
+    if len(parts) == 1:  # kernels read it once, not of every cell
+        return compat.constant(mesh.dolfinx, value(parts[0][0]))
     shape = np.shape(value(parts[0][0]))
     size = int(np.prod(shape, dtype=int))
     function = compat.cellwise(mesh.dolfinx, size if shape else 0)

@@ -419,10 +419,10 @@ def quadratic(
     weights: Array,
     degree: int,
 ) -> Array:
-    """Sum over columns x of `block` of weight x'A_c x in each cell c of this rank.
+    """Sum over rows x of `block` of weight x'A_c x in each cell c of this rank.
 
     A: the sum of the bilinear forms, of functions on `space`, by quadrature of at most `degree`;
-    `block` (rows of this rank, k).
+    `block` (k, dofs of this rank).
     """
     x, cell = fem.Function(space), cellwise(space.mesh)
     q = ufl.TestFunction(cell.function_space)
@@ -437,8 +437,8 @@ def quadratic(
         for own in (ufl.replace(each, dict.fromkeys(each.arguments(), x)) for each in forms)
     )
     compiled, total = _compiled(form, SUMS), 0.0
-    for column, weight in zip(with_ghosts(space, block).T.copy(), weights, strict=True):
-        x.x.array[:] = column
+    for row, weight in zip(with_ghosts(space, block.T).T, weights, strict=True):
+        x.x.array[:] = row
         vector = fem.petsc.assemble_vector(compiled)
         total = total + weight * vector.array_r
         vector.destroy()
@@ -451,7 +451,7 @@ def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
-    """A UFL constant, scalar or vector: forms that differ in it alone are compiled once."""
+    """A UFL constant, scalar, vector or matrix: forms that differ in it alone are compiled once."""
     return fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
 
 

@@ -126,7 +126,7 @@ def design_map(
             continue
         shares, turn = _principal(by_reduced, reduced)
         change = [*getattr(upper, name), *(-1 * form for form in getattr(lower, name))]
-        total += compat.quadratic(change, upper.space, to.shapes @ turn, shares, DEGREE)
+        total += compat.quadratic(change, upper.space, turn.T @ to.shapes.T, shares, DEGREE)
     own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
     relative = total / (2 * CHANGE)
     if by == "E" and to.by_local:
