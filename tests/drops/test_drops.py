@@ -263,6 +263,35 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
 
 
+@pytest.mark.parametrize("half", [(0.15, 0.005, 0.005), (0.1, 0.06, 0.0005)])
+def test_a_slender_body_rolls_over_its_corners(half: tuple[float, ...]) -> None:
+    """No corner sinks deeper than contacts press in: two corners side by side are two contacts."""
+    corners, mass = half * np.array(list(product((-1, 1), repeat=3))), 0.3
+    moments = mass / 3 * (np.sum(np.square(half)) - np.square(half))
+    bar = ao.RigidBody(mass, moments, {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(corners)})
+    floor = ao.Floor(law=ao.HuntCrossley(1e5, 0.4), friction=0.3)
+    fall = ao.drop(bar, 0.05, (80 if half[1] > 0.01 else 20, 0, 0), floor, until=3, tol=1e-2)
+    assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.1  # it rolls
+    for one in fall.episodes:
+        assert one.end.heights(fall.body, None).min() > -1.01 * one.pressed - 1e-5
+
+
+def test_a_body_that_may_not_touch_below_its_centre_is_told() -> None:
+    """Two points under the centre hold it until it rolls over; it does not fall on."""
+    sites = {s: ((x, 0, -0.01), (0, 0, 1)) for s, x in (("a", -0.1), ("b", 0.1))}
+    rod, floor = ao.RigidBody(0.1, [1e-6, 3e-4, 3e-4], sites), ao.Floor(law=ao.Hertz(1e8))
+    for tilt in ((180, 5, 0), (60, 5, 0)):
+        with pytest.raises(ao.InputError, match="on all sides of its centre"):
+            ao.drop(rod, 0.05, tilt, floor, tol=1e-2)
+
+
+def test_a_point_that_sinks_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.episode.SINKS", np.inf)
+    monkeypatch.setattr("antiosc.studies.drops.episode.REACH", 0.0)
+    with pytest.raises(ao.AccuracyError, match="sank through the floor"):
+        ao.drop(block(), 0.05, floor=ao.Floor(law=ao.HuntCrossley(1e6, 0.4)), tol=1e-2)
+
+
 def test_free_flight_is_exact() -> None:
     body = bar()
     L = np.array([0.002, -0.02, 0.03])

@@ -111,9 +111,9 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] at which the centre reaches the floor: something has touched before."""
+        """Time [s] at which the whole body is below the floor: something has touched before."""
         v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
-        return (v + np.sqrt(v * v + 2 * self.gravity * z)) / self.gravity
+        return (v + np.sqrt(v * v + 2 * self.gravity * (z + self.body.extent))) / self.gravity
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""
