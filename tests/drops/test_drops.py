@@ -263,17 +263,17 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
 
 
-@pytest.mark.parametrize("half", [(0.15, 0.005, 0.005), (0.1, 0.06, 0.0005)])
-def test_a_slender_body_rolls_over_its_corners(half: tuple[float, ...]) -> None:
+def test_a_slender_body_rolls_over_its_corners() -> None:
     """No corner sinks deeper than contacts press in: two corners side by side are two contacts."""
-    corners, mass = half * np.array(list(product((-1, 1), repeat=3))), 0.3
-    moments = mass / 3 * (np.sum(np.square(half)) - np.square(half))
+    half, mass = np.array([0.15, 0.005, 0.005]), 0.3
+    corners = half * np.array(list(product((-1, 1), repeat=3)))
+    moments = mass / 3 * (half @ half - half**2)
     bar = ao.RigidBody(mass, moments, {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(corners)})
     floor = ao.Floor(law=ao.HuntCrossley(1e5, 0.4), friction=0.3)
-    fall = ao.drop(bar, 0.05, (80 if half[1] > 0.01 else 20, 0, 0), floor, until=3, tol=1e-2)
-    assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.1  # it rolls
+    fall = ao.drop(bar, 0.05, (20, 0, 0), floor, until=3, tol=1e-2)
     for one in fall.episodes:
-        assert one.end.heights(fall.body, None).min() > -1.01 * one.pressed - 1e-5
+        assert one.end.heights(fall.body, None).min() > -1.01 * one.pressed
+    assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.3  # it has rolled
 
 
 def test_a_body_that_may_not_touch_below_its_centre_is_told() -> None:
@@ -289,7 +289,7 @@ def test_a_point_that_sinks_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("antiosc.studies.drops.episode.SINKS", np.inf)
     monkeypatch.setattr("antiosc.studies.drops.episode.REACH", 0.0)
     with pytest.raises(ao.AccuracyError, match="sank through the floor"):
-        ao.drop(block(), 0.05, floor=ao.Floor(law=ao.HuntCrossley(1e6, 0.4)), tol=1e-2)
+        ao.drop(block(), 0.05, floor=ao.Floor(law=ao.HuntCrossley(1e6, 0.4)), until=1, tol=1e-2)
 
 
 def test_free_flight_is_exact() -> None:
