@@ -541,6 +541,11 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"until": True}, "until"),
         ({"ensemble": ao.Tilts(1.0), "n": 0}, "n must"),
         ({"floor": ao.Floor()}, "rigid"),
+        ({"floor": "steel"}, r"Floor\(steel\), with steel = Solid"),
+        ({"floor": ao.Solid(210e9, 0.3, 7800.0)}, r"Floor\(material\)"),
+        ({"floor": ao.soil_cone(0.4, 60e6, 0.3, 1800.0)}, r"Floor\(model=...\)"),
+        ({"floor": ao.SoftLayer(0.01, 1e6)}, r"Floor\(layer=...\)"),
+        ({"floor": ao.Hertz(1e9)}, r"Floor\(law=...\)"),
         ({"executor": object()}, "ensemble"),
     ],
 )
