@@ -46,7 +46,7 @@ MOST = 12
 #: Looks at the rotation in an episode; at the path in a contact this over sqrt(tol), and the most.
 LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol; after so many
-#: runs it is cut at half the turn.
+#: runs it is cut at half the turn and half the time.
 CLOSE, MOST_RUNS = 0.03, 12
 
 
@@ -141,6 +141,7 @@ def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held
         else:
             if turns > TURNS / 8:
                 turns /= 2
+                duration = longest = end / 2
                 continue
             path = path_of(body, start, history, _times(base, history, end, tol))
         missed = _missed(body, heights, path, which)
