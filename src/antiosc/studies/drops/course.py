@@ -59,6 +59,8 @@ def course(
                 break
         touch = flight.at(found)
         _check_sides(body, touch)
+        if episodes:
+            _check_depth(body, touch, episodes[-1].pressed, setting)
         # one impact: its flights are shorter than the longest period of the modes, or its contact
         soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
         if not (held or soon):
@@ -69,7 +71,7 @@ def course(
         groups[-1].append(len(episodes))
         episodes.append(one := episode(body, touch, setting, held))
         state, held = one.end, one.held
-        _check_depth(body, one, setting)
+        _check_depth(body, state, one.pressed, setting)
         if _rests(body, state, setting):
             status = "at rest"
         elif len(episodes) >= MOST_EPISODES:
@@ -88,13 +90,13 @@ def _check_sides(body: FreeBody, state: State) -> None:
         )
 
 
-def _check_depth(body: FreeBody, one: Episode, setting: Setting) -> None:
-    """AccuracyError where a point is deeper in the floor than the contacts of an episode press."""
-    deep = -float(one.end.heights(body, setting.floor.ground).min())
-    if deep > one.pressed + SUNK * body.extent:
+def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
+    """AccuracyError where a point is deeper in the floor than contacts have pressed one [m]."""
+    deep = -float(state.heights(body, setting.floor.ground).min())
+    if deep > pressed + SUNK * body.extent:
         raise AccuracyError(
-            f"the part sank through the floor at {one.end.time:.4g} s: a point is {deep:.3g} m "
-            f"below it, and contacts press it in by {one.pressed:.3g} m at most; give a smaller "
+            f"the part sank through the floor at {state.time:.4g} s: a point is {deep:.3g} m "
+            f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
             f"tol, or end the fall before (until=)."
         )
 

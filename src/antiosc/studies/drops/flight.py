@@ -115,7 +115,9 @@ class Flight:
     def longest(self) -> float:
         """Time [s] at which the centre is below the floor: something has touched before."""
         v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
-        return (v + np.sqrt(v * v + 2 * self.gravity * (z + BELOW * self.body.extent))) / self.gravity
+        return (
+            v + np.sqrt(v * v + 2 * self.gravity * (z + BELOW * self.body.extent))
+        ) / self.gravity
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""
