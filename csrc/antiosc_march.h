@@ -345,6 +345,8 @@ typedef struct aom_slopes {
     double *friction;          /* [n_contacts][2] by its coefficient, by the tangential stiffness */
     double *q, *v;             /* [n_modes] */
     double *preload;           /* [n_contacts] by the forces at the start, all else given */
+    double *gamma;             /* [n_rows][n_modes], of systems with gamma, whose loads have the
+                                * width 2 n_modes; NULL else */
     double grazing; /* the least speed at which a contact touches or parts, over its largest */
 } aom_slopes;
 

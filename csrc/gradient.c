@@ -4,7 +4,14 @@
  * and h, and to the state at its end. All that happens in between is linear but for the laws, so that
  * the multipliers of the laws (adjoints of f1, f2) solve one small system a step. A step that a
  * contact ends where it leaves its branch has a length that depends on all before it: the multiplier
- * of that condition makes the derivative by the length 0. Forces are continuous there. */
+ * of that condition makes the derivative by the length 0. Forces are continuous there.
+ *
+ * Modes whose rate counts too (gamma) are oscillators in q and w = q' = v + p, p = drive - gamma^T F,
+ *
+ *     w' = -omega^2 q - 2 d w + g + p',   g = load - beta^T F,
+ *     delta = beta q + gamma v - offset - R F,
+ *
+ * so that all but the last lines holds for q and w under the modal forces g + p'; else p = 0, w = v. */
 #include "internal.h"
 
 typedef struct edge { /* derivatives by what is there at an edge between two steps */
@@ -42,10 +49,12 @@ typedef struct adjoint {
     double earlier;  /* derivative by the time of its start, all else given */
     double *f, *c;   /* [3][m] forces at the nodes; value, slope, curvature of the parabolas */
     double *load;    /* [3][J] modal forces, their slopes and curvatures */
-    double *q, *v;   /* [2][J] at h/2 and h */
+    double *push;    /* [3][J] p, its slopes and curvatures; NULL without gamma, as by_push, by_w */
+    double *w0;      /* [J] the rate of q at the start */
+    double *q, *v;   /* [2][J] q and w at h/2 and h */
     double *q0, *v0; /* [J] derivatives by the state at the start */
-    double *by_load; /* [3][J] */
-    double *by_q, *by_v;         /* [2][J] */
+    double *by_load, *by_push;   /* [3][J] by g and p */
+    double *by_q, *by_v, *by_w;  /* [2][J], [2][J], [J] */
     double *by_depth, *by_rate, *rates;        /* [2][m] */
     double *explicit_force, *anchor;           /* [2][m], [m] by the anchors at the start */
     int *owner, *active;                       /* [m] the contact of a row; rows that press */
@@ -56,7 +65,7 @@ typedef struct adjoint {
     double *matrix, *rest;       /* [2p][2p], [2p] */
 } adjoint;
 
-static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
+static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows, bool coupled) {
     const struct {
         double **array;
         size_t count;
@@ -69,6 +78,8 @@ static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
         {&a->by_depth, 2 * rows}, {&a->by_rate, 2 * rows}, {&a->load, 3 * J}, {&a->by_load, 3 * J},
         {&a->q, 2 * J}, {&a->v, 2 * J}, {&a->by_q, 2 * J}, {&a->by_v, 2 * J},
         {&a->matrix, 4 * rows * rows}, {&a->rest, 2 * rows},
+        {&a->w0, J}, {&a->push, coupled ? 3 * J : 0}, {&a->by_push, coupled ? 3 * J : 0},
+        {&a->by_w, coupled ? J : 0},
         {&a->work, 16 * J}, {&a->slopes, 8 * SLOTS * J}, /* found before they are read */
     };
     a->owner = take(m, rows, sizeof(int));
@@ -83,7 +94,8 @@ static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows) {
 size_t aom_gradient_size(const aom_stepper *st) {
     arena m = {NULL, 0};
     adjoint unused;
-    lay_out_adjoint(&unused, &m, (size_t)st->system.n_modes, (size_t)st->system.n_rows);
+    lay_out_adjoint(&unused, &m, (size_t)st->system.n_modes, (size_t)st->system.n_rows,
+                    st->system.gamma != NULL);
     return m.used;
 }
 
@@ -128,6 +140,71 @@ static void to_load(int J, const double *restrict R, const double *restrict by_q
         to[j] += J0[j] * by_q[j] + S[j] * by_v[j];
         to[J + j] += J1[j] * by_q[j] + J0[j] * by_v[j];
         to[2 * J + j] += J2[j] * by_q[j] + J1[j] * by_v[j];
+    }
+}
+
+/* From derivatives by q and w after the time of the responses to those by the forces of the modes. */
+static void to_forces(adjoint *a, const double *R, const double *by_q, const double *by_w) {
+    ptrdiff_t J = a->st->system.n_modes;
+    to_load((int)J, R, by_q, by_w, a->by_load);
+    if (a->st->system.gamma == NULL)
+        return;
+    for (int n = 0; n < 3; n++) /* p acts by its slope, and at the start */
+        for (ptrdiff_t j = 0; j < J; j++)
+            a->by_push[n * J + j] += R[(n + 2) * J + j] * by_q[j] + R[(n + 1) * J + j] * by_w[j];
+}
+
+static double parabola_at(const double *c, ptrdiff_t stride, double t) {
+    return c[0] + t * (c[stride] + 0.5 * t * c[2 * stride]);
+}
+
+static double slope_at(const double *c, ptrdiff_t stride, double t) {
+    return c[stride] + t * c[2 * stride];
+}
+
+/* From derivatives by v = w - p at t to those by p; the derivative by t that they have of p alone. */
+static double to_push(adjoint *a, double t, const double *by_v) {
+    int J = a->st->system.n_modes;
+    double later = 0.0;
+    if (a->st->system.gamma == NULL)
+        return later;
+    add(J, -1.0, by_v, a->by_push);
+    add(J, -t, by_v, a->by_push + J);
+    add(J, -0.5 * t * t, by_v, a->by_push + 2 * J);
+    for (int j = 0; j < J; j++)
+        later -= by_v[j] * slope_at(a->push + j, J, t);
+    return later;
+}
+
+/* From derivatives by indentation and rate of row i to those by q, by v = w - p, and by w. */
+static void to_motion(const adjoint *a, int i, double depth, double rate, double *by_q, double *by_v,
+                      double *by_w) {
+    const aom_system *system = &a->st->system;
+    int J = system->n_modes;
+    add(J, depth, beta_row(a->st, i), by_q);
+    add(J, rate, beta_row(a->st, i), by_w);
+    for (int j = 0; system->gamma != NULL && j < J; j++) {
+        double gamma = gamma_row(a->st, i)[j];
+        by_q[j] -= rate * gamma * system->omega[j] * system->omega[j];
+        by_v[j] += depth * gamma;
+        by_w[j] -= rate * gamma * 2.0 * system->decay[j];
+    }
+}
+
+/* What indentation and rate of row i have of the system at q, v, w and forces g of the modes. */
+static void to_system(adjoint *a, int i, double depth, double rate, const double *q, const double *v,
+                      const double *w, const double *g) {
+    const aom_system *system = &a->st->system;
+    int J = system->n_modes;
+    add(J, depth, q, a->out->beta + (ptrdiff_t)i * J);
+    add(J, rate, w, a->out->beta + (ptrdiff_t)i * J);
+    for (int j = 0; system->gamma != NULL && j < J; j++) {
+        double x = system->omega[j] * system->omega[j], d = system->decay[j];
+        double pull = rate * gamma_row(a->st, i)[j];
+        a->out->gamma[(ptrdiff_t)i * J + j] +=
+            depth * v[j] + rate * (g[j] - x * q[j] - 2.0 * d * w[j]);
+        a->out->square[j] -= pull * q[j];
+        a->out->decay[j] -= 2.0 * pull * w[j];
     }
 }
 
@@ -216,6 +293,12 @@ static double rate_at(const adjoint *a, int stage, int i) {
     const aom_stepper *st = a->st;
     int J = st->system.n_modes, m = st->system.n_rows;
     double rate = dot(J, beta_row(st, i), a->v + stage * J) - st->work.drift[i], slope[2];
+    for (int j = 0; st->system.gamma != NULL && j < J; j++) {
+        double w = st->system.omega[j], t = 0.5 * (1 + stage) * a->h;
+        double own = parabola_at(a->load + j, J, t) - slope_at(a->push + j, J, t);
+        rate += gamma_row(st, i)[j] * (own - w * w * a->q[stage * J + j] -
+                                       2.0 * st->system.decay[j] * a->v[stage * J + j]);
+    }
     for (int r = 0; r < m; r++) {
         force_rates(a, r, slope);
         rate -= st->system.residual[(ptrdiff_t)i * m + r] * slope[stage];
@@ -254,6 +337,7 @@ static void recall(adjoint *a, int64_t k, bool ended) {
     int J = st->system.n_modes, m = st->system.n_rows;
     const double *node = a->run->force + 2 * k * m, *state = a->run->states + 2 * k * J;
     const double *omega = st->system.omega;
+    bool coupled = st->system.gamma != NULL;
     double h = a->run->time[2 * k + 2] - a->run->time[2 * k];
     a->step = k;
     a->start = a->run->time[2 * k];
@@ -269,6 +353,11 @@ static void recall(adjoint *a, int64_t k, bool ended) {
     memcpy(a->load, st->work.load, (size_t)J * sizeof(double));
     memcpy(a->load + J, st->work.load_rate, (size_t)J * sizeof(double));
     clear(a->load + 2 * J, J);
+    if (coupled) {
+        memcpy(a->push, st->work.load + J, (size_t)J * sizeof(double));
+        memcpy(a->push + J, st->work.load_rate + J, (size_t)J * sizeof(double));
+        clear(a->push + 2 * J, J);
+    }
     for (int i = 0; i < m; i++) {
         bool presses = pressing(st->contacts[a->owner[i]].branch);
         double f0 = presses ? node[i] : 0.0, f1 = node[m + i], f2 = presses ? node[2 * m + i] : 0.0;
@@ -280,13 +369,22 @@ static void recall(adjoint *a, int64_t k, bool ended) {
             a->c[n * m + i] = c[n];
             if (presses)
                 add(J, -c[n], beta_row(st, i), a->load + n * J);
+            if (presses && coupled)
+                add(J, -c[n], gamma_row(st, i), a->push + n * J);
         }
     }
     memcpy(a->q + J, state + 2 * J, (size_t)J * sizeof(double));
     memcpy(a->v + J, state + 3 * J, (size_t)J * sizeof(double));
+    memcpy(a->w0, state + J, (size_t)J * sizeof(double));
+    for (int j = 0; coupled && j < J; j++) {
+        a->w0[j] += a->push[j];
+        a->v[J + j] += parabola_at(a->push + j, J, h);
+        a->load[j] += a->push[J + j];
+        a->load[J + j] += a->push[2 * J + j];
+    }
     for (int s = 0; s < 2; s++) {
         if (s == 0)
-            moved(J, st->slots[a->index + 1].response, omega, state, state + J, a->load, a->q, a->v);
+            moved(J, st->slots[a->index + 1].response, omega, state, a->w0, a->load, a->q, a->v);
         for (int i = 0; i < m; i++)
             a->rates[s * m + i] = rate_at(a, s, i);
         for (int i = 0; i < st->system.n_contacts; i++) {
@@ -322,9 +420,9 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
         const double *by_force = by_v + J;
         double t = reading->at * a->h, *q = a->work, *v = q + J, *R = v + J, *D = R + 6 * J;
         aom_responses(J, st->system.omega, st->system.decay, &t, 0, R);
-        to_load(J, R, by_q, by_v, a->by_load);
-        moved(J, R, st->system.omega, state, state + J, a->load, q, v);
-        double later = by_time(a, t, q, v, by_q, by_v);
+        to_forces(a, R, by_q, by_v);
+        moved(J, R, st->system.omega, state, a->w0, a->load, q, v);
+        double later = by_time(a, t, q, v, by_q, by_v) + to_push(a, t, by_v);
         for (int i = 0; i < m; i++) {
             parabola[i] += by_force[i];
             parabola[m + i] += t * by_force[i];
@@ -338,7 +436,7 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
         if (!reading->stays)
             a->earlier -= later;
         response_slopes(J, st->system.omega, st->system.decay, t, R, a->out->decay != NULL, D);
-        to_start(a, R, D, state, state + J, by_q, by_v);
+        to_start(a, R, D, state, a->w0, by_q, by_v);
     }
     return longer;
 }
@@ -347,8 +445,11 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
 static void to_parabolas(const adjoint *a, double *parabola) {
     int J = a->st->system.n_modes, m = a->st->system.n_rows;
     for (int i = 0; i < m; i++)
-        for (int n = 0; n < 3 && pressing(a->st->contacts[a->owner[i]].branch); n++)
+        for (int n = 0; n < 3 && pressing(a->st->contacts[a->owner[i]].branch); n++) {
             parabola[n * m + i] -= dot(J, beta_row(a->st, i), a->by_load + n * J);
+            if (a->st->system.gamma != NULL)
+                parabola[n * m + i] -= dot(J, gamma_row(a->st, i), a->by_push + n * J);
+        }
 }
 
 /* Derivatives [2][m] by the motion and the forces at h/2 and h that row k at a stage has of them, times
@@ -452,6 +553,23 @@ static void keep_friction(adjoint *a, int i, const double *mu) {
     }
 }
 
+/* What indentation and rate of row i at a stage have of the system. */
+static void row_system(adjoint *a, int i, int s, double depth, double rate) {
+    int J = a->st->system.n_modes;
+    double *v = a->work, *g = v + J, t = 0.5 * (1 + s) * a->h;
+    for (int j = 0; a->st->system.gamma != NULL && j < J; j++) {
+        v[j] = a->v[s * J + j] - parabola_at(a->push + j, J, t);
+        g[j] = parabola_at(a->load + j, J, t) - slope_at(a->push + j, J, t);
+    }
+    to_system(a, i, depth, rate, a->q + s * J, v, a->v + s * J, g);
+}
+
+/* The share that the next break has in loads and gaps at t. */
+static double share_of_next(const aom_stepper *st, double t) {
+    const double *at = st->system.breaks + st->now.segment;
+    return st->now.segment + 1 == st->system.n_breaks ? 0.0 : (t - at[0]) / (at[1] - at[0]);
+}
+
 /* What is kept of a step's derivatives: by the system, by the time, forces and memory at its start. */
 static void keep(adjoint *a, const double *mu) {
     aom_stepper *st = a->st;
@@ -459,26 +577,28 @@ static void keep(adjoint *a, const double *mu) {
     int J = system->n_modes, m = system->n_rows, K = st->now.segment;
     bool last = K + 1 == system->n_breaks;
     double span = last ? 1.0 : system->breaks[K + 1] - system->breaks[K];
-    double u = last ? 0.0 : (a->start - system->breaks[K]) / span;
-    const double *by_rise = a->by_load + J;
-    for (int j = 0; j < J; j++) {
-        double *to = a->out->loads + (ptrdiff_t)K * J + j, over = last ? 0.0 : by_rise[j] / span;
-        to[0] += (1.0 - u) * a->by_load[j] - over;
+    double u = share_of_next(st, a->start);
+    for (int j = 0, width = load_width(system); j < width; j++) {
+        const double *by = j < J ? a->by_load + j : a->by_push + j - J;
+        double *to = a->out->loads + (ptrdiff_t)K * width + j, over = last ? 0.0 : by[J] / span;
+        to[0] += (1.0 - u) * by[0] - over;
         if (!last)
-            to[J] += u * a->by_load[j] + over;
-        a->earlier += a->by_load[j] * st->work.load_rate[j];
+            to[width] += u * by[0] + over;
+        a->earlier += by[0] * st->work.load_rate[j];
     }
     for (int i = 0; i < m; i++) {
         double *beta = a->out->beta + (ptrdiff_t)i * J, at = 0.0, drift = 0.0;
-        for (int n = 0; n < 3; n++)
+        for (int n = 0; n < 3; n++) {
             if (a->c[n * m + i] != 0.0)
                 add(J, -a->c[n * m + i], a->by_load + n * J, beta);
+            if (a->c[n * m + i] != 0.0 && system->gamma != NULL)
+                add(J, -a->c[n * m + i], a->by_push + n * J, a->out->gamma + (ptrdiff_t)i * J);
+        }
         for (int s = 0; s < 2; s++) {
             double depth = a->by_depth[s * m + i], rate = a->by_rate[s * m + i], slope[2];
             if (depth == 0.0 && rate == 0.0)
                 continue;
-            add(J, depth, a->q + s * J, beta);
-            add(J, rate, a->v + s * J, beta);
+            row_system(a, i, s, depth, rate);
             at -= depth;
             drift -= 0.5 * (1 + s) * a->h * depth + rate;
             for (int r = 0; r < m; r++) {
@@ -503,16 +623,38 @@ static void keep(adjoint *a, const double *mu) {
     }
 }
 
+static void clear_forces(adjoint *a) {
+    ptrdiff_t J = a->st->system.n_modes;
+    clear(a->by_load, 3 * J);
+    if (a->st->system.gamma != NULL)
+        clear(a->by_push, 3 * J);
+}
+
+/* From the derivative by the rate of row i at t to those by the forces g at that time; the derivative
+ * by t that it has of them alone. */
+static double to_rate(adjoint *a, int i, double t, double rate) {
+    int J = a->st->system.n_modes;
+    const double *gamma = gamma_row(a->st, i);
+    double later = 0.0;
+    add(J, rate, gamma, a->by_load);
+    add(J, rate * t, gamma, a->by_load + J);
+    add(J, rate * 0.5 * t * t, gamma, a->by_load + 2 * J);
+    for (int j = 0; j < J; j++) /* the slope of p has itself a slope */
+        later += rate * gamma[j] * (slope_at(a->load + j, J, t) - a->push[2 * J + j]);
+    return later;
+}
+
 /* Go back over the present step; the derivative by its length. */
 static double go_back(adjoint *a, const seeds *in) {
     aom_stepper *st = a->st;
     int J = st->system.n_modes, m = st->system.n_rows;
     const double *state = a->run->states + 2 * a->step * J, h = a->h;
     double *by = a->by_force, *parabola = a->by_parabola, *mu = a->direct, slope[2];
-    clear(a->by_load, 3 * J);
+    clear_forces(a);
     clear(parabola, 3 * m);
     clear(by, 3 * m);
-    to_load(J, st->slots[a->index].response, in->q, in->v, a->by_load);
+    to_forces(a, st->slots[a->index].response, in->q, in->v);
+    to_push(a, h, in->v);
     seeds once = *in;
     once.keep = false;
     read_back(a, &once, parabola);
@@ -544,7 +686,12 @@ static double go_back(adjoint *a, const seeds *in) {
             if (mu[s * m + i] != 0.0)
                 row_seeds(a, i, s, mu[s * m + i], a->by_depth, a->by_rate, a->explicit_force,
                           a->anchor);
-    for (int s = 0; s < 2; s++)
+    clear_forces(a);
+    for (int s = 0; s < 2; s++) {
+        double *V = a->by_v + s * J, *W = st->system.gamma == NULL ? V : a->by_w;
+        double t = 0.5 * (1 + s) * h;
+        if (W != V)
+            clear(W, J);
         for (int i = 0; i < m; i++) {
             double depth = a->by_depth[s * m + i], rate = a->by_rate[s * m + i];
             hold_back(a, s, i, depth, rate, by);
@@ -552,15 +699,20 @@ static double go_back(adjoint *a, const seeds *in) {
             rate += s == 1 ? in->rate[i] : 0.0;
             a->by_depth[s * m + i] = depth;
             a->by_rate[s * m + i] = rate;
-            add(J, depth, beta_row(st, i), a->by_q + s * J);
-            add(J, rate, beta_row(st, i), a->by_v + s * J);
+            to_motion(a, i, depth, rate, a->by_q + s * J, V, W);
+            if (W != V)
+                longer += 0.5 * (1 + s) * to_rate(a, i, t, rate);
             longer -= 0.5 * (1 + s) * depth * st->work.drift[i];
             for (int r = 0; r < m; r++) {
                 force_rates(a, r, slope);
                 longer += rate * st->system.residual[(ptrdiff_t)i * m + r] * slope[s] / h;
             }
         }
-    clear(a->by_load, 3 * J);
+        if (W != V) {
+            longer += 0.5 * (1 + s) * to_push(a, t, V);
+            add(J, 1.0, W, V);
+        }
+    }
     clear(parabola, 3 * m);
     clear(a->q0, J);
     clear(a->v0, J);
@@ -569,11 +721,11 @@ static double go_back(adjoint *a, const seeds *in) {
     for (int s = 0; s < 2; s++) {
         const double *R = st->slots[a->index + 1 - s].response, *Q = a->by_q + s * J;
         const double *V = a->by_v + s * J;
-        to_load(J, R, Q, V, a->by_load);
+        to_forces(a, R, Q, V);
         longer += 0.5 * (1 + s) *
                   by_time(a, 0.5 * (1 + s) * h, a->q + s * J, a->v + s * J, Q, V);
         if (in->keep)
-            to_start(a, R, slopes_of(a, a->index + 1 - s), state, state + J, Q, V);
+            to_start(a, R, slopes_of(a, a->index + 1 - s), state, a->w0, Q, V);
     }
     to_parabolas(a, parabola);
     for (int i = 0; i < m; i++)
@@ -590,22 +742,38 @@ static void undo_touch(adjoint *a, const aom_exit *e, const double *state) {
     aom_stepper *st = a->st;
     const aom_system *system = &st->system;
     int J = system->n_modes, c = (int)e->contact, m = system->n_rows;
+    bool coupled = system->gamma != NULL;
     edge *now = &a->now;
-    const double *beta = beta_row(st, c), *q = state, *v = state + J;
+    const double *q = state, *v = state + J;
     acting_at(st, a->run->time[2 * (int64_t)e->step]);
     memcpy(a->load, st->work.load, (size_t)J * sizeof(double));
     clear(a->load + J, 2 * J);
-    add(J, now->rate[c], beta, now->v);
-    add(J, now->rate[c], v, a->out->beta + (ptrdiff_t)c * J);
-    double rate = dot(J, beta, v) - st->work.drift[c];
-    double nu = (by_time(a, 0.0, q, v, now->q, now->v) + now->time) / rate;
+    memcpy(a->w0, v, (size_t)J * sizeof(double));
+    double rate = -st->work.drift[c], next = share_of_next(st, st->now.time);
+    if (coupled)
+        add(J, 1.0, st->work.load + J, a->w0);
+    for (int j = 0; coupled && j < J; j++)
+        rate += gamma_row(st, c)[j] * (a->load[j] - system->omega[j] * system->omega[j] * q[j] -
+                                       2.0 * system->decay[j] * a->w0[j]);
+    to_motion(a, c, 0.0, now->rate[c], now->q, now->v, now->v);
+    to_system(a, c, 0.0, now->rate[c], q, v, a->w0, a->load);
+    for (int j = 0; coupled && j < 2 * J; j++) { /* the loads turn the rate at once */
+        double gamma = gamma_row(st, c)[j % J];
+        double own = j < J ? gamma : beta_row(st, c)[j - J] - 2.0 * system->decay[j - J] * gamma;
+        double *to = a->out->loads + (ptrdiff_t)st->now.segment * 2 * J + j;
+        to[0] += (1.0 - next) * now->rate[c] * own;
+        if (next > 0.0)
+            to[2 * J] += next * now->rate[c] * own;
+    }
+    rate += dot(J, beta_row(st, c), a->w0);
+    double nu = (by_time(a, 0.0, q, a->w0, now->q, now->v) + now->time) / rate;
     now->rate[c] = 0.0;
     now->depth[c] -= nu;
     law_slopes bound = bound_slopes(&system->contacts[c].law, AOM_APART, HIGH, e->before + 1);
     add(AOM_LAW_SLOPES, nu, bound.params, a->laws[c].params);
     add(2, nu, bound.memory, a->laws[c].memory);
-    add(J, now->depth[c], beta, now->q);
-    add(J, now->depth[c], q, a->out->beta + (ptrdiff_t)c * J);
+    to_motion(a, c, now->depth[c], 0.0, now->q, now->v, now->v);
+    to_system(a, c, now->depth[c], 0.0, q, v, a->w0, a->load);
     a->out->offsets[(ptrdiff_t)st->now.segment * m + c] -= now->depth[c];
     now->depth[c] = 0.0;
     a->out->grazing = smaller(a->out->grazing, fabs(rate) / a->fastest);
@@ -732,11 +900,8 @@ static void finish(adjoint *a) {
         if (system->contacts[c].preload > 0.0)
             undo_preload(a, c);
     for (int i = 0; i < m; i++) { /* what the laws took from the motion at the start */
-        double *beta = a->out->beta + (ptrdiff_t)i * J;
-        add(J, now->depth[i], beta_row(a->st, i), now->q);
-        add(J, now->rate[i], beta_row(a->st, i), now->v);
-        add(J, now->depth[i], system->q, beta);
-        add(J, now->rate[i], system->v, beta);
+        to_motion(a, i, now->depth[i], now->rate[i], now->q, now->v, now->v);
+        to_system(a, i, now->depth[i], now->rate[i], system->q, system->v, system->v, a->no_q);
         a->out->offsets[i] -= now->depth[i];
         if (i < system->n_contacts)
             add(AOM_LAW_SLOPES, 1.0, a->laws[i].params, a->out->laws + AOM_LAW_SLOPES * i);
@@ -751,7 +916,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     int m = system->n_rows;
     if (memory == NULL || bytes < aom_gradient_size(st))
         return AOM_SMALL_MEMORY;
-    if (system->gamma != NULL)
+    if (system->gamma != NULL && (out->gamma == NULL || out->decay == NULL))
         return AOM_BAD_MODES;
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
@@ -762,7 +927,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     arena taken = {memory, 0};
     adjoint a = {.st = st, .run = run, .goal = goal, .out = out, .exits = run->n_exits,
                  .readings = goal->n_readings};
-    lay_out_adjoint(&a, &taken, (size_t)system->n_modes, (size_t)m);
+    lay_out_adjoint(&a, &taken, (size_t)system->n_modes, (size_t)m, system->gamma != NULL);
     memset(memory, 0, (size_t)((char *)a.work - (char *)memory));
     for (int k = 0; k < SLOTS; k++)
         a.span[k] = NAN;

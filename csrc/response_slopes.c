@@ -3,6 +3,8 @@
 
 enum { SERIES = 11, POINTS = 8, DAMPED_SERIES = 26 };
 
+#define APART 20.0 /* decay times time above which a mode is two real poles far apart */
+
 /* Of the series of S', J0', J1', J2' by x: the terms n + 1 over n of that of index i, without X. */
 #define RATIO(n, i) ((n + 1.0) / (n * (2.0 * n + 2.0 + i) * (2.0 * n + 3.0 + i)))
 #define RATIOS(i)                                                                             \
@@ -122,6 +124,47 @@ static void by_quadrature(double x, double d, double t, double out[8]) {
     out[4] = -t * S - 2.0 * d * slope;
 }
 
+/* Of exp(p t) and its integrals with 1, t, t^2/2 that of index k, and its derivative by the pole p:
+ * power series of a slow pole. */
+static void slow_pole(double p, double t, double value[4], double slope[4]) {
+    for (int k = 0; k < 4; k++) {
+        double term = 1.0;
+        for (int n = 1; n <= k; n++)
+            term *= t / n;
+        value[k] = slope[k] = 0.0;
+        for (int n = 0; n < DAMPED_SERIES; n++) { /* term: p^n t^(n + k)/(n + k)! */
+            value[k] += term;
+            slope[k] += (n + 1.0) * term * t / (n + k + 1.0);
+            term *= p * t / (n + k + 1.0);
+        }
+    }
+}
+
+static void fast_pole(double p, double t, double value[4], double slope[4]) {
+    double power = 1.0;
+    value[0] = exp(p * t);
+    slope[0] = t * value[0];
+    for (int k = 1; k < 4; k++) {
+        value[k] = (value[k - 1] - power) / p;
+        slope[k] = (slope[k - 1] - value[k]) / p;
+        power *= t / k;
+    }
+}
+
+/* The same for small phases of very strong damping: S, J0, ... = (those of the slow pole - those of
+ * the fast one)/(2 r), r^2 = d^2 - x. */
+static void by_poles(double x, double d, double t, double out[8]) {
+    double r = sqrt(d * d - x), fast = -d - r, slow = x / fast;
+    double one[4], two[4], one_slope[4], two_slope[4];
+    slow_pole(slow, t, one, one_slope);
+    fast_pole(fast, t, two, two_slope);
+    for (int k = 0; k < 4; k++) {
+        double whole = (one[k] - two[k]) / (2.0 * r);
+        out[k] = (whole - 0.5 * (one_slope[k] + two_slope[k])) / (2.0 * r * r);
+        out[4 + k] = -(0.5 * (slow * one_slope[k] + fast * two_slope[k]) + d * whole) / (r * r);
+    }
+}
+
 /* The same where x t^2 is not small, from P = 1 - x J0, J1 = (t - S - 2 d J0)/x, ... */
 static void by_division(double x, double d, double t, double P, double S, const double J[3],
                         double out[8]) {
@@ -152,6 +195,8 @@ void response_slopes(int n, const double *omega, const double *decay, double t,
             by_division(x, d, t, response[j], *S, (double[]){J0[0], J0[n], J0[2 * (ptrdiff_t)n]}, each);
         else if (d * t < 1.0)
             by_series(x, d, t, each);
+        else if (d * t > APART)
+            by_poles(x, d, t, each);
         else
             by_quadrature(x, d, t, each);
         for (int k = 0; k < 8; k++)

@@ -13,6 +13,7 @@ import pytest
 from antiosc.io.deck import Deck
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc_decks.sources import Sources
 
 NODES = """\
 *NODE,NSET=N
@@ -42,7 +43,7 @@ def read(
     """(the model of a deck, its nodes and sets)."""
     path = folder / "part.inp"
     path.write_text(text)
-    whole = abaqus_assembly.read(path, path.name)
+    whole = abaqus_assembly.read(Sources(path, path.name))
     whole.deck.wanted = parts
     return abaqus_model.model_of(whole, UnitSystem.of("mm"), density), whole.deck
 

@@ -21,7 +21,10 @@ FULLY = 84.0
 
 @dataclass
 class Inputs:
-    """All numbers of a system of one contact; `law`: its parameters as the library has them."""
+    """All numbers of a system of one contact; `law`: its parameters as the library has them.
+
+    `gamma`, `drive`: of modes whose rate counts too; 0 of others.
+    """
 
     omega: np.ndarray
     decay: np.ndarray
@@ -34,6 +37,27 @@ class Inputs:
     law: np.ndarray
     kind: int
     slowest: float = 0.0
+    gamma: Any = 0.0
+    drive: Any = 0.0
+
+    def __post_init__(self) -> None:
+        self.gamma = self.gamma + np.zeros(self.omega.size)
+        self.drive = self.drive + np.zeros(self.omega.size)
+
+    @property
+    def by_rate(self) -> np.ndarray:
+        """What the rates v have of the rate of the indentation, and a force of v'."""
+        return self.beta - 2 * self.decay * self.gamma
+
+    def rates(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q' and v' under the loads."""
+        way = v + self.drive
+        return way, self.load - 2 * self.decay * way - self.omega**2 * q
+
+    def rate(self, q: np.ndarray, v: np.ndarray) -> complex:
+        """The rate of the indentation under the loads."""
+        way, turn = self.rates(q, v)
+        return self.beta @ way + self.gamma @ turn
 
 
 @dataclass
@@ -50,7 +74,7 @@ Tables = Callable[[complex], np.ndarray]
 
 
 def _tables(s: Inputs) -> Tables:
-    """Of t: (J, 2, 5), q and v after t by q0, v0 and the forces 1, t, t^2/2; kept."""
+    """Of t: (J, 2, 8), q and v after t by q0, v0, by 1, t, t^2/2 in v' and in q'; kept."""
     kept: dict[str, np.ndarray] = {}
 
     def of(t: complex) -> np.ndarray:
@@ -65,10 +89,10 @@ def _tables(s: Inputs) -> Tables:
 
 
 def _responses(omega: complex, decay: complex, t: complex) -> np.ndarray:
-    A = np.zeros((5, 5), dtype=complex)
-    A[0, 1] = A[1, 2] = A[2, 3] = A[3, 4] = 1.0
+    A = np.zeros((8, 8), dtype=complex)
+    A[0, 1] = A[1, 2] = A[2, 3] = A[3, 4] = A[0, 5] = A[5, 6] = A[6, 7] = 1.0
     A[1, 0], A[1, 1] = -(omega**2), -2 * decay
-    scale = t.real ** np.arange(5)  # in units of the step
+    scale = t.real ** np.array([0, 1, 2, 3, 4, 1, 2, 3])  # in units of the step
     return (expm(A * t * np.outer(1 / scale, scale)) / np.outer(1 / scale, scale))[:2]
 
 
@@ -209,17 +233,17 @@ def replay(s: Inputs, run: Run, rated: bool) -> Steps:
     out, t, exits = Steps(q, v, [0j], [0j]), 0j, list(run.exits)
     at_end = (0j, 0j)
     for k in range(n + 1):
-        d, rate = s.beta @ q - s.gap - s.R * f0, s.beta @ v
+        d, rate = s.beta @ q + s.gamma @ v - s.gap - s.R * f0, s.rate(q, v)
         if k > 0:
             d, rate = at_end
         while exits and int(exits[0][0]) == k:
             row = exits.pop(0)
             if int(row[3]) == 2:  # a flight of no length before the touch
                 extra = (_bound(s, branch, HIGH, memory) - d) / rate
-                a = s.load - 2 * s.decay * v - s.omega**2 * q
+                way, turn = s.rates(q, v)
                 extra = 1j * extra.imag
-                q, v, t = q + extra * v, v + extra * a, t + extra
-                d, rate = s.beta @ q - s.gap, s.beta @ v
+                q, v, t = q + extra * way, v + extra * turn, t + extra
+                d, rate = s.beta @ q + s.gamma @ v - s.gap, s.rate(q, v)
                 out.time[-1] = t
             memory = _remembered(s, row, d, rate, memory)
             branch = int(row[9])
@@ -268,14 +292,19 @@ def _solved(
     """Forces at h/2 and h that meet the law, the state at the end, indentation and rate there."""
     to_parabola = np.array([[1, 0, 0], [-3 / h, 4 / h, -1 / h], [4 / h**2, -8 / h**2, 4 / h**2]])
     slopes = np.array([[-2, 2, 0], [0, -2, 2]] if rated else [[-1, 0, 1], [1, -4, 3]]) / h
-    start = np.stack([q, v, s.load], axis=1)
+    start = np.stack([q, v, s.load - 2 * s.decay * s.drive], axis=1)
     base, by = np.empty((2, 2), dtype=complex), np.empty((2, 2, 3), dtype=complex)
     for stage in range(2):
         T = tables(0.5 * h * (1 + stage))
-        free = np.einsum("jak,jk->aj", T[:, :, :3], start)
-        pushed = -np.einsum("jak,j->akj", T[:, :, 2:], s.beta)
-        base[stage] = free @ s.beta - np.array([s.gap, 0])
-        by[stage] = pushed @ s.beta @ to_parabola
+        free = np.einsum("jak,jk->aj", T[:, :, :3], start) + T[:, :, 5].T * s.drive
+        pushed = -np.einsum("jak,j->akj", T[:, :, 2:5], s.by_rate)
+        pushed -= np.einsum("jak,j->akj", T[:, :, 5:], s.gamma)
+        base[stage] = s.beta @ free[0] + s.gamma @ free[1] - s.gap, s.rate(*free)
+        t, jump = 0.5 * h * (1 + stage), -(s.beta + s.by_rate) @ s.gamma
+        at_once = jump * np.array([1, t, t**2 / 2])
+        by[stage, 0] = (pushed[0] @ s.beta + pushed[1] @ s.gamma) @ to_parabola
+        turned = pushed[1] @ s.by_rate - pushed[0] @ (s.omega**2 * s.gamma)
+        by[stage, 1] = (turned + at_once) @ to_parabola
         by[stage, 0, 1 + stage] -= s.R
         by[stage, 1] -= s.R * slopes[stage]
     f = np.array([f0, *forces])

@@ -11,6 +11,7 @@ from typing import Any
 from antiosc.io.deck import Deck
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.sources import Sources
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
@@ -25,7 +26,7 @@ def read(folder: Path, text: str, density: float | None = None) -> tuple[dict[st
     """(the model of a deck, its nodes and sets)."""
     path = folder / "part.bdf"
     path.write_text(text)
-    found = nastran.read(path, path.name)
+    found = nastran.read(Sources(path, path.name))
     return nastran_model.model_of(found, UnitSystem.of("mm"), density), found.deck
 
 

@@ -100,6 +100,7 @@ def tried(path: Path) -> dict[str, Any]:
     from antiosc.io.unit_system import UnitSystem
     from antiosc_decks.abaqus import assembly, cards as abaqus, model as abaqus_model
     from antiosc_decks.nastran import cards as nastran, mesh, model as nastran_model
+    from antiosc_decks.sources import Sources
 
     seen: set[int] = set()
 
@@ -121,7 +122,7 @@ def tried(path: Path) -> dict[str, Any]:
     noting(abaqus.Card, "option")
     result: dict[str, Any] = {}
     try:
-        found: Any = (assembly if flat else mesh).read(path, path.name)
+        found: Any = (assembly if flat else mesh).read(Sources(path, path.name))
         fates = Counter(fate.kind for _, _, fate in found.account.cards)
         counted = Counter(name for name, _, _ in found.account.cards)
         own = (abaqus_cards if flat else nastran_cards)(path)

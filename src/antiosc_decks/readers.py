@@ -14,7 +14,7 @@ from antiosc.io.request import FileReader, Request
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh, model as nastran_model
-from antiosc_decks.sources import BULK as _BULK
+from antiosc_decks.sources import BULK as _BULK, Sources
 
 
 def _reader(
@@ -23,11 +23,11 @@ def _reader(
     """The reader of a dialect, from that of its mesh and that of its model."""
 
     def reader(ask: Request) -> FileMesh:
-        # the time limit grows with the files that a deck includes
+        def allow(size: int) -> None:  # the time limit grows with the files that a deck includes
+            ask.allow(30 + 3e-5 * size)
+
         options = ask.model or {}
-        found = read(
-            Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size), options.get("root")
-        )
+        found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
         deck: Deck = found.deck
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")

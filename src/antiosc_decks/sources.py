@@ -24,10 +24,17 @@ LARGEST_DECK = 4 * 2**30
 
 
 class Sources:
-    """The files of a deck, each read where it is included."""
+    """The files of a deck, each read where it is included; `on_size` gets the bytes of all so far.
+
+    `root`: the folder of the files that it may include; None: its own, or the one above.
+    """
 
     def __init__(
-        self, path: Path, name: str, on_size: Callable[[int], None], root: str | None = None
+        self,
+        path: Path,
+        name: str,
+        on_size: Callable[[int], None] = lambda size: None,
+        root: str | None = None,
     ) -> None:
         self.path = path
         self.name = name

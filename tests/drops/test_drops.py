@@ -555,6 +555,12 @@ def test_bad_input(change: dict[str, object], word: str) -> None:
         ao.drop(block(), **given)  # type: ignore[arg-type]
 
 
+def test_a_fall_that_ends_above_the_floor_has_no_peak() -> None:
+    fall = ao.drop(block(), 0.5, (10, 5, 0), ao.Floor(law=ao.Hertz(1e9)), until=1e-3)
+    with pytest.raises(ao.InputError, match="until"):
+        fall.peak("force")
+
+
 def test_floors_take_one_law() -> None:
     with pytest.raises(ao.InputError, match="supports"):
         ao.Floor(model=ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[]))

@@ -247,6 +247,20 @@ def test_the_c_file_is_the_same_run(model, tmp_path):
     assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
 
 
+def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
+    """A heavy body stays in contact for longer than its contact on a rigid wall lasts."""
+    heavy = ao.RigidMass(mass=20.0, velocity=1.0)
+    ao.export(tmp_path / "int.c", model, heavy, LAW)
+    text = (tmp_path / "int.c").read_text()
+    assert "static const axm_model model_int" in text  # int is a word of C
+    span = float(re.search(r"axm_advance\(run, (\S+) \* k", text)[1])
+    hit = ao.simulate(model, heavy, LAW, duration=span)
+    assert hit.status == 0
+    assert hit.contact_time < span
+    with pytest.warns(ao.AccuracyWarning, match="duration"):
+        ao.export(tmp_path / "short.c", model, heavy, LAW, duration=0.1 * hit.contact_time)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_an_fmu_is_built_from_its_sources(struck_sources, tmp_path):

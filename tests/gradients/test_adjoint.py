@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import antiosc as ao
 import laws
 from antiosc.base import march
+from antiosc.models.first_order import SideBySide, first_order
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.system import System
 from gradient_replay import Inputs, Steps, derivative
@@ -62,12 +65,12 @@ LAWS = laws.LAWS | {
 TOUCHES = 6
 
 
-def rattling(law: ao.ContactLaw, rng) -> tuple[System, engine.Run]:
+def rattling(law: ao.ContactLaw, rng, make=system) -> tuple[System, engine.Run]:
     """A run with many touches; elastic bodies are pulled back sooner."""
     massless = isinstance(law, ao.Hertz | ao.HuntCrossley | ao.TanSun)
     damped = not isinstance(law, ao.Linear | ao.Stronge)
     for pull in (50.0, 100.0, 200.0, 500.0, 1000.0):
-        s = system(law, pull, 0.0 if massless else 0.02, damped, rng)
+        s = make(law, pull, 0.0 if massless else 0.02, damped, rng)
         run = run_of(s, 1e-2 if law.rate_dependent else 1e-3)
         if np.sum(run.exits[:, 5] == march.APART) >= TOUCHES:
             return s, run
@@ -79,7 +82,12 @@ def rattling(law: ao.ContactLaw, rng) -> tuple[System, engine.Run]:
 def test_complex_steps(law: ao.ContactLaw) -> None:
     """A goal of all that a run wrote down, through many touches, by every number of the system."""
     rng = np.random.default_rng(3)
-    s, run = rattling(law, rng)
+    agrees(*rattling(law, rng), rng)
+
+
+def agrees(s: System, run: engine.Run, rng) -> None:
+    """The derivatives of a random goal along random changes of all numbers, by complex steps."""
+    law = s.laws[0]
     assert run.exits is not None
     assert run.states is not None
     n, size = run.time.size // 2, s.omega.size
@@ -96,14 +104,17 @@ def test_complex_steps(law: ao.ContactLaw) -> None:
 
     kind = s.packed.laws[0][0].kind
     given = Inputs(
-        s.omega, s.decay, s.beta[0], s.loads[0], s.q, s.v, s.R[0, 0], s.offsets[0, 0],
+        s.omega, s.decay, s.beta[0], s.loads[0, :size], s.q, s.v, s.R[0, 0], s.offsets[0, 0],
         np.array(law.parameters(), dtype=complex), kind, float(s.slowest[0]),
+        *(() if s.gamma is None else (s.gamma[0], s.loads[0, size:])),
     )  # fmt: skip
     by = {
         "omega": 2 * s.omega * found.square, "decay": found.decay, "beta": found.beta[0],
-        "load": found.loads[0], "q": found.q, "v": found.v, "R": found.residual[0, 0],
+        "load": found.loads[0, :size], "q": found.q, "v": found.v, "R": found.residual[0, 0],
         "gap": found.offsets[0, 0],
     }  # fmt: skip
+    if s.gamma is not None:
+        by |= {"gamma": found.gamma[0], "drive": found.loads[0, size:]}
     along = {name: rng.normal(size=np.shape(by[name])) * getattr(given, name) for name in by}
     if kind != march.TABLE:
         count = 1 if kind == march.HERTZ and not given.law[1] else min(given.law.size, 3)
@@ -116,3 +127,27 @@ def test_complex_steps(law: ao.ContactLaw) -> None:
     parts = [float(np.sum(by[name] * along[name])) for name in by]
     expected = derivative(given, run, law.rate_dependent, along, goal)
     assert abs(sum(parts) - expected) <= 1e-8 * max(map(abs, parts))
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("name", ["linear", "hertz", "hunt-crossley", "thornton", "flores"])
+def test_complex_steps_with_coupled_modes(name: str) -> None:
+    """The same of modes whose rate counts too, one of them two real poles."""
+    rng = np.random.default_rng(4)
+    s, run = rattling(LAWS[name], rng, coupled)
+    agrees(s, run, rng)
+
+
+def coupled(law: ao.ContactLaw, pull: float, m0: float, damped: bool, rng) -> System:
+    """That of `system` with dampers between its coordinates; the pull acts on all modes."""
+    s = system(law, pull, m0, damped=False, rng=rng)
+    free = s.omega.size - 1
+    turn = rng.normal(size=(free, free)) * np.sqrt(
+        np.append(s.omega[: free - 1] / 20, 3 * s.omega[free - 1])
+    )
+    first = first_order(s.omega[:-1], ao.DampingMatrix(turn.T @ turn))
+    beside = SideBySide(
+        [(s.omega[:-1], s.decay[:-1], first, None), (s.omega[-1:], s.decay[-1:], None, None)]
+    )
+    s.loads[0, :-1] = rng.normal(size=free)
+    return replace(s, first=beside).marched

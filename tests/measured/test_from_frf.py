@@ -223,6 +223,11 @@ def test_more_lines_than_can_be_fitted_are_refused():
         ao.from_frf(many)
 
 
+def test_magnitudes_are_refused():
+    with pytest.raises(ao.InputError, match="imaginary"):
+        ao.from_frf(ao.FRF(F, np.abs(part()[:, 0, 0]), "receptance"))
+
+
 def test_what_no_part_can_be_is_refused():
     random = np.random.default_rng(0)
     rubbish = random.standard_normal((F.size, 2)) @ [1, 1j]

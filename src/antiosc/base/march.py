@@ -142,7 +142,7 @@ class Slopes(Structure):
 
     _fields_ = [
         *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
-        *((name, c_void_p) for name in ("laws", "friction", "q", "v", "preload")),
+        *((name, c_void_p) for name in ("laws", "friction", "q", "v", "preload", "gamma")),
         ("grazing", c_double),
     ]
 

@@ -114,8 +114,25 @@ class SideBySide:
             if first is None:
                 found[:, 0, own] = values[:, free]
             else:
-                found[:, :, own] = (values[:, free] @ first.at_q).reshape(len(values), 2, -1)
+                moved = values[:, free] @ first.at_q
+                found[:, :, own] = moved.reshape(-1, 2, first.omega.size)
         return found.reshape(len(values), 2 * size)
+
+    def seen(self, by_q: Array, by_v: Array) -> Array:
+        """(n, 2 I) derivatives by (a, b), from those by displacements and velocities (n, J)."""
+        found = self.rows(by_q).reshape(-1, 2, self.omega.size)
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[:, 1, own] += by_v[:, free]
+            else:
+                moved = by_v[:, free] @ first.at_v
+                found[:, :, own] += moved.reshape(-1, 2, first.omega.size)
+        return found.reshape(len(by_q), 2 * self.omega.size)
+
+    @property
+    def spans(self) -> list[slice]:
+        """The integrated modes of each body."""
+        return [own for _, own, _, _ in self._spans()]
 
     def state(self, q: Array, v: Array) -> Array:
         """(2, I) of displacements and velocities (J,) of the free modes."""

@@ -18,12 +18,22 @@ from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames, listing, write_frames
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.saved_fields import SavedFields
-from antiosc.simulation.histories.body_motion import Motions, amplitudes, modes_of
+from antiosc.simulation.histories.body_motion import (
+    Motions,
+    amplitudes,
+    modes_of,
+    of_unit_energy,
+)
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.scene_history import BodyHistory
+
+#: Relative difference of the stiffness of a structure and of a model on its shapes from which they
+#: do not belong together.
+ANOTHER_PART = 1e-2
 
 
 def counted(history: Motions) -> tuple[object, ...]:
@@ -191,4 +201,13 @@ def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    return np.column_stack(own.basis)
+    shapes = np.column_stack(own.basis)
+    factors, count = of_unit_energy(own)
+    x = shapes @ factors
+    ratio = float(dot(structure.comm, x, multiply(structure.K, x))) / max(count, 1)
+    if count and abs(ratio - 1) > ANOTHER_PART:
+        raise InputError(
+            f"the structure is {ratio:.4g} times as stiff on the shapes of the model as the model:"
+            " the model was extracted from another structure; give that of this run."
+        )
+    return shapes

@@ -8,6 +8,8 @@ from it, and accelerations, need more anti-oscillators than the force (docs/resu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import cast
 
@@ -16,11 +18,12 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
+from antiosc.fem.elements.beam import Beam
 from antiosc.fem.fields import source
-from antiosc.fem.platform.mpi import collective
+from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.site.named_points import motions_without_mesh, point_of
 from antiosc.fem.site.site import Reach
@@ -57,7 +60,7 @@ def probe(
     part: str | None = None,
     surface: str | Sequence[float] = "top",
     layer: int | None = None,
-    fibre: Sequence[float] = (0.0, 0.0),
+    fibre: Sequence[float] | None = None,
     axes: str = "global",
     stiffener: str | None = None,
     snap: float | None = None,
@@ -101,7 +104,8 @@ def probe(
         Of a laminate: the layer, 0 the lowest.
     fibre : (y, z)
         Of a beam: distances from the centroid along the height and across it, m. The stress of a
-        beam is the normal stress of N, My and Mz.
+        beam is the normal stress of N, My and Mz. Default: the centroid; of "von_mises" the point
+        of the section's outline where it is largest at each time.
     axes : "global" or "local"
         Axes of tensors: those of the mesh, or those of the material: the fibres of a layer (1, 2,
         normal), the axes of an anisotropic solid, tangent, height and side of a beam.
@@ -142,12 +146,36 @@ def probe(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     if end is None:
-        columns = _columns(structure, shapes, x[None], quantity, part, there, reach)[0]
+        places = _on_outline(structure, part, there) if quantity == "von_mises" else [there]
+        columns = [
+            _columns(structure, shapes, x[None], quantity, part, one, reach)[0] for one in places
+        ]
     else:
-        columns = motions_without_mesh(structure, shapes, str(point), end, quantity)
+        columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
     factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
-    found = np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
-    return von_mises(found) if quantity == "von_mises" else found
+    if quantity == "von_mises":
+        return np.max([von_mises(_over_time(one, factors)) for one in columns], axis=0)
+    return _over_time(columns[0], factors)
+
+
+def _over_time(columns: Array, factors: Array) -> Array:
+    return np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
+
+
+def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
+    """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
+    materials = source(structure).materials_of(structure, part, there.stiffener)
+    sections = [one.section for one in materials if isinstance(one, Beam)]
+    if not sections or there.fibre is not None:
+        return [there]
+    if not min(len(one.outline) for one in sections):
+        said = (
+            "a section given by A and I has no outline: the von Mises stress is that of its"
+            " centroid, without bending; give fibre=(y, z) or Section(…, outline=[(y, z), …])."
+        )
+        on_root(structure.comm, partial(warn, said, AccuracyWarning))
+        return [there]
+    return [replace(there, fibre=k) for k in range(max(len(one.outline) for one in sections))]
 
 
 @collective(history=counted)

@@ -55,7 +55,7 @@ MOST_MODES = 100
 COUNTS = (12, 25, 50, 100)
 #: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
 #: tolerance of the impact there.
-BEYOND, COARSE = 0.01, 1e-3
+BEYOND, COARSE = 0.003, 1e-3
 AT_REST: dict[str, Any] = {
     "initial_velocity": 0.0, "gravity": 0.0, "gap": None, "max_contacts": 10_000,
     "max_steps": MAX_STEPS,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
 from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
 from antiosc_decks.abaqus.table import account_for
 from antiosc_decks.account import Account
+from antiosc_decks.model.constraints import lever
 from antiosc_decks.sources import Sources
 
 #: Numbers in the whole deck from which elements are not cells.
@@ -168,7 +168,6 @@ class Whole:
         self.cards += [(card, instance) for card in instance.cards]
 
     def _extend(self, keyword: str, name: str, within: Instance, rows: list[IntArray]) -> None:
-        """Add rows to a new or existing set."""
         key = keyword, self.spelled(name, within).upper()
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
 
@@ -244,17 +243,9 @@ def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     return lambda known: known.between(first, last, step)
 
 
-def read(
-    path: Path,
-    name: str,
-    on_size: Callable[[int], None] = lambda size: None,
-    root: str | None = None,
-) -> Whole:
-    """The deck in a file; `on_size` is called with the number of bytes read.
-
-    `root`: the folder of the files that it may include; None: its own, or the one above.
-    """
-    cards = read_cards(Sources(path, name, on_size, root))
+def read(sources: Sources) -> Whole:
+    """The deck in some files."""
+    cards, name = read_cards(sources), sources.name
     whole = Whole(Deck(name), account_for(cards, name))
     whole.deck.told += whole.account.unknown_cards()
     top, parts, placed = _divided(cards, whole.steps)
@@ -317,7 +308,6 @@ def _divided(
 
 
 def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) -> Instance:
-    """An instance of a part, with cards of its own."""
     name, wanted = card.needed("NAME"), card.option("PART")
     card.needs(wanted.upper() in parts, f"the instance {name!r} is of the part {wanted!r}, which "
                "the deck does not define.")  # fmt: skip
@@ -347,7 +337,6 @@ def _rotation(axis: Array, degrees: float, place: Place) -> Array:
     """Rodrigues' matrix of a rotation about an axis."""
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the two points of a rotation coincide.")
-    x, y, z = axis / length
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    K = -lever(axis / length)
     angle = np.deg2rad(degrees)
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))

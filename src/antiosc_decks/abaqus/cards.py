@@ -11,11 +11,8 @@ from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
-
 #: Cards of loads, whose data may be in a file that is not there.
 LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
-
-
 #: The comment over a surface that cgx of Debian writes without its keyword line.
 SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 
@@ -44,10 +41,6 @@ class Row(Placed):
     def reals(self, count: int = 0) -> list[float]:
         """Its numbers, or so many; an empty field is 0."""
         return [self.real(k) for k in range(count or len(self.fields))]
-
-    def integers(self) -> list[int]:
-        """Its integers; empty fields are left out."""
-        return [whole_number(word, self.place) for word in self.fields if word]
 
 
 @dataclass

@@ -55,7 +55,6 @@ class _Joints:
         return self.surfaces[name.upper()]
 
     def tie(self, card: Card, within: Instance) -> None:
-        """*TIE."""
         given = card.option("POSITIONTOLERANCE")
         reach = real_number(given, card.place) if given else None
         for row in card.rows():
@@ -155,7 +154,6 @@ class _Joints:
         return True
 
     def rigid_body(self, card: Card, within: Instance) -> None:
-        """*RIGID BODY."""
         whole, joints, place = self.whole, self.joints, card.place
         every = [whole.nodes(word, place, within)
                  for option in ("NSET", "TIENSET") if (word := card.option(option))]  # fmt: skip
@@ -182,7 +180,6 @@ class _Joints:
         self.current = node, surface.nodes, card
 
     def coupled(self, card: Card, within: Instance) -> None:
-        """*KINEMATIC and *DISTRIBUTING."""
         if self.current is None:
             raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
         rows = card.rows()
@@ -198,7 +195,6 @@ class _Joints:
             self._mean(card, node, motions, nodes, np.ones(len(nodes)))
 
     def kinematic_coupling(self, card: Card, within: Instance) -> None:
-        """*KINEMATIC COUPLING."""
         within.refuse_turned(card)
         node = self.whole.node(card.needed("REFNODE"), card.place, within)
         for row in card.rows():

@@ -154,7 +154,7 @@ def element_copies(
     Each is numbered and has its nodes numbered by steps from the master element's.
     """
     for row in card.rows():
-        master, *rest = row.integers()
+        master, *rest = (whole_number(word, row.place) for word in row.fields if word)
         row.needs(rest, "2 numbers are needed at least.")
         counts, shifts, steps = np.array([*rest, *[1] * (9 - len(rest))][:9]).reshape(3, 3).T
         counts = np.maximum(counts, 1)
@@ -170,7 +170,6 @@ def element_copies(
 
 
 def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
-    """Elements on nodes with other numbers."""
     label = np.empty(len(nodes.labels), dtype=np.int64)
     label[nodes.order] = nodes.labels
 

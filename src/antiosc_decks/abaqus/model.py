@@ -145,7 +145,6 @@ class _Supports:
 
 
 def _nonstructural(whole: Whole, builder: ModelBuilder, card: Card, within: Instance) -> None:
-    """*NONSTRUCTURAL MASS."""
     elements = whole.elements(card.needed("ELSET"), card.place, within)
     unit = "".join(card.needed("UNITS").split()).upper()
     way = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
@@ -211,7 +210,6 @@ def _link(
     kind: str,
     nodes: list[int],
 ) -> None:
-    """A spring or a dashpot."""
     card, within = given
     values = card.rows()
     what = BESIDE[card.keyword][0]

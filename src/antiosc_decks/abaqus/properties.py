@@ -11,7 +11,7 @@ from antiosc.io.deck import Array, Place
 from antiosc_decks.abaqus.assembly import Instance
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model import properties as profiles
-from antiosc_decks.model.properties import Material, isotropic, of_stiffness
+from antiosc_decks.model.properties import Material, isotropic, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
@@ -59,24 +59,16 @@ def _elastic(material: Material, card: Card) -> str:
         material.constants = np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])
     elif kind == "ENGINEERINGCONSTANTS":
         material.constants = v
-    elif kind == "ANISO":  # the upper triangle, column by column
-        material.stiffness = _triangle(v)[np.ix_(VOIGT, VOIGT)]
+    elif kind == "ANISO":  # the upper triangle by columns: the lower one by rows
+        material.stiffness = symmetric(v)[np.ix_(VOIGT, VOIGT)]
     else:
         D = np.diag([0.0, 0.0, 0.0, *v[6:]])
-        D[:3, :3] = _triangle(v[:6])
+        D[:3, :3] = symmetric(v[:6])
         try:
             material.constants = of_stiffness(D)
         except np.linalg.LinAlgError:
             raise card.place.error("the stiffness of *ELASTIC is singular.") from None
     return kind
-
-
-def _triangle(values: Array) -> Array:
-    """A symmetric matrix by its upper triangle, column by column."""
-    size = int(math.sqrt(2 * len(values)))
-    C = np.zeros((size, size))
-    C[np.tril_indices(size)] = values
-    return C + np.tril(C, -1).T
 
 
 class Orientations:

@@ -281,7 +281,6 @@ def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
 
 
 def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:
-    """Give elements thicknesses of their own."""
     numbers = builder.of_element[elements]
     for number in np.unique(numbers[numbers >= 0]):
         family, name = builder.families[number], builder.names[number]

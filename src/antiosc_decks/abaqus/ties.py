@@ -30,18 +30,18 @@ SOLID_FACES = {
 
 @dataclass
 class Surface:
-    """Faces, by (corners, middles of edges; -1: none) in order around each; or nodes alone."""
+    """Faces, by (corners, middles of edges; -1: none) in order around each; its nodes.
+
+    An edge of a shell has nodes of its own, and the face that it belongs to.
+    """
 
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
-    alone: list[IntArray] = field(default_factory=list)
+    of: list[IntArray] = field(default_factory=list)
 
     @property
     def nodes(self) -> IntArray:
         """All of its nodes."""
-        every = [np.zeros(0, dtype=np.int64), *self.alone]
-        for corners, mids in self.faces:
-            every += [corners, mids]
-        nodes = np.unique(np.concatenate(every))
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *self.of]))
         return nodes[nodes >= 0]
 
 
@@ -55,12 +55,28 @@ def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[st
         of_nodes = card.option("TYPE").upper().startswith("NODE")
         for row in card.rows():
             if of_nodes:
-                surface.alone.append(whole.nodes(row.word(0), row.place, within))
-            else:
-                elements = whole.elements(row.word(0), row.place, within)
-                for block, _ in whole.deck.blocks_of(elements):
-                    surface.faces += _faces(block, row.word(1).upper(), row.place)
+                surface.of.append(whole.nodes(row.word(0), row.place, within))
+                continue
+            elements, side = whole.elements(row.word(0), row.place, within), row.word(1).upper()
+            for block, _ in whole.deck.blocks_of(elements):
+                faces = list(_faces(block, side, row.place))
+                surface.faces += faces
+                edge = _edge(block, side, row.place)
+                if edge is None:
+                    surface.of += [nodes for face in faces for nodes in face]
+                else:
+                    ends = block.corners[:, list(EDGES[block.shape][edge])]
+                    surface.of += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
     return found
+
+
+def _edge(block: Block, side: str, place: Place) -> int | None:
+    """The number of an edge of flat elements: S3, … of shells, S1, … of plane ones, E1, …"""
+    if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
+        return None
+    edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
+    place.needs(edge < CORNERS[block.shape], f"{side!r} is no edge of a {block.shape}.")
+    return edge if edge >= 0 else None
 
 
 def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:

@@ -34,8 +34,6 @@ def chosen_elements(deck: Deck) -> BoolArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
-
-
 #: Of a class of antiosc, as JSON holds them.
 Arguments = dict[str, Any]
 
@@ -64,11 +62,6 @@ class Rod:
     #: F1, F2 of a panel: what of it is in rods along its sides 12 and 34, 23 and 41, as shares of
     #: its thickness and width (from 1.01: of the square of its thickness)
     effective: tuple[float, float] | None = None
-
-    @property
-    def dimension(self) -> int:
-        """Of what its mass is spread over: a length, or an area."""
-        return 1 if self.effective is None else 2
 
 
 @dataclass
@@ -137,14 +130,9 @@ class ModelBuilder:
             "nothing can be struck; add it to the deck, or give density= in kg/m³."
         )
 
-    def _constants(self, material: Material) -> Array:
-        if material.constants is None:
-            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
-        return material.constants
-
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
-        self._constants(material)
+        material.elasticity()
         found = material.isotropic
         if found is None:
             raise material.place.error(
@@ -173,7 +161,7 @@ class ModelBuilder:
 
     def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
-        E1, E2, _, nu12, _, _, *G = self._constants(material).tolist()
+        E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
         found = {name: value * self.units.stress for name, value in moduli}
         thick = thickness * self.units.length

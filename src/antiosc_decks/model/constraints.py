@@ -234,9 +234,7 @@ class Constraints:
         good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
         inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
         # θ = J⁻¹ Σ w r × u
-        skew = np.zeros((len(r), 3, 3))
-        skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
-        skew -= np.swapaxes(skew, 1, 2)
+        skew = -np.array([lever(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         arm = self.place(follower) - centre
         cross = lever(arm)

@@ -170,7 +170,6 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
 
 
 def _on_edges(builder: ModelBuilder) -> bool:
-    """Whether all lines are edges of faces."""
     found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)

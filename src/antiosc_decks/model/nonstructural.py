@@ -14,8 +14,8 @@ from antiosc_decks.model.builder import Arguments, Family, ModelBuilder
 from antiosc_decks.model.geometry import measures_of
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
-DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Solid": 3}
-DIMENSION["AnisotropicSolid"] = 3
+DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2}
+DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
 
@@ -57,7 +57,7 @@ def _sections(
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
     if element in builder.rods:
         rod = builder.rods[element]
-        return rod.dimension, rod.across, rod.mass / rod.across
+        return 1 if rod.effective is None else 2, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
@@ -78,7 +78,6 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    """Add to the density of elements."""
     rods = np.array([int(element) in builder.rods for element in elements])
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
         rod = builder.rods[element]

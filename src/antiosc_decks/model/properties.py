@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,12 @@ class Material(Placed):
     density: float | None = None
     #: E and G of beams and rods, where they do not follow from `constants`
     of_lines: tuple[float, float] | None = None
+
+    def elasticity(self) -> Array:
+        """The constants; MeshError without such."""
+        if self.constants is None:
+            raise self.place.error(f"the material {self.name!r} has no constants of elasticity.")
+        return self.constants
 
     @property
     def modulus(self) -> float:
@@ -56,6 +63,14 @@ def of_stiffness(D: Array) -> Array:
     S = np.linalg.inv(D)
     E = 1 / np.diag(S)[:3]
     return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
+
+
+def symmetric(values: Sequence[float] | Array, triangle: Any = np.tril_indices) -> Array:
+    """A symmetric matrix by the rows of its lower, or its upper triangle (`np.triu_indices`)."""
+    size = int(math.sqrt(2 * len(values)))
+    C = np.zeros((size, size))
+    C[triangle(size)] = values
+    return np.asarray(C + C.T - np.diag(np.diag(C)))
 
 
 #: Timoshenko's shear coefficients, as in `antiosc.Section`.

@@ -160,13 +160,7 @@ class Bulk:
             raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
         self._continuations.find_lost()
 
-    def of_first(self, what: str) -> int | None:
-        """The set of the first subcase, by default that above all subcases."""
-        sets = self.selected or {}
-        return sets.get((what, 1), sets.get((what, 0)))
-
     def _read(self, lines: list[str], file: str) -> None:
-        """One file."""
         number = 0
         while number < len(lines) and not self._ended:
             number += 1
@@ -200,7 +194,6 @@ class Bulk:
                 self._line(line.expandtabs(8), place)
 
     def _control(self, line: str) -> None:
-        """One line before the bulk data."""
         if _begins(line):
             self._started = True
             return
@@ -210,7 +203,6 @@ class Bulk:
             self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
 
     def _line(self, line: str, place: Place) -> None:
-        """One line of the bulk data."""
         words = line.upper().split()
         if words[0].startswith("ENDDATA"):
             self._ended = True
@@ -277,12 +269,10 @@ class Bulk:
 
 
 def _begins(line: str) -> bool:
-    """Whether the bulk data begin here."""
     return line.upper().split()[:2] == ["BEGIN", "BULK"]
 
 
 def _changed(old: str, change: str, place: Place) -> str:
-    """A field of a copy."""
     if not change.startswith("*"):
         return old if change == "=" else change
     step = change[1:].strip("() ")

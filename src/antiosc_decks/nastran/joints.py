@@ -11,6 +11,7 @@ from antiosc.io.deck import Array, real_number, whole_number
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term, along, lever
 from antiosc_decks.model.nonstructural import add_mass, add_total
+from antiosc_decks.model.properties import symmetric
 from antiosc_decks.nastran.beams import orientation
 from antiosc_decks.nastran.cards import Entry, motions_of, through
 from antiosc_decks.nastran.coordinates import coincident, place_in
@@ -294,9 +295,8 @@ class Joints:
         row = self.found.at(entry, 1)
         mass = entry.real(3) * self.factor
         offset = np.array(entry.reals(4, 7))
-        J = np.zeros((3, 3))
-        J[np.tril_indices(3)] = np.array(entry.reals(8, 14)) * self.factor
-        J = 3 * np.diag(np.diag(J)) - J - J.T
+        J = symmetric(np.array(entry.reals(8, 14)) * self.factor)
+        J = 2 * np.diag(np.diag(J)) - J
         number = entry.whole(2, 0)
         if number == -1:  # the place of the mass
             offset = offset - self.found.deck.points[row] if entry.words(4, 7) else np.zeros(3)
@@ -317,9 +317,7 @@ class Joints:
 
     def _matrix(self, entry: Entry) -> None:
         """CONM1: a mass matrix of one node."""
-        M = np.zeros((6, 6))
-        M[np.tril_indices(6)] = np.array(entry.reals(3, 24)) * self.factor
-        M = M + M.T - np.diag(np.diag(M))
+        M = symmetric(np.array(entry.reals(3, 24)) * self.factor)
         if entry.whole(2, 0):
             six = np.kron(np.eye(2), self.found.axes(entry, entry.whole(2)))
             M = six.T @ M @ six

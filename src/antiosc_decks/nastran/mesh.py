@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, through
@@ -69,7 +67,7 @@ class NastranDeck:
         """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
 
         Without case control all of them are used. The choice is told; MeshError if there are no
-        supports of the number that is selected.
+        supports of the number that is selected. What stands above all subcases is of each.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
@@ -78,13 +76,13 @@ class NastranDeck:
                 some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
                 self.deck.told.append(some)
             return present
-        first = self.bulk.of_first(what)
+        first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
+        sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
         used = set() if first is None else {first}
-        for entry in self.named(f"{what}ADD"):
-            if entry.whole(0) == first:
-                added = {entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)}
-                used = added | used & present
-        lost, others = used - present, present - used
+        if first in sums:
+            words, place = sums[first].words(1), sums[first].place
+            used = {whole_number(word, place) for word in words} | used & present
+        lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
             raise MeshError(
                 f"the case control of {name} selects SPC = {first}, which is not there."
@@ -150,17 +148,9 @@ class NastranDeck:
         return system.axes
 
 
-def read(
-    path: Path,
-    name: str,
-    on_size: Callable[[int], None] = lambda size: None,
-    root: str | None = None,
-) -> NastranDeck:
-    """The deck in a file; `on_size` is called with the number of bytes read.
-
-    `root`: the folder of the files that it may include; None: its own, or the one above.
-    """
-    bulk = Bulk(Sources(path, name, on_size, root))
+def read(sources: Sources) -> NastranDeck:
+    """The deck in some files."""
+    bulk = Bulk(sources)
     for entry in bulk.entries:
         if entry.fault and fate_of(entry.name).kind == "read":
             raise entry.fault
@@ -169,7 +159,7 @@ def read(
             whole = entry.text(1).upper() in ("", "PRIMARY")
             entry.needs(whole, f"{own} is not read; write its elements out.")
     scope_parts(bulk.entries)
-    found = _nodes(bulk, name)
+    found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown_cards()]
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):

@@ -142,7 +142,6 @@ class BeamProfiles:
         return start
 
     def _behind(self, start: int) -> None:
-        """What follows the sections of PBEAM."""
         entry = self.entry
         ends = [start + 12, start + 13]
         own = [k + 2 if entry.text(k + 2) else k for k in ends]  # blank: as at the first end

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from antiosc.io.deck import Array, IntArray
 from antiosc.io.shapes import CORNERS
 from antiosc_decks.model import geometry
 from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
-from antiosc_decks.model.properties import Material, isotropic, tube
+from antiosc_decks.model.properties import Material, isotropic, symmetric, tube
 from antiosc_decks.nastran.beams import offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.coordinates import SCOPE, label_of
@@ -76,7 +76,6 @@ class Properties:
         return element.place.error(f"{label} has the property {number}, {what}")
 
     def _material_of(self, entry: Entry) -> Material:
-        """A material in the deck's units."""
         number = entry.whole(0)
         material = Material(f"{entry.name} {number}", entry.place)
         density = entry.real(MATERIALS[entry.name])
@@ -90,11 +89,12 @@ class Properties:
                     f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
                 )
         elif entry.name == "MAT2":
-            material.plane = _triangle(entry.reals(1, 7))
+            material.plane = symmetric(entry.reals(1, 7), np.triu_indices)
         elif entry.name == "MAT9":
             # Nastran's order of the shear stresses is 12, 23, 31
             order = [0, 1, 2, 4, 5, 3]
-            material.stiffness = _triangle(entry.reals(1, 22))[np.ix_(order, order)]
+            C = symmetric(entry.reals(1, 22), np.triu_indices)
+            material.stiffness = C[np.ix_(order, order)]
         elif entry.name == "MAT11":
             material.constants = np.array([entry.real(k, None) for k in range(1, 10)])
         else:
@@ -125,7 +125,6 @@ class Properties:
         return extra * self.factor / size * self.builder.units.density if size else 0.0
 
     def _tell_beside(self, entry: Entry, extra: float) -> None:
-        """Where the nonstructural mass lies is not known."""
         if extra:
             self.builder.tell_once(
                 f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
@@ -159,7 +158,6 @@ class Properties:
         self._solid(plain, name, elements)
 
     def _rods(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """PROD, PTUBE or CONROD."""
         k = 3 if entry.name == "CONROD" else 1
         if entry.name == "PTUBE":
             outer, t = entry.real(2, None), entry.real(3)
@@ -176,7 +174,6 @@ class Properties:
         self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """PSHEAR."""
         E, nu, density = self._elastic(self._material(entry, 1), "shear panels")
         t = entry.real(2, None)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
@@ -230,7 +227,6 @@ class Properties:
             self.builder.add(group, elements[some], Family("Beam", arguments, entry.place))
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """PSHELL."""
         number = entry.text(0)
         for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
             if not entry.text(k) and entry.text(other):
@@ -319,7 +315,6 @@ class Properties:
         }
 
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """PCOMP and PCOMPG."""
         plies = []
         material, thickness = "", ""
         step, first = (8, 9) if entry.name == "PCOMPG" else (4, 8)
@@ -423,14 +418,6 @@ OF_PROPERTY = {
 }
 
 
-def _triangle(values: Sequence[float]) -> Array:
-    """A symmetric matrix of its upper triangle by rows."""
-    n = int((2 * len(values)) ** 0.5)
-    m = np.zeros((n, n))
-    m[np.triu_indices(n)] = values
-    return np.asarray(m + np.triu(m, 1).T)
-
-
 def _moduli(entry: Entry) -> tuple[float, float | None, float]:
     """(E, G as given, nu); one of the three may be left out."""
     E, G, nu = (entry.real(k) if entry.text(k) else None for k in (1, 2, 3))
@@ -449,7 +436,7 @@ def _plane(material: Material) -> Array:
         sound = np.linalg.eigvalsh(material.plane).min() > 0
         material.needs(sound, f"the stiffness of {material.name} is not positive definite.")
         return material.plane
-    E1, E2, _, n12, _, _, G12, *_ = _constants(material)
+    E1, E2, _, n12, _, _, G12, *_ = material.elasticity()
     n21 = n12 * E2 / E1
     Q = np.array([[E1, n21 * E1, 0], [n21 * E1, E2, 0], [0, 0, (1 - n12 * n21) * G12]])
     return np.asarray(Q / (1 - n12 * n21))
@@ -459,10 +446,4 @@ def _across(material: Material) -> Array:
     """Stresses (τ13, τ23) of transverse shear strains (2, 2)."""
     if material.plane is not None:  # G11, G12, G22 of a MAT2
         return np.asarray(material.plane[:2, :2])
-    return np.diag(_constants(material)[7:9])
-
-
-def _constants(material: Material) -> Array:
-    if material.constants is None:
-        raise material.place.error(f"{material.name} is not a material of shells.")
-    return material.constants
+    return np.diag(material.elasticity()[7:9])

@@ -11,6 +11,7 @@ from antiosc.io.deck import Deck, Place
 from antiosc_decks.abaqus import assembly as abaqus_assembly, ties
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.model.constraints import Constraints
+from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(17)
 ANY = RNG.normal(size=(6, 3))
@@ -24,7 +25,7 @@ def equations(folder: Path, x: np.ndarray, text: str, turning: bool = True) -> n
     path = folder / "a.inp"
     nodes = "".join(f"{k + 1}, {', '.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x))
     path.write_text(f"*NODE\n{nodes}{text}")
-    whole = abaqus_assembly.read(path, "a.inp")
+    whole = abaqus_assembly.read(Sources(path, "a.inp"))
     n = len(x)
     joints = Constraints(whole.deck, np.ones(n, dtype=bool), np.full(n, turning))
     read_joints(whole, joints, [pair for pair in whole.cards if pair[0].keyword != "NODE"])

@@ -11,6 +11,7 @@ import pytest
 from antiosc.base.errors import MeshError
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(29)
 X = np.round(RNG.uniform(-1, 1, (6, 3)), 3)
@@ -34,7 +35,7 @@ def read(tmp_path):
     def model(cards: str):
         path = tmp_path / "part.inp"
         path.write_text(frame_of_beams() + cards)
-        whole = abaqus_assembly.read(path, path.name)
+        whole = abaqus_assembly.read(Sources(path, path.name))
         return abaqus_model.model_of(whole, UnitSystem.of("mm"), None), whole.deck
 
     return model

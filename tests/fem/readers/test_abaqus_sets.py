@@ -8,6 +8,7 @@ import pytest
 from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly
 from antiosc_decks.abaqus.assembly import OTHER
+from antiosc_decks.sources import Sources
 from refusals import refused
 
 
@@ -18,7 +19,7 @@ def read(tmp_path):
             (tmp_path / f"{name}.inp").write_text(content)
         path = tmp_path / "part.inp"
         path.write_text(text)
-        return abaqus_assembly.read(path, path.name)
+        return abaqus_assembly.read(Sources(path, path.name))
 
     return of
 

@@ -12,6 +12,7 @@ import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly, table as abaqus_table
 from antiosc_decks.nastran import mesh as nastran, table as nastran_table
+from antiosc_decks.sources import Sources
 from paths import DECKS
 
 SECTION = inp.CUBE + inp.SOLID + inp.STEEL
@@ -44,7 +45,7 @@ def written(name: str) -> Counter[str]:
 @pytest.mark.parametrize("name", FILES)
 def test_as_many_cards_come_out_as_go_in(name):
     path = DECKS / name
-    account = READERS[path.suffix].read(path, name).account
+    account = READERS[path.suffix].read(Sources(path, name)).account
     assert Counter(card.lstrip("*") for card, _, _ in account.cards) == written(name)
     counts = Counter(fate.kind for _, _, fate in account.cards)
     assert set(counts) <= {"read", "harmless", "ignored"}

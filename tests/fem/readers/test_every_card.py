@@ -19,6 +19,7 @@ from antiosc.io.deck import Deck
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.sources import Sources
 
 #: Quantity -> powers of length, force and mass, where mass is force / length.
 QUANTITIES = {
@@ -44,7 +45,7 @@ def deck_in(name: str, unit: str) -> tuple[str, UnitSystem]:
 def read(path: Path, text: str, units: UnitSystem) -> tuple[dict[str, Any], Deck]:
     path.write_text(text, encoding="latin-1")
     reader, model = READERS[path.name]
-    found = reader.read(path, path.name)
+    found = reader.read(Sources(path, path.name))
     return model.model_of(found, units, None), found.deck
 
 

@@ -10,6 +10,7 @@ import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.reading import read as read_mesh
 from antiosc_decks.nastran import mesh as nastran
+from antiosc_decks.sources import Sources
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 BAR = bdf.GRIDS + bdf.MAT1 + "SPC1,1,123456,1\n"
@@ -228,10 +229,10 @@ def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
     folder.mkdir(parents=True)
     (tmp_path / "grids.inc").write_text(bdf.GRIDS)
     (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '../../grids.inc'\n{bdf.HEXA}")
-    found = nastran.read(folder / "part.bdf", "part.bdf", root=str(tmp_path))
+    found = nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path)))
     assert found.deck.n_elements == 1
     with pytest.raises(MeshError, match="root="):
-        nastran.read(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs"))
+        nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs")))
 
 
 def test_plane_elements_with_the_thickness_of_a_shell(tmp_path):

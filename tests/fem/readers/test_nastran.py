@@ -14,6 +14,7 @@ from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
 from antiosc_decks.nastran import mesh as nastran
 from antiosc_decks.nastran.coordinates import System
+from antiosc_decks.sources import Sources
 from paths import DECKS
 from refusals import refused
 
@@ -108,7 +109,7 @@ def test_copies_of_entries(tmp_path):
     text += "CROD,1,1,1,2\nGRID*,99,,1.,2.,\n*,3.\n"
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    found = nastran.read(path, path.name)
+    found = nastran.read(Sources(path, path.name))
     assert sorted(found.nodes.labels) == [1, 2, 3, 4, 14, 99]
     expected = [[0, 1, 2], [0.5, 1, 2], [1, 1, 2], [1.5, 1, 2], [1.5, 7, 2], [1, 2, 3]]
     np.testing.assert_allclose(found.deck.points, expected)
@@ -118,7 +119,7 @@ def test_copies_of_entries(tmp_path):
 def test_a_list_that_goes_on_after_a_comma(tmp_path):
     path = tmp_path / "part.bdf"
     path.write_text(CUBE + "BSURF,1,1,2,3,4,5,6,7,\n8,9,10\n")
-    (entry,) = nastran.read(path, path.name).named("BSURF")
+    (entry,) = nastran.read(Sources(path, path.name)).named("BSURF")
     assert [entry.text(k) for k in (7, 8, 9, 10)] == ["7", "8", "9", "10"]
 
 
@@ -128,7 +129,7 @@ def test_an_include_beside_the_file_that_includes(tmp_path):
     (tmp_path / "parts" / "all.inc").write_text("INCLUDE 'grids.inc'\n" + CUBE[len(GRIDS) :])
     path = tmp_path / "part.bdf"
     path.write_text("INCLUDE 'parts/all.inc'\n")
-    assert nastran.read(path, path.name).deck.n_elements == 1
+    assert nastran.read(Sources(path, path.name)).deck.n_elements == 1
 
 
 def test_systems_by_grids_and_within_each_other(tmp_path):
@@ -140,7 +141,7 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
     text += "GRID,24,14,2.,90.,90.\nGRID,25,14,2.,30.,0.\nGRID,26,15,1.,2.,3.\n"
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    found = nastran.read(path, path.name)
+    found = nastran.read(Sources(path, path.name))
     # system 11: z is y of the deck, x is z, y is x; system 13: z is z, x is y, y is -x
     expected = [(3, 5, 4), (3, 5, 3), (1, 4, 4), (3, 2, 3), (1, 2 + math.sqrt(3), 4), (5, 8, 5)]
     np.testing.assert_allclose(found.deck.points[3:], expected, atol=1e-12)
@@ -152,4 +153,4 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
     ):
         path.write_text(text + wrong)
         with refused(at, word, ao.MeshError):
-            nastran.read(path, path.name)
+            nastran.read(Sources(path, path.name))

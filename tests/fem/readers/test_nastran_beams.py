@@ -12,6 +12,7 @@ from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.profiles import BeamProfiles
+from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(43)
 X = np.round(RNG.uniform(-1, 1, (4, 3)), 3)
@@ -28,7 +29,7 @@ def read(folder, cards: str):
         text += f"GRID,{k},,{','.join(map(str, x))}{',5' if k == 2 else ''}\n"
     path = folder / "part.bdf"
     path.write_text(text + "CBAR,9,8,2,3,.1,.2,.9\nCBAR,10,8,3,4,.1,.2,.9\n" + cards)
-    found = nastran.read(path, path.name)
+    found = nastran.read(Sources(path, path.name))
     return nastran_model.model_of(found, UnitSystem.of("m"), None), found.deck
 
 

@@ -108,7 +108,7 @@ def test_case_control_and_names_in_comments(tmp_path):
     text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
     text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
     found = bulk(tmp_path, text)
-    assert [found.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
+    assert found.selected == {("SPC", 0): 3, ("MPC", 0): 4, ("SPC", 1): 5, ("MPC", 1): 6}
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
 
@@ -152,10 +152,10 @@ def test_faults_of_entries_that_are_not_read_are_none(tmp_path, line, name, read
     path = tmp_path / "a.bdf"
     path.write_text(f"GRID,1\n{name},1,1,1,,,,,,+CD\n{line.format(name)}\nENDDATA\n")
     if read:
-        assert nastran.read(path, path.name).account.cards
+        assert nastran.read(Sources(path, path.name)).account.cards
         return
     with pytest.raises(MeshError, match="line 3 of"):
-        nastran.read(path, path.name)
+        nastran.read(Sources(path, path.name))
 
 
 def test_equations_are_texts(tmp_path):
@@ -174,7 +174,7 @@ def test_groups_by_property_and_by_support(tmp_path):
     text += "CELAS2,70,1.,1,1\nRBE2,71,1,1,2\n"
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    found = nastran.read(path, path.name)
+    found = nastran.read(Sources(path, path.name))
     assert {name: rows.tolist() for name, rows in found.deck.element_sets.items()} == {
         "2": [1], "7": [0, 3], "skin": [0, 3],
     }  # fmt: skip
@@ -216,4 +216,4 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, text):
     path = tmp_path / "part.bdf"
     path.write_text(text)
     with refused(*WRONG[text], MeshError):
-        nastran.read(path, path.name)
+        nastran.read(Sources(path, path.name))

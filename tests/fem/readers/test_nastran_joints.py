@@ -12,6 +12,7 @@ import pytest
 from antiosc.base.errors import MeshError
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(23)
 X = np.round(RNG.uniform(-1, 1, (7, 3)), 3)
@@ -44,7 +45,9 @@ def joints(tmp_path):
     def of(cards: str, turned: int | None = None, control: str = "") -> dict:
         path = tmp_path / "part.bdf"
         path.write_text(control + frame_of_bars(turned) + cards)
-        return nastran_model.model_of(nastran.read(path, path.name), UnitSystem.of("m"), None)
+        return nastran_model.model_of(
+            nastran.read(Sources(path, path.name)), UnitSystem.of("m"), None
+        )
 
     return of
 

@@ -11,6 +11,7 @@ import pytest
 from antiosc.base.errors import MeshError
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(31)
 ORIGIN, E1, E2 = np.round(RNG.uniform(-1, 1, (3, 3)), 3)
@@ -44,7 +45,7 @@ def families(tmp_path):
     def of(cards: str) -> tuple[list, list[str]]:
         path = tmp_path / "part.bdf"
         path.write_text(grids() + cards)
-        found = nastran.read(path, path.name)
+        found = nastran.read(Sources(path, path.name))
         model = nastran_model.model_of(found, UnitSystem.of("mm"), None)
         return [(kind, given) for _, kind, given, _ in model["families"]], model["ignored"]
 

@@ -15,6 +15,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus, model as abaqus_model
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.sources import Sources
 from refusals import refused
 
 FACE = "*NSET,NSET=FIX\n1,2,3,4\n"
@@ -43,7 +44,7 @@ def read(folder, name: str, text: str | bytes):
         if name.endswith("inp")
         else (nastran, nastran_model.model_of)
     )
-    found = reader.read(path, path.name)
+    found = reader.read(Sources(path, path.name))
     return model_of(found, UnitSystem.of("mm"), None), found.deck
 
 

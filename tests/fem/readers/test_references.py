@@ -86,11 +86,11 @@ def test_a_part_without_an_instance_is_told(tmp_path):
 
 SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
 CONTROL = {
-    "SPC=1\n": ("x", [2, 3]),
+    "SPC=1\n": ("x", [2, 3, 9]),
     "SPC=9\n": ("xyz", [2]),
-    "SPC=1\nSUBCASE 1\nSPC=2\nSUBCASE 2\nSPC=3\n": ("y", [1, 3]),
-    "SUBCASE 1\nLOAD=4\nSUBCASE 2\nSPC=1\n": ("", [1, 2, 3]),
-    "ECHO=NONE\n": ("", [1, 2, 3]),
+    "SPC=1\nSUBCASE 1\nSPC=2\nSUBCASE 2\nSPC=3\n": ("y", [1, 3, 9]),
+    "SUBCASE 1\nLOAD=4\nSUBCASE 2\nSPC=1\n": ("", [1, 2, 3, 9]),
+    "ECHO=NONE\n": ("", [1, 2, 3, 9]),
 }
 
 

@@ -140,7 +140,7 @@ WITH_LINES = {
     "material": (f"{bdf.HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),
     "solid of plies": (f"{bdf.HEXA}PSOLID,7,3\nMAT8,3,9.,8.,.1,3.,,,1.\n", 12, "nine constants"),
     "shell of a solid": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT9,3,1.\n,,,,,,,,\n,,,,,,,1.\n",
-                         11, "not a material of shells"),
+                         11, "elasticity"),
     "indefinite": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT2,3,1.,2.,,1.,,1.,1.\n", 11, "definite"),
     "spoint": (f"SPOINT,100,THRU,10000102\n{bdf.HEXA}", 9, "SPOINT from 100"),
     "mass of nothing": (f"{bdf.HEXA}PSOLID,7,1\nCMASS2,9,1.\n", 12, "no node"),

@@ -10,6 +10,7 @@ from antiosc_decks.abaqus import assembly as abaqus_assembly
 from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.ties import surfaces_of
 from antiosc_decks.model.constraints import Constraints
+from antiosc_decks.sources import Sources
 from refusals import refused
 
 RNG = np.random.default_rng(37)
@@ -19,7 +20,7 @@ def deck_of(folder, x: np.ndarray, text: str):
     path = folder / "a.inp"
     nodes = "".join(f"{k},{','.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x, 1))
     path.write_text(f"*NODE\n{nodes}{text}")
-    whole = abaqus_assembly.read(path, "a.inp")
+    whole = abaqus_assembly.read(Sources(path, "a.inp"))
     return whole, [pair for pair in whole.cards if pair[0].keyword != "NODE"]
 
 
@@ -314,3 +315,30 @@ def test_an_equation_of_a_set_is_one_for_each_of_its_nodes(tmp_path):
     cards = f"{PAIR}*EQUATION\n1000001\n"
     with pytest.raises(MeshError, match=r"an .EQUATION of 1000001 terms"):
         joints_of(tmp_path, ANY, cards)
+
+
+EDGES = {
+    # type of elements, names of its edges 1-2, 2-3, 3-4 and 4-1
+    "S8R": ("S3 S4 S5 S6", "E1 E2 E3 E4"),
+    "CPS4": ("S1 S2 S3 S4", "E1 E2 E3 E4"),
+}
+
+
+@pytest.mark.parametrize("kind", EDGES)
+def test_a_surface_of_edges_has_the_nodes_of_these_alone(tmp_path, kind):
+    """By CalculiX' manual: S1 and S2 of a shell are its faces, S3 and on its edges."""
+    count = int(kind.strip("CPSR"))
+    text = f"*ELEMENT,TYPE={kind},ELSET=E\n1,{','.join(map(str, range(1, count + 1)))}\n"
+    for names in EDGES[kind]:
+        text += "".join(f"*SURFACE,NAME={name}\nE,{name}\n" for name in names.split())
+    found = surfaces_of(*deck_of(tmp_path, faces(8)[0][:count], f"{text}*SURFACE,NAME=N\nE,SNEG\n"))
+    for names in EDGES[kind]:
+        for k, name in enumerate(names.split()):
+            middle = [5 + k] * (count == 8)
+            expected = sorted([k + 1, (k + 1) % 4 + 1, *middle])
+            assert (found[name].nodes + 1).tolist() == expected
+            ((corners, _),) = found[name].faces  # what is tied to an edge is tied to its face
+            assert (corners + 1).tolist() == [1, 2, 3, 4]
+    assert len(found["N"].nodes) == count
+    with pytest.raises(MeshError, match="no edge"):
+        surfaces_of(*deck_of(tmp_path, faces(8)[0][:count], f"{text}*SURFACE,NAME=W\nE,E5\n"))

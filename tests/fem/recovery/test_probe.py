@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -219,6 +221,23 @@ def test_a_loaded_shell_bends():
     assert equal == pytest.approx(size, rel=2e-2)
 
 
+@pytest.mark.parametrize("outline", [True, False])
+def test_von_mises_of_a_beam_is_that_of_its_worst_fibre(outline):
+    """σ = M h/2I of a cantilever under a force; the centroid alone has no bending."""
+    side = 0.01
+    square = ao.Section.rectangle(side, side)
+    section = square if outline else ao.Section(A=square.A, I=square.I)
+    part = ao.Structure(
+        parts.line(0.2, 8), ao.Beam(**parts.STEEL, section=section), [ao.Support("left")]
+    )
+    hit = quiet_load(ao.extract(part, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
+    told = contextlib.nullcontext() if outline else pytest.warns(ao.AccuracyWarning, match="fibre")
+    with told:
+        stress = ao.probe(part, hit, (0.1, 0.0), "von_mises")[-1]
+    bent = 5.0 * 0.1 * side / 2 / square.I
+    assert stress == pytest.approx(bent if outline else 0.0, rel=2e-2, abs=1e-6 * bent)
+
+
 def test_section_forces_of_a_plane_beam():
     """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
     beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
@@ -297,6 +316,21 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an edge cuts the patch")
+def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run():
+    light, stiff = (
+        ao.Structure(
+            parts.line(0.2, 8),
+            ao.Beam(E, 0.3, 7850.0, ao.Section.rectangle(0.01, 0.01)),
+            [ao.Support("left")],
+        )
+        for E in (70e9, 210e9)
+    )
+    hit = quiet_load(ao.extract(light, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
+    assert ao.probe(light, hit, (0.1, 0.0)).any()
+    with pytest.raises(ao.InputError, match="another structure"):
+        ao.probe(stiff, hit, (0.1, 0.0))
+
+
 def test_what_cannot_be_probed_is_refused(sheet):
     part = sheet[0]
     hit = ao.simulate(ao.extract(part, SITE, 4), BALL, LAW, 1e-4)

@@ -59,7 +59,8 @@ def export(
         Both, or neither for a model alone or a scene.
     duration : float, optional
         Time [s] for which the step of the exported run is chosen; by default twenty expected
-        contact times. The run may go on for a thousand times as long.
+        contact times, or longer, until the bodies have parted. The run may go on for a thousand
+        times as long.
     tol : float
         Relative error of the contact forces of an exported run over `duration`, in the L2 norm.
     initial_velocity, gravity, gap

@@ -45,10 +45,19 @@ def write(path: Path, data: RunData, *, fmi: int) -> None:
             _add(archive, "sources/buildDescription.xml", _text(_build_description(name)))
 
 
+#: Words that C99 and its programs keep for themselves.
+C_WORDS = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if
+    inline int long main register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while""".split()  # noqa: SIM905
+)
+
+
 def identifier(text: str) -> str:
     """A name as C has it."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII)
-    return name if name[:1].isalpha() else f"model_{name}"
+    taken = name in C_WORDS or not name[:1].isalpha()
+    return f"model_{name}" if taken else name
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

@@ -18,7 +18,7 @@ from antiosc.models.body import LinearBody
 from antiosc.simulation.bodies.bodies import Placed, place
 from antiosc.simulation.bodies.impactors import Impactor, Obstacle, RigidMass, Sphere
 from antiosc.simulation.histories.energy import gained
-from antiosc.simulation.histories.verdict import inexact
+from antiosc.simulation.histories.verdict import inexact, touching
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
 from antiosc.simulation.problem.assembly import Assembly, assemble
@@ -37,8 +37,9 @@ UNITS = {
 }
 OF_CONTACT = {FORCE: "force", INDENTATION: "indentation", PEAK: "peak_force", IMPULSE: "impulse"}
 OF_SITE = {DISPLACEMENT: "displacement", VELOCITY: "velocity"}
-#: expected contact times for which the step is chosen by default, and how much longer a run may be
-LASTING, LONGER = 20, 1024
+#: Expected contact times for which the step is chosen by default, how often that is doubled until
+#: the bodies part, and how much longer a run may be.
+LASTING, DOUBLED, LONGER = 20, 6, 1024
 _MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 
 
@@ -172,12 +173,21 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    if duration is None:
-        duration = LASTING * assemble(scene, 1.0).lasting
-    assembly = assemble(scene, duration)
-    _refuse_coupled(assembly.bodies)
-    start(assembly)
-    found, _ = exactly(assembly, duration, tol, None, *_MAX)
+    first = LASTING * assemble(scene, 1.0).lasting
+    spans = [first * 2**k for k in range(DOUBLED + 1)] if duration is None else [duration]
+    for span in spans:
+        assembly = assemble(scene, span)
+        _refuse_coupled(assembly.bodies)
+        start(assembly)
+        found, _ = exactly(assembly, span, tol, None, *_MAX)
+        if not plain or not touching(found.run, assembly.system):  # scenes may come to rest
+            break
+    else:
+        warn(
+            f"the exported run is still in contact after {span:.4g} s, for which its step is"
+            " chosen and its table printed; give a longer duration=.",
+            AccuracyWarning,
+        )
     if message := inexact(found, tol, _MAX[1], lambda: gained(assembly, found.run)):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, plain)
@@ -186,9 +196,9 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     contacts, contact_variables = _contact_outputs(listed, plain)
     sites, site_variables = _site_outputs(names)
     parameters, starts = _speeds(assembly, plain)
-    options = (LONGER * duration, found.share, 0.0, 0.0, assembly.lasting / FINE)
+    options = (LONGER * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
     return RunData(
-        assembly.system, options, duration, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
+        assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
         shift[:, columns].copy(), np.concatenate((contacts, sites)),
         contact_variables + site_variables, [], starts, parameters,
     )  # fmt: skip

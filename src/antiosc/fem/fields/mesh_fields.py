@@ -185,9 +185,11 @@ def tensors_at_nodes(
     return points, cells, NodeTensors(*joined, origins)
 
 
-def materials_of(structure: Structure, part: str | None) -> list[Any]:
-    """The materials of all parts of a structure, or of one."""
+def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
+    """The materials of all parts of a structure, or of one, or the beams of a stiffener."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
+    if stiffener is not None:
+        parts = _stiffeners(parts, stiffener)
     return [material for member, _ in parts for material, _ in member.part.parts]
 
 

@@ -61,7 +61,7 @@ def tensors_at_nodes(
     )
 
 
-def materials_of(structure: Structure, part: str | None) -> list[Any]:
+def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
     """None: matrices have no materials."""
     return []
 

@@ -66,6 +66,14 @@ def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -
     return _factors(own, q, np.zeros_like(forces) if derivative else forces)
 
 
+def of_unit_energy(own: ModalBody | SiteModes) -> tuple[Array, int]:
+    """Factors (B,) of the body's shapes whose modes have an energy of 1/2 each, and their count."""
+    elastic = own.omega > 0
+    q = np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0)
+    forces = np.zeros((1, own.b.shape[1] if isinstance(own, SiteModes) else 1))
+    return _factors(own, q[None], forces)[0], int(elastic.sum())
+
+
 def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
     """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
     loads = forces if isinstance(own, SiteModes) else forces[:, 0]

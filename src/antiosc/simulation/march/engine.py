@@ -293,7 +293,7 @@ class Slopes:
 
     `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
     of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness; `pressed` (p,):
-    by the forces at the start, as if these followed from nothing.
+    by the forces at the start, as if these followed from nothing; `gamma`: of size 0 without it.
     """
 
     square: Array
@@ -307,6 +307,7 @@ class Slopes:
     q: Array
     v: Array
     pressed: Array
+    gamma: Array
 
 
 def gradient(
@@ -343,6 +344,7 @@ def gradient(
     goal = march.Goal(len(readings), *at[5:])
     s, laws = system, (len(system.laws), march.LAW_SLOPES)
     like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v, s.pressed]
+    like.append(np.zeros(0) if s.gamma is None else s.gamma)
     shapes: list[tuple[int, ...]] = [each.shape for each in like]
     shapes.insert(6, laws)
     ends = [0, *accumulate([prod(shape) for shape in shapes])]
@@ -350,8 +352,10 @@ def gradient(
     out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
     begin = march.address(block)
     slopes = march.Slopes(*[begin + 8 * end for end in ends[:-1]])
-    if not s.decay.any():
-        slopes.decay = None
+    if s.gamma is None:
+        slopes.gamma = None
+        if not s.decay.any():
+            slopes.decay = None
     if space.work is None:
         space.work = np.empty(march.library.aom_gradient_size(space.stepper) // 8 + 1)
     work = march.address(space.work), space.work.nbytes

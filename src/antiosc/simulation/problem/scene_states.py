@@ -108,7 +108,7 @@ def marched_states(
     run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
 ) -> tuple[Array, Array]:
     """Those of `states` in the modes that the march integrates, (n, I)."""
-    q, v = _starts(run, system, load_at, step)
+    q, v = marched_starts(run, system, load_at, step)
     if run.time.size < 3:
         return q, v
     return _moved(run, system, load_at, step, since, q, v)
@@ -134,12 +134,13 @@ def starts(
 
     From those that the run has kept, by the exact motion over the steps in between.
     """
-    return _free(system, *_starts(run, system, load_at, step))
+    return _free(system, *marched_starts(run, system, load_at, step))
 
 
-def _starts(
+def marched_starts(
     run: Run, system: System, load_at: Callable[[Array], Array], step: Index
 ) -> tuple[Array, Array]:
+    """Those of `starts` in the modes that the march integrates, (n, I)."""
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
@@ -214,7 +215,7 @@ def node_states(
     memory.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
-    q[::2], v[::2] = _starts(run, system, load_at, np.arange(first, last + 1))
+    q[::2], v[::2] = marched_starts(run, system, load_at, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
@@ -257,7 +258,7 @@ def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) ->
     moved, _ = states(run, system, load_at, at, within)
     depth[new] = moved @ system.beta.T - between(time[new], system.breaks, system.offsets)
     begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
-    q, v = _starts(run, system, load_at, begins)
+    q, v = marched_starts(run, system, load_at, begins)
     on = np.flatnonzero(beyond)
     q[on], v[on] = _moved(run, system, load_at, begins[on], beyond[on], q[on], v[on])
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))

@@ -37,6 +37,7 @@ SAMPLES, MOST = 12, 200_000
 LOOKS, FEW, MANY = 8, 20, 200
 #: Spin over the lowest natural frequency above which the stiffening by the spin matters.
 STIFFENS = 0.02
+NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 #: Nudges of the predictability: angle [rad], and what a peak force may differ by.
 NUDGE, SPREAD = 1e-4, 0.05
 
@@ -113,7 +114,7 @@ class Fall(Brief):
 
     def _episodes(self, impact: int) -> list[Episode]:
         if not self.groups:
-            raise InputError("the fall has no impact; let it last longer (until=).")
+            raise InputError(NO_IMPACT)
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
         return [self.episodes[i] for i in self.groups[k]]
 
@@ -218,6 +219,8 @@ class Fall(Brief):
         Returns a `Peak`: `.value` in m/s^2 or N, `.g` in g, `.time` and `.impact`.
         """
         checks.choice("quantity", quantity, ("acceleration", "force"))
+        if not self.groups:
+            raise InputError(NO_IMPACT)
         found = Peak(0.0, 0.0, 0)
         for k, one in enumerate(self.impacts):
             if quantity == "force":

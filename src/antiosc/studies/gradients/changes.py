@@ -20,6 +20,7 @@ from antiosc.simulation.histories.history import History
 from antiosc.simulation.march.engine import Slopes
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.two_bodies import pose
+from antiosc.studies.gradients.coupled import changed_coupled
 from antiosc.studies.gradients.goals import Seeds
 from antiosc.studies.gradients.recorded import Recorded
 
@@ -43,6 +44,10 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
     displacements of the site in the Krylov basis of both.
     """
     a, b = before.system, after.system
+    if found.system.first is not None:
+        return changed_coupled(found, wanted, by, before, after) + _beside_modes(
+            wanted, by, before, after
+        )
     if a.omega.shape != b.omega.shape or found.system.omega.shape != a.omega.shape:
         raise NotDifferentiableError(
             "the number of modes changes with an input: build models with as many anti-oscillators."
@@ -67,9 +72,15 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
             for name in TURNING:
                 values[name][..., group] = values[name][..., group] @ turn.T
     total += sum(float(np.sum(slope * (other[n] - one[n]))) for n, slope in slopes.items())
+    return total + _beside_modes(wanted, by, before, after)
+
+
+def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
+    """The share of `changed` of residual compliances, gaps and laws."""
+    a, b = before.system, after.system
     pairs = [(by.residual, b.R - a.R), (by.offsets, b.offsets - a.offsets),
              (wanted.r, after.r - before.r)]  # fmt: skip
-    total += sum(float(np.sum(slope * change)) for slope, change in pairs)
+    total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
         total += float(slope @ (_leading(new) - _leading(old)))
         if old.kernel[0].kind == march.TABLE and old is not new:  # type: ignore[attr-defined]

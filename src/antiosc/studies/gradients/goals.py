@@ -30,7 +30,9 @@ class Seeds:
     """A goal's value, and its derivatives by forces at nodes, times of edges, and readings.
 
     A reading is the (step, place in it, whether it keeps that place) and weights (2 J + m,) of
-    q, v and the forces there. `B`, `r`: derivatives by those matrices at a given motion.
+    q, v and the forces there. `B`, `r`: derivatives by those matrices at a given motion; `sites`:
+    the place of a reading and its derivatives (3, P) by displacements, velocities and velocities
+    of rigid-body motion of the columns.
     """
 
     value: float
@@ -39,6 +41,7 @@ class Seeds:
     B: Array
     r: Array
     readings: list[tuple[tuple[int, float, int], Array]] = field(default_factory=list)
+    sites: list[tuple[tuple[int, float, int], Array]] = field(default_factory=list)
 
     def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
         """The readings as the march takes them, in the order of their steps."""
@@ -174,7 +177,7 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
     spans, parted = _touches(found, c)
     s = found.system
     rigid = np.where(s.omega == 0, s.beta[c], 0.0)
-    states_at = found.states()[:, 1]
+    states_at = found.velocities()
     first, last = spans[0][0], spans[-1][1]
     closing, parting = float(rigid @ states_at[first]), float(rigid @ states_at[last])
     if not parted or not closing > 0:
@@ -187,7 +190,9 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
     for edge, by in ((first, parting / closing**2), (last, -1 / closing)):
         weight = np.zeros(2 * s.omega.size + len(s.beta))
         weight[s.omega.size : 2 * s.omega.size] = by * rigid
-        to.readings.append((((edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)), weight))
+        place = (edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)
+        to.readings.append((place, weight))
+        to.sites.append((place, by * np.eye(3)[2][:, None] * found.G[c]))
         moved = np.where(s.omega == 0, by * states_at[edge], 0.0)
         to.B += np.outer(moved, found.G[c])
 
@@ -210,6 +215,7 @@ def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: flo
     to.value = float(q[0] @ found.B @ own + pushed @ found.r @ own)
     weight = np.concatenate((found.B @ own, np.zeros(s.omega.size), -(found.G @ found.r @ own)))
     to.readings.append(((step, u, 0), weight))
+    to.sites.append(((step, u, 0), np.stack([own, 0 * own, 0 * own])))
     to.B += np.outer(q[0], own)
     to.r += np.outer(pushed, own)
 
@@ -229,6 +235,7 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r
         to.readings = [(place, -weight) for place, weight in to.readings]
+        to.sites = [(place, -own) for place, own in to.sites]
 
 
 @dataclass(eq=False)
@@ -267,6 +274,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
         arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ own))
     to.value = _number(goal, run.time, arrays)
     weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))
+    sites = np.zeros((2 * n + 1, 3, found.G.shape[1]))
     for name in arrays:
         slope = _slopes(goal, run.time, arrays, name)
         if name == "force":
@@ -275,14 +283,17 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
         own = second if name.startswith("impactor") else first
         if name.endswith("velocity"):
             weights[:, J : 2 * J] += np.outer(slope, found.B @ own)
+            sites[:, 1] += np.outer(slope, own)
             to.B += np.outer(slope @ v, own)
         else:
             weights[:, :J] += np.outer(slope, found.B @ own)
+            sites[:, 0] += np.outer(slope, own)
             weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ own)
             to.B += np.outer(slope @ q, own)
             to.r += np.outer(slope @ push, own)
     for k in np.flatnonzero(weights.any(axis=1)):
         to.readings.append(((int(step[k]), float(u[k]), 0), weights[k]))
+        to.sites.append(((int(step[k]), float(u[k]), 0), sites[k]))
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:

@@ -21,6 +21,7 @@ from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
 from antiosc.studies.gradients.at_rest import through_start
 from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
+from antiosc.studies.gradients.coupled import by_coupled, first_order_weights
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
 from antiosc.studies.gradients.recorded import Part, Recorded, recorded
@@ -142,8 +143,9 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, damping that couples modes, laws made
-        elsewhere, and a part that is not that of the model.
+        For a history without its run, an unknown goal, laws made elsewhere, a contact that is
+        closed at the start beside damping that couples modes, and a part that is not that of the
+        model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -152,7 +154,7 @@ def gradient(
     runs = [(hit, as_it_is), *(compared_runs(hit) if error is not None else ())]
     taken = [derived(each, goal, contact, time) for each, _ in runs]
     found = taken[0][0]
-    bodies = [_bodies(*each) for each in taken]
+    bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
     if part is not None:
         body = model_name(found)
         models = [turned for _, turned in runs]
@@ -188,8 +190,8 @@ def derived(
     found = recorded(hit)
     _refuse(found)
     wanted = seeds(found, goal, _contact(found, contact), time)
-    s = found.system
-    places, weights = wanted.arrays(2 * s.omega.size + len(s.beta))
+    places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
+    weights, s = first_order_weights(found, weights), found.system.marched
     slopes, grazing, answer = engine.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
@@ -229,10 +231,10 @@ def _of_part(
 
 def _refuse(found: Recorded) -> None:
     s = found.system
-    if s.first is not None:
+    if s.first is not None and (found.settled or s.pressed.any()):
         raise InputError(
-            "a gradient does not take damping that couples the modes (a DampingMatrix, dampers): "
-            "take it of a model with damping ratios."
+            "a gradient does not take contacts closed at the start with damping that couples the"
+            " modes (a DampingMatrix, dampers): take it of a model with damping ratios."
         )
     for law in s.laws:
         if not is_compiled(law):
@@ -252,10 +254,21 @@ def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
-def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
+def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
+
+    def change(name: str, *ends: AntiOscillators) -> float:
+        before, after = (assembly_with(hit, name, each) for each in ends)
+        return changed(found, wanted, slopes, before, after)
+
     for name in found.parts:
+        if found.coupled(name):
+            closing = _closing(found, found.parts[name])
+            own = by_coupled(found, slopes, name, closing, partial(change, name))
+            if own:
+                result[name] = own
+            continue
         by = _by_modes(found, wanted, slopes, name)
         if by is not None:
             part = found.parts[name]
@@ -266,16 +279,21 @@ def _bodies(found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, 
 def _by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None of others."""
     part, s = found.parts[name], found.system
-    own, k = part.span, part.columns.start
-    if found.driven or not isinstance(part.modes, ModalBody) or part.columns.stop - k != 1:
+    own, k, at = part.span, part.columns.start, found.places[name]
+    if (
+        found.coupled(name)
+        or found.driven
+        or not isinstance(part.modes, ModalBody)
+        or part.columns.stop - k != 1
+    ):
         return None
     return ByModes(
-        square=slopes.square[own],
-        decay=slopes.decay[own],
-        site=slopes.beta[:, own].T @ found.G[:, k] + wanted.B[own, k],
+        square=slopes.square[at],
+        decay=slopes.decay[at],
+        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[own, k],
         r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
-        load=slopes.loads[:, own].sum(axis=0),
-        start=slopes.v[own],
+        load=slopes.loads[:, at].sum(axis=0),
+        start=slopes.v[at],
         v=s.v[own],
         g=s.loads[0, own],
     )
@@ -303,8 +321,9 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
     by = _by_modes(found, wanted, slopes, name)
     if by is None:
         raise InputError(
-            "derivatives by the materials of a part need a model of one site, without loads or a"
-            " moving ground: give a function of x that builds the part, and x."
+            "derivatives by the materials of a part need a model of one site, without loads, a"
+            " moving ground, or damping that couples its modes: give a function of x that builds"
+            " the part, and x."
         )
     part = found.parts[name]
     touching = np.flatnonzero(found.G[:, part.columns.start])

@@ -15,7 +15,7 @@ from antiosc.contact import ContactLaw
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.scene_states import starts
+from antiosc.simulation.problem.scene_states import marched_starts, starts
 
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
 
@@ -55,12 +55,28 @@ class Recorded:
         """Times (n + 1,) [s] at which steps begin and end."""
         return self.run.time[::2]
 
+    @property
+    def places(self) -> dict[str, slice]:
+        """The modes of each body among those that the march integrates."""
+        first = self.system.first
+        spans = [part.span for part in self.parts.values()] if first is None else first.spans
+        return dict(zip(self.parts, spans, strict=True))
+
+    def coupled(self, name: str) -> bool:
+        """Whether damping couples the modes of a body."""
+        first = self.system.first
+        return first is not None and first.parts[list(self.parts).index(name)][2] is not None
+
     def states(self) -> Array:
-        """Modal displacements and velocities (n + 1, 2, J) at the edges."""
+        """States (n + 1, 2, I) at the edges, of the modes that the march integrates."""
         if self.run.every == 1 and self.run.states is not None:
             return self.run.states
         every = np.arange(self.edges.size)
-        return np.stack(starts(self.run, self.system, self.load, every), axis=1)
+        return np.stack(marched_starts(self.run, self.system, self.load, every), axis=1)
+
+    def velocities(self) -> Array:
+        """Velocities (n + 1, J) of the free modes at the edges."""
+        return starts(self.run, self.system, self.load, np.arange(self.edges.size))[1]
 
 
 def recorded(hit: Any) -> Recorded:

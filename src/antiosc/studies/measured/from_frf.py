@@ -132,6 +132,11 @@ def _turned(data: Measured) -> Measured:
 
     Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
     """
+    if not np.any(_power(data)):
+        raise InputError(
+            "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
+            " tell damping or masses; give complex values, with their phase."
+        )
     out = _outflow(data)
     if out < TURNED:
         return data

@@ -1,0 +1,190 @@
+"""Gradients of bodies whose damping couples their modes: dampers and Maxwell branches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.optimize import minimize_scalar
+
+import antiosc as ao
+import refusals
+
+rng = np.random.default_rng(1)
+L = rng.normal(size=(4, 4)) * np.sqrt([200, 80, 80, 300])
+C, G, TAU = L.T @ L, np.diag([1e5, 0.0, 2e6, 0.0]), 2e-4
+VALUES: dict[str, Any] = {
+    "m0": 0.02, "k0": 4e6, "m": np.array([0.3, 0.2, 0.5]), "omega": np.array([3e3, 7e3, 1.5e4]),
+    "damping": 1.0, "mass": 0.1, "velocity": 1.0, "stiffness": 1e7,
+}  # fmt: skip
+#: One entry of each array is asked for.
+PLACE = 1
+
+
+def model(p: dict[str, Any]) -> ao.AntiOscillators:
+    damping = ao.DampingMatrix(p["damping"] * C, [(p["damping"] * G, TAU)])
+    return ao.AntiOscillators(p["m0"], p["k0"], p["m"], p["omega"], damping=damping)
+
+
+def changed(name: str, by: complex) -> dict[str, Any]:
+    values = {n: np.array(value, dtype=np.result_type(by)) for n, value in VALUES.items()}
+    values[name][(PLACE,) if values[name].ndim else ()] += by
+    return values
+
+
+def slope_of(g: ao.Gradient, name: str) -> float:
+    found = getattr(g, name)
+    return float(found[PLACE] if np.ndim(found) else found)
+
+
+def size_of(name: str) -> float:
+    return float(np.atleast_1d(VALUES[name])[PLACE if np.ndim(VALUES[name]) else 0])
+
+
+def linear(p: dict[str, Any], t: float) -> np.ndarray:
+    """Force and displacement of a linear contact that has not parted, by the matrix exponential."""
+    root, size = np.sqrt(p["m"]), 5
+    M, K, D, S = (np.zeros((size, size), dtype=complex) for _ in range(4))
+    M[:4, :4] = np.diag(np.append(p["m0"] + p["m"].sum(), np.ones(3)))
+    M[0, 1:4] = M[1:4, 0] = root
+    M[4, 4] = p["mass"]
+    K[:4, :4] = np.diag(np.append(p["k0"], p["omega"] ** 2))
+    gap = np.array([1, 0, 0, 0, -1])
+    K += p["stiffness"] * np.outer(gap, gap)
+    D[:4, :4], S[:4, :4] = p["damping"] * C, p["damping"] * G
+    A = np.zeros((15, 15), dtype=complex)  # displacements, velocities, those of the branch
+    A[:5, 5:10] = np.eye(5)
+    A[5:10] = np.linalg.solve(M, np.hstack([-K - S, -D, S]))
+    A[10:] = np.hstack([np.eye(5), np.zeros((5, 5)), -np.eye(5)]) / TAU
+    start = np.zeros(15, dtype=complex)
+    start[9] = p["velocity"]
+    x = scipy.linalg.expm(A * t) @ start
+    return np.array([p["stiffness"] * (x[4] - x[0]), x[0]])
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_linear_contact(name: str) -> None:
+    """The peak force and a displacement before it, by complex steps of the matrix exponential."""
+    hit = ao.simulate(
+        model(VALUES), ao.RigidMass(VALUES["mass"], VALUES["velocity"]),
+        ao.Linear(VALUES["stiffness"]), duration=1e-3, tol=1e-9,
+    )  # fmt: skip
+    top = hit.time[np.argmax(hit.force)]
+    limits = {"bounds": (0.9 * top, 1.1 * top), "method": "bounded", "options": {"xatol": 1e-12}}
+    peak = minimize_scalar(lambda t: -linear(VALUES, t)[0].real, **limits).x
+    assert abs(hit.peak_force / linear(VALUES, peak)[0].real - 1) < 1e-6
+    step = 1e-30 * size_of(name)
+    force, _ = linear(changed(name, 1j * step), peak).imag / step
+    _, way = linear(changed(name, 1j * step), 0.5 * peak).imag / step
+    found = ao.gradient(hit, "peak_force")
+    later = ao.gradient(hit, "displacement", time=0.5 * peak)
+    assert abs(slope_of(found, name) - force) < 1e-5 * hit.peak_force / size_of(name)
+    assert abs(slope_of(later, name) - way) < 1e-6 * later.value / size_of(name)
+
+
+def struck(p: dict[str, Any], **options: Any) -> ao.History:
+    """Several touches of a heavier ball."""
+    ball = ao.RigidMass(20 * float(p["mass"]), float(p["velocity"]))
+    law = ao.Flores(1000 * float(p["stiffness"]), 0.9)
+    return ao.simulate(model(p), ball, law, duration=3e-3, **options)
+
+
+#: Relative change of a parameter on either side.
+STEP = 1e-4
+#: Of the ball and the law in `struck`.
+FACTORS = {"mass": 20, "stiffness": 1000}
+
+
+@pytest.fixture(scope="module")
+def ends() -> dict[str, list[ao.History]]:
+    """Runs of another integrator on either side of each parameter."""
+    other = {"method": "DOP853", "tol": 1e-10}
+    return {
+        name: [struck(changed(name, s * STEP * size_of(name)), **other) for s in (-1, 1)]
+        for name in ("m0", "m", "damping", "mass", "stiffness")
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", ["peak_force", "impulse", "restitution", "contact_time"])
+def test_differences_of_another_integrator(goal: str, ends: dict[str, list[ao.History]]) -> None:
+    """Goals of several touches, by all parameters."""
+    hit = struck(VALUES, tol=1e-8)
+    found = ao.gradient(hit, goal)
+    assert len(hit.contacts) > 2
+    for name, (before, after) in ends.items():
+        expected = (getattr(after, goal) - getattr(before, goal)) / (2 * STEP)
+        relative = FACTORS.get(name, 1) * slope_of(found, name) * size_of(name)
+        assert abs(relative - expected) < 2e-6 * abs(found.value), name
+
+
+def test_function_of_x() -> None:
+    """By the argument of a function that makes the model, as by its parameter."""
+    hit = struck(VALUES)
+
+    def build(x: np.ndarray) -> ao.AntiOscillators:
+        return model(VALUES | {"k0": x[0]})
+
+    g = ao.gradient(hit, "impulse", part=build, x=[VALUES["k0"]])
+    assert g.x[0] == pytest.approx(g.k0, rel=1e-6)
+
+
+def test_free_model_and_massless_site() -> None:
+    """A free body with a damped site that has no mass: a fast pole; by differences of runs."""
+    C = np.array([[900.0, -2e3], [-2e3, 5e3]])
+
+    def run(m: float, scale: float = 1.0) -> ao.History:
+        damping = ao.DampingMatrix(scale * C)
+        body = ao.AntiOscillators(0.0, 0.0, [m], [8e3], damping=damping)
+        return ao.simulate(body, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3, tol=1e-9)
+
+    hit = run(0.3)
+    for goal in ("peak_force", "restitution"):
+        g = ao.gradient(hit, goal)
+        by_m, by_damping = (
+            (getattr(b, goal) - getattr(a, goal)) / (2 * STEP)
+            for a, b in ((run(0.3 * (1 - STEP)), run(0.3 * (1 + STEP))),
+                         (run(0.3, 1 - STEP), run(0.3, 1 + STEP)))
+        )  # fmt: skip
+        assert g.m[0] * 0.3 == pytest.approx(by_m, abs=1e-7 * abs(g.value))
+        assert g.damping == pytest.approx(by_damping, abs=1e-7 * abs(g.value))
+        assert g.m0 is None
+        assert g.k0 is None
+
+
+@pytest.mark.parametrize(("k0", "speed", "gravity"), [(4e6, 0.0, 300.0), (0.0, 0.7, 300.0)])
+def test_gravity_and_initial_velocity(k0: float, speed: float, gravity: float) -> None:
+    """The modes are loaded, or begin with a speed; by differences of runs."""
+
+    def run(faster: float, more: float) -> ao.History:
+        m = np.array([0.3, 0.2 * (1 + more), 0.5])
+        body, ball = model(VALUES | {"k0": k0, "m": m}), ao.RigidMass(0.1, 0.5)
+        body = replace(body, participation=np.append(VALUES["m0"], VALUES["m"]))
+        return ao.simulate(
+            body, ball, ao.Flores(1e9, 0.8), 1e-3, tol=1e-9, gravity=gravity,
+            initial_velocity=speed * (1 + faster),
+        )  # fmt: skip
+
+    hit = run(0.0, 0.0)
+    for goal in ("peak_force", "impulse"):
+        g = ao.gradient(hit, goal)
+        by_speed, by_m = (
+            (getattr(run(*step), goal) - getattr(run(*-step), goal)) / (2 * STEP)
+            for step in STEP * np.eye(2)
+        )
+        assert g.m[1] * 0.2 == pytest.approx(by_m, abs=1e-7 * g.value)
+        found = g.bodies["structure"].get("initial_velocity", 0.0)
+        assert speed * found == pytest.approx(by_speed, abs=1e-7 * g.value)
+
+
+def test_closed_at_the_start_is_refused() -> None:
+    bodies = {"part": model(VALUES), "machine": ao.RigidMass(0.3)}
+    scene = ao.Scene(
+        bodies, [ao.Contact("part", "machine", ao.Hertz(1e9))], gravity=9.81, preload=True
+    )
+    hit = scene.run(1e-4)
+    with refusals.refused(None, "closed at the start", ao.InputError):
+        ao.gradient(hit, "impulse")
