@@ -263,6 +263,35 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
 
 
+def test_a_slender_body_rolls_over_its_corners() -> None:
+    """No corner sinks deeper than contacts press in: two corners side by side are two contacts."""
+    half, mass = np.array([0.15, 0.005, 0.005]), 0.3
+    corners = half * np.array(list(product((-1, 1), repeat=3)))
+    moments = mass / 3 * (half @ half - half**2)
+    bar = ao.RigidBody(mass, moments, {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(corners)})
+    floor = ao.Floor(law=ao.HuntCrossley(1e5, 0.4), friction=0.3)
+    fall = ao.drop(bar, 0.05, (20, 0, 0), floor, until=3, tol=1e-2)
+    for one in fall.episodes:
+        assert one.end.heights(fall.body, None).min() > -1.01 * one.pressed
+    assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.3  # it has rolled
+
+
+def test_a_body_that_may_not_touch_below_its_centre_is_told() -> None:
+    """Two points under the centre hold it until it rolls over; it does not fall on."""
+    sites = {s: ((x, 0, -0.01), (0, 0, 1)) for s, x in (("a", -0.1), ("b", 0.1))}
+    rod, floor = ao.RigidBody(0.1, [1e-6, 3e-4, 3e-4], sites), ao.Floor(law=ao.Hertz(1e8))
+    for tilt in ((180, 5, 0), (60, 5, 0)):
+        with pytest.raises(ao.InputError, match="on all sides of its centre"):
+            ao.drop(rod, 0.05, tilt, floor, tol=1e-2)
+
+
+def test_a_point_that_sinks_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.episode.SINKS", np.inf)
+    monkeypatch.setattr("antiosc.studies.drops.episode.REACH", 0.0)
+    with pytest.raises(ao.AccuracyError, match="sank through the floor"):
+        ao.drop(block(), 0.05, floor=ao.Floor(law=ao.HuntCrossley(1e6, 0.4)), until=1, tol=1e-2)
+
+
 def test_free_flight_is_exact() -> None:
     body = bar()
     L = np.array([0.002, -0.02, 0.03])
@@ -512,6 +541,11 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"until": True}, "until"),
         ({"ensemble": ao.Tilts(1.0), "n": 0}, "n must"),
         ({"floor": ao.Floor()}, "rigid"),
+        ({"floor": "steel"}, r"Floor\(steel\), with steel = Solid"),
+        ({"floor": ao.Solid(210e9, 0.3, 7800.0)}, r"Floor\(material\)"),
+        ({"floor": ao.soil_cone(0.4, 60e6, 0.3, 1800.0)}, r"Floor\(model=...\)"),
+        ({"floor": ao.SoftLayer(0.01, 1e6)}, r"Floor\(layer=...\)"),
+        ({"floor": ao.Hertz(1e9)}, r"Floor\(law=...\)"),
         ({"executor": object()}, "ensemble"),
     ],
 )

@@ -21,12 +21,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies.bodies import RigidBody
 from antiosc.simulation.bodies.impactors import Sphere
-from antiosc.studies.drops.skin import CORNER, Skin, hull, skin_of
+from antiosc.studies.drops.skin import CORNER, SMOOTH, Skin, hull, skin_of
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -37,6 +37,8 @@ MODES = 60
 RATIO = 0.01
 #: Vertices of the hull up to which the patches of all of them are made with the modes.
 FEW = 16
+#: Points of a solid are one contact that lie closer together than this share of the extent.
+APART = 0.04
 #: Poisson's ratio of a material without one, for the tangential compliance of its patch.
 UNKNOWN_NU = 0.3
 
@@ -57,6 +59,7 @@ class FreeBody:
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
     notes : what was taken for granted.
+    facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
     """
 
@@ -72,6 +75,7 @@ class FreeBody:
     shapes: Array
     extent: float
     notes: tuple[str, ...] = ()
+    facing: Array | None = None
     structure: Structure | None = None
     basis: Array | None = None
     residual: Callable[[IntArray], tuple[Array, Array]] | None = None
@@ -107,6 +111,20 @@ class FreeBody:
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 of a rigid body."""
         return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
+
+    def touching_as(self, which: list[int]) -> BoolArray:
+        """(V,) whether a point is one of some points, or the same contact as one of them.
+
+        Points of a solid are the same contact that are close together and face the same way, as
+        on a round edge, or belong to one ball. Two corners of a slender bar are two.
+        """
+        found = np.zeros(len(self.points), dtype=bool)
+        found[which] = True
+        if self.facing is not None:
+            for i in which:
+                near = np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
+                found |= near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
+        return found
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
@@ -211,6 +229,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         shapes=np.moveaxis(moved[at], 1, 2).copy(),
         extent=skin.size,
         notes=tuple(notes),
+        facing=None if skin.half.any() else skin.normals[own],
         structure=structure,
         basis=phi,
         residual=partial(_residual, structure, phi, omega, skin, own),

@@ -33,7 +33,7 @@ BODY, FLOOR = "part", "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
 #: Most contacts and steps of a scene.
-LIMITS = 10_000, 1_000_000
+LIMITS = 10_000, 50_000
 #: Share of a contact time over which springs of friction are drawn out that go on.
 DRAWN = 1e-5
 #: Times that an orientation is put right by the spin that it has.

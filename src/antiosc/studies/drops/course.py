@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import Held
 from antiosc.studies.drops.episode import Episode, episode
@@ -14,6 +15,9 @@ from antiosc.studies.drops.floor import Setting
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
 REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
+#: By this share of the extent vibration may lift the lowest point over the centre of mass, and a
+#: point may be below the floor deeper than contacts press in.
+SIDES, SUNK = 0.01, 2e-3
 #: Impacts and episodes at which a fall that does not come to rest is ended.
 MOST_IMPACTS, MOST_EPISODES = 200, 4000
 
@@ -54,6 +58,9 @@ def course(
                 state = flight.at(left)
                 break
         touch = flight.at(found)
+        _check_sides(body, touch)
+        if episodes:
+            _check_depth(body, touch, episodes[-1].pressed, setting)
         # one impact: its flights are shorter than the longest period of the modes, or its contact
         soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
         if not (held or soon):
@@ -64,11 +71,34 @@ def course(
         groups[-1].append(len(episodes))
         episodes.append(one := episode(body, touch, setting, held))
         state, held = one.end, one.held
+        _check_depth(body, state, one.pressed, setting)
         if _rests(body, state, setting):
             status = "at rest"
         elif len(episodes) >= MOST_EPISODES:
             status = f"not at rest after {MOST_EPISODES} contacts"
     return state, episodes, flights, groups, status
+
+
+def _check_sides(body: FreeBody, state: State) -> None:
+    """InputError where no point that may touch is below the centre of mass, which would sink."""
+    low = float(state.arms(body)[:, 2].min())
+    if low > SIDES * body.extent:
+        raise InputError(
+            f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
+            f"point that may touch is {low:.3g} m above the centre of mass; give the RigidBody "
+            f"sites on all sides of its centre, or end the fall before (until=)."
+        )
+
+
+def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
+    """AccuracyError where a point is deeper in the floor than contacts have pressed one [m]."""
+    deep = -float(state.heights(body, setting.floor.ground).min())
+    if deep > pressed + SUNK * body.extent:
+        raise AccuracyError(
+            f"the part sank through the floor at {state.time:.4g} s: a point is {deep:.3g} m "
+            f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
+            f"tol, or end the fall before (until=)."
+        )
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:

@@ -18,7 +18,7 @@ from antiosc.studies.drops.body import MODES, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc.studies.drops.fall import Fall, fall_of
-from antiosc.studies.drops.floor import Floor, Setting
+from antiosc.studies.drops.floor import Floor, Setting, as_floor
 from antiosc.studies.drops.orientation import orientation
 
 #: Of the floor [m/s^2].
@@ -108,7 +108,7 @@ def drop(
         does not come to rest.
     """
     setting = Setting(
-        checks.instance("floor", Floor() if floor is None else floor, Floor, "a Floor"),
+        as_floor(floor),
         checks.positive("gravity", gravity, "m/s^2"),
         checks.positive("height", height, "m"),
         *end_of(until),

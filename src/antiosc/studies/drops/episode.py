@@ -39,16 +39,14 @@ TURNS = 0.6
 FOLLOWS = 0.01
 #: Points that may touch are first those lower than this many times the way in a time of contact.
 REACH = 1.5
-#: Points are one contact that lie closer together than this share of the extent.
-APART = 0.04
 #: A point sinks into the floor that is below it by this share of the extent.
 SINKS = 1e-4
-#: At most so many points touch in one episode: the lowest.
+#: So many points touch in one episode, the lowest, and those that would sink deeper than these.
 MOST = 12
 #: Looks at the rotation in an episode; at the path in a contact this over sqrt(tol), and the most.
 LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol; after so many
-#: runs it is cut at half the turn.
+#: runs it is cut at half the turn and half the time.
 CLOSE, MOST_RUNS = 0.03, 12
 
 
@@ -80,6 +78,12 @@ class Episode:
         """Energy of the contacts at the end [J]: > 0 of those that go on."""
         node = int(np.argmin(np.abs(self.history.time - self.duration)))
         return float(self.history.energy.contact[node])
+
+    @property
+    def pressed(self) -> float:
+        """Largest way [m] that a contact gives, with the patches of the part and of the floor."""
+        run, R = self.history.run, self.history.assembly.system.R
+        return float((run.depth + run.force @ R.T)[:, : len(self.which)].max())
 
     def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
@@ -137,10 +141,11 @@ def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held
         else:
             if turns > TURNS / 8:
                 turns /= 2
+                duration = longest = end / 2
                 continue
             path = path_of(body, start, history, _times(base, history, end, tol))
         missed = _missed(body, heights, path, which)
-        if not len(missed) or len(which) >= MOST:
+        if not len(missed):
             break
         touched = np.append(which, missed)
     state, below = handed_over(body, start, history, path, which, setting.floor)
@@ -165,11 +170,13 @@ def _candidates(
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
     way, chosen = REACH * float(speeds.max()) * time, [*held]
+    taken = body.touching_as(chosen)
     for i in np.argsort(heights, kind="stable").tolist():
         if chosen and (heights[i] > way or len(chosen) >= MOST):
             break
-        if all(np.linalg.norm(arms[k] - arms[i]) > APART * body.extent for k in chosen):
+        if not taken[i]:
             chosen.append(i)
+            taken |= body.touching_as([i])
     return np.array(chosen)
 
 
@@ -204,7 +211,10 @@ def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntA
     found = np.einsum("nd,vjd,nj->nv", up, body.shapes, path.q[:, 6:], optimize=True)
     found += path.q[:, 2:3] / np.sqrt(body.mass) + up @ body.points.T
     lowest = heights + (found - found[0]).min(axis=0)
-    off = np.linalg.norm(body.points[:, None] - body.points[which], axis=2).min(axis=1)
-    lowest[off <= APART * body.extent] = np.inf
-    deepest = int(np.argmin(lowest))
-    return np.array([deepest] if lowest[deepest] < -SINKS * body.extent else [], dtype=int)
+    # what a contact presses in, points next to it may sink too; and all points between many
+    deepest = min(float(lowest[which].min()), 0.0)
+    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST)
+    lowest = lowest - np.where(pressed, deepest, 0.0)
+    lowest[which] = np.inf
+    worst = int(np.argmin(lowest))
+    return np.array([worst] if lowest[worst] < -SINKS * body.extent else [], dtype=int)

@@ -31,6 +31,8 @@ MOST_LOOKS = 1_000_000
 LOOKS, SEEN = 12, 1e-6
 #: Most times at which heights are looked at together: of the rigid body, of the modes too.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
+#: A flight ends where the centre is below the floor by this share of the extent.
+BELOW = 1e-4
 #: Height at which points touch, over the extent.
 TOUCH = 1e-10
 #: Accuracy of the time of a touch [s].
@@ -111,9 +113,11 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] at which the centre reaches the floor: something has touched before."""
+        """Time [s] at which the centre is below the floor: something has touched before."""
         v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
-        return (v + np.sqrt(v * v + 2 * self.gravity * z)) / self.gravity
+        return (
+            v + np.sqrt(v * v + 2 * self.gravity * (z + BELOW * self.body.extent))
+        ) / self.gravity
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""

@@ -126,6 +126,24 @@ class Floor(Given):
         return None if self.model is None else _ground(self.model.modal())
 
 
+def as_floor(floor: Any) -> Floor:
+    """What is given as `floor`, None the rigid one; InputError says how to make a floor of it."""
+    if isinstance(floor, Floor):
+        return floor
+    if floor is None:
+        return Floor()
+    how = "Floor(steel), with steel = Solid(E=210e9, nu=0.3, rho=7850.0)"
+    if callable(getattr(floor, "constants", None)):
+        how = "Floor(material)"
+    elif isinstance(floor, SoftLayer):
+        how = "Floor(layer=...)"
+    elif isinstance(floor, ContactLaw):
+        how = "Floor(law=...)"
+    elif callable(getattr(floor, "modal", None)):
+        how = "Floor(model=...)"
+    raise InputError(f"floor must be a Floor; write {how}; got {checks.shown(floor)}.")
+
+
 @dataclass(frozen=True, eq=False)
 class Ground:
     """An elastic floor: F modes that move alone between contacts, first-order ones if coupled.
