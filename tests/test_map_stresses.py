@@ -12,6 +12,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.app.page import sites, verdict
+from antiosc.base.engineering import engineering
 
 pytestmark = [
     pytest.mark.fem,
@@ -56,6 +57,9 @@ def test_a_map_colours_by_danger():
     assert own["units"]["peak_stress"] == "Pa"
     assert own["quantities"]["exposure"] is found.exposure
     worst = int(found.exposure.argmax())
+    told = found.summary().splitlines()[-1]
+    assert engineering(found.peak_stress[worst], "Pa", 3) in told
+    assert "refine" in told
     assert f"{found.exposure[worst]:.3g}" in " ".join(verdict.of_map(found).sentences)
 
 

@@ -184,6 +184,14 @@ class ImpactMap(Brief):
             rows.append(row)
         if self.doubtful.any():
             rows.append(f"{self.doubtful.sum()} doubtful sites are left out of the peak forces")
+        if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
+            i = int(np.nanargmax(self.peak_stress))
+            assert self.stress_points is not None
+            rows.append(
+                f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
+                f" {place(self.stress_points[i])} for a blow at {place(self.points[i])}; its mesh"
+                " error is not known: read_mesh(…, refine=…) there shows how it grows"
+            )
         return "\n".join(rows)
 
     def plot(
