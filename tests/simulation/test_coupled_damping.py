@@ -125,9 +125,7 @@ def test_a_body_on_dashpots_alone_comes_to_rest():
 
 
 def test_what_does_not_take_such_damping_says_so(tmp_path):
-    hit = ao.simulate(DAMPED, BALL, LAW, END)
     for call in (
-        lambda: ao.gradient(hit, "peak_force"),
         lambda: ao.export(tmp_path / "a.c", DAMPED, BALL, LAW),
         lambda: ao.export(tmp_path / "a.fmu", DAMPED),
         lambda: ao.simulate(DAMPED, BALL, LAW, END, method="newmark"),

@@ -314,8 +314,6 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
 def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run():
     light, stiff = (
         ao.Structure(
@@ -331,6 +329,8 @@ def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run():
         ao.probe(stiff, hit, (0.1, 0.0))
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
 def test_what_cannot_be_probed_is_refused(sheet):
     part = sheet[0]
     hit = ao.simulate(ao.extract(part, SITE, 4), BALL, LAW, 1e-4)

@@ -452,7 +452,7 @@ def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
     """A UFL constant, scalar, vector or matrix: forms that differ in it alone are compiled once."""
-    return fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
+    return fem.Constant(mesh, np.array(value, dtype=PETSc.ScalarType, order="C"))
 
 
 def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
