@@ -26,14 +26,14 @@ from antiosc.simulation.histories.body_motion import (
     Motions,
     amplitudes,
     modes_of,
-    of_unit_energy,
+    of_unit_energies,
 )
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.scene_history import BodyHistory
 
-#: Relative difference of the stiffness of a structure and of a model on its shapes from which they
-#: do not belong together.
-ANOTHER_PART = 1e-2
+#: Ratios of stiffness and of mass of a structure and of a model on its shapes from which they do
+#: not belong together. A model that is corrected for its mesh is softer, and as heavy.
+ANOTHER = 1.5, 1.01
 
 
 def counted(history: Motions) -> tuple[object, ...]:
@@ -202,12 +202,14 @@ def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
             "was extracted from another structure."
         )
     shapes = np.column_stack(own.basis)
-    factors, count = of_unit_energy(own)
-    x = shapes @ factors
-    ratio = float(dot(structure.comm, x, multiply(structure.K, x))) / max(count, 1)
-    if count and abs(ratio - 1) > ANOTHER_PART:
-        raise InputError(
-            f"the structure is {ratio:.4g} times as stiff on the shapes of the model as the model:"
-            " the model was extracted from another structure; give that of this run."
-        )
+    factors, count = of_unit_energies(own)
+    for x, matrix, what, limit in zip(
+        factors @ shapes.T, (structure.K, structure.M), ("stiff", "heavy"), ANOTHER, strict=True
+    ):
+        ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
+        if count and not 1 / limit < ratio < limit:
+            raise InputError(
+                f"the structure is {ratio:.4g} times as {what} on the shapes of the model as the"
+                " model: the model was extracted from another structure; give that of this run."
+            )
     return shapes

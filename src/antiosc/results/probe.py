@@ -21,7 +21,6 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
-from antiosc.fem.elements.beam import Beam
 from antiosc.fem.fields import source
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.recovery.place import Place, place
@@ -165,7 +164,7 @@ def _over_time(columns: Array, factors: Array) -> Array:
 def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
     """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
-    sections = [one.section for one in materials if isinstance(one, Beam)]
+    sections = [one.section for one in materials if hasattr(one, "section")]
     if not sections or there.fibre is not None:
         return [there]
     if not min(len(one.outline) for one in sections):

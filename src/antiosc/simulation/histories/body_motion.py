@@ -66,12 +66,15 @@ def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -
     return _factors(own, q, np.zeros_like(forces) if derivative else forces)
 
 
-def of_unit_energy(own: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (B,) of the body's shapes whose modes have an energy of 1/2 each, and their count."""
+def of_unit_energies(own: ModalBody | SiteModes) -> tuple[Array, int]:
+    """Factors (2, B) of the body's shapes, and the number of its elastic modes.
+
+    They make q'Kq, and q'Mq, of each of these modes 1.
+    """
     elastic = own.omega > 0
-    q = np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0)
-    forces = np.zeros((1, own.b.shape[1] if isinstance(own, SiteModes) else 1))
-    return _factors(own, q[None], forces)[0], int(elastic.sum())
+    q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])
+    forces = np.zeros((2, own.b.shape[1] if isinstance(own, SiteModes) else 1))
+    return _factors(own, q, forces), int(elastic.sum())
 
 
 def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
