@@ -165,6 +165,7 @@ def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Pl
     """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
     sections = [one.section for one in materials if hasattr(one, "section")]
+    sections = [one for one in sections if hasattr(one, "outline")]  # of beams, not of sheets
     if not sections or there.fibre is not None:
         return [there]
     if not min(len(one.outline) for one in sections):
