@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -80,7 +80,6 @@ class Advice(Given):
         )
 
 
-@runtime_checkable
 class Part(Protocol):
     """Anything that has dimensions and material constants, such as a Structure."""
 
@@ -164,7 +163,7 @@ def _measures(
     part: Any, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
     """Length ≥ width, thickness, and (E, nu, rho)."""
-    if isinstance(part, Part):
+    if hasattr(part, "dimensions") and hasattr(part, "constants"):
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
     else:

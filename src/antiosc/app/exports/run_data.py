@@ -196,6 +196,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     contacts, contact_variables = _contact_outputs(listed, plain)
     sites, site_variables = _site_outputs(names)
     parameters, starts = _speeds(assembly, plain)
+    span = float(span)  # its repr is that of C
     options = (LONGER * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
     return RunData(
         assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
