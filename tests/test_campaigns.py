@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.studies.chance import monte_carlo as campaign
 from mpi import ENVIRONMENT, run_ranks
 
 INPUTS = {"x": ao.uniform(0.0, 1.0)}
@@ -95,22 +94,29 @@ def test_what_a_dead_process_took_with_it_is_made_again(tmp_path):
     assert np.array_equal(again.values["square"], again.inputs["x"] ** 2)
 
 
-def test_a_large_campaign_is_stored_now_and_then(tmp_path, monkeypatch):
-    """Where it takes long to write the file, but always at the end, even at a bad one."""
-    monkeypatch.setattr(campaign, "AT_ONCE", -1.0)
-    monkeypatch.setattr(campaign, "SHARE", 1e-9)
+def test_a_campaign_that_is_cut_has_what_was_made(tmp_path):
     path, calls = tmp_path / "campaign.csv", []
 
     def run(x):
         calls.append(len(path.read_text().splitlines()))
         if len(calls) == 350:
             raise KeyboardInterrupt
-        return square(x)
+        return {"late": x} if len(calls) > 200 else square(x)
 
     with pytest.raises(KeyboardInterrupt):
         ao.monte_carlo(run, INPUTS, 400, store=path)
-    assert set(calls) == {1}
+    assert [calls[k] for k in (0, 99, 100, 200, 349)] == [1, 1, 101, 201, 301]
     assert len(path.read_text().splitlines()) == 1 + 300
+
+
+def test_a_line_that_was_cut_is_made_again(tmp_path):
+    path = tmp_path / "campaign.csv"
+    whole = ao.monte_carlo(square, INPUTS, 100, store=path)
+    path.write_text(path.read_text()[:-5])
+    made = []
+    again = ao.monte_carlo(lambda x: made.append(x) or square(x), INPUTS, 100, store=path)
+    assert made == [whole.inputs["x"][99]]
+    assert np.array_equal(again.values["square"], whole.values["square"])
 
 
 def ran(command: list[str], folder: Path) -> list[float]:

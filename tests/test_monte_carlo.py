@@ -108,7 +108,7 @@ def test_a_campaign_that_breaks_off_goes_on(tmp_path):
     assert np.array_equal(more.inputs["x"][:400], many.inputs["x"])
     with pytest.raises(ao.InputError, match="name a new file"):
         ao.monte_carlo(run, inputs, 500, seed=1, store=path)
-    for wrong in (b"", path.read_bytes()[:-9], b"\xff\xfe", b"run,x,error\n0,1"):
+    for wrong in (b"", path.read_bytes()[:-9], b"\xff\xfe", b"run,x,error\n0,1\n"):
         path.write_bytes(wrong)
         if wrong:
             with pytest.raises(ao.InputError, match="name a new file"):

@@ -5,12 +5,11 @@ from __future__ import annotations
 import csv
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -27,8 +26,6 @@ from antiosc.studies.chance.sample import Sample
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest
 #: number of such parts.
 TOGETHER, PARTS = 100, 100
-#: Share of the time that storing may take, where it takes longer than AT_ONCE [s].
-SHARE, AT_ONCE = 0.1, 0.05
 #: Most runs of a study.
 MOST = 10_000_000
 #: What is kept of an impact.
@@ -72,7 +69,7 @@ def monte_carlo(
         What makes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
         `Client.get_executor()`. What it loses is recorded as failed.
     store : path, optional
-        A CSV file of the finished runs, written as they come. If it exists, its runs are taken
+        A CSV file to which finished runs are added as they come. If it exists, its runs are taken
         and only the others are made, those that failed included: a broken campaign goes on. Not on
         several MPI ranks that all make the same calls: give an executor on one of them.
 
@@ -104,11 +101,12 @@ def monte_carlo(
     together = max(TOGETHER, -(-len(todo) // PARTS))
     parts = [todo[k : k + together] for k in range(0, len(todo), together)]
     given_of = [[_values(given, drawn, i) for i in part] for part in parts]
-    with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as store_some:
+    with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as keep:
         done = 0
         for k, found in made(run, given_of, executor):
-            rows.update(zip(parts[k], found, strict=True))
-            store_some()
+            part = dict(zip(parts[k], found, strict=True))
+            rows.update(part)
+            keep(part)
             done += len(found)
             ready(done)
     return sample_of(drawn, [rows[i] for i in range(size)])
@@ -207,7 +205,8 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     check_readable(path, "a campaign")
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            return dict(_run_of(line, drawn) for line in csv.DictReader(file, strict=True))
+            lines = [line for line in file if line.endswith("\n")]  # the last may be cut
+        return dict(_run_of(line, drawn) for line in csv.DictReader(lines, strict=True))
     except (OSError, ValueError, TypeError, KeyError, csv.Error) as error:
         said = getattr(error, "strerror", None) or " ".join(str(error).split())
         shown = checks.shown(str(path))
@@ -229,34 +228,36 @@ def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]
 @contextmanager
 def _storing(
     path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
-) -> Iterator[Callable[[], None]]:
-    """What stores the rows so far, where it takes little of the time; at the end all, or so far."""
+) -> Iterator[Callable[[dict[int, Row]], None]]:
+    """What adds runs to the file at once; at the end, even a bad one, all are written in order."""
     if path is None:
-        yield lambda: None
+        yield lambda _: None
         return
-    due, pending = 0.0, False
+    columns: list[str] = []
 
-    def store_some() -> None:
-        nonlocal due, pending
-        began = time.monotonic()
-        pending = began < due
-        if not pending:
-            _store(path, drawn, rows)
-            spent = time.monotonic() - began
-            due = began + spent / SHARE if spent > AT_ONCE else 0.0
+    def store(part: dict[int, Row]) -> None:
+        if set(_columns(drawn, part)) <= set(columns):
+            with path.open("a", encoding="utf-8", newline="") as file:
+                _write(file, columns, drawn, part)
+        else:
+            columns[:] = _stored_anew(path, drawn, rows)
 
-    store_some()  # an error now if it cannot be written
+    columns[:] = _stored_anew(path, drawn, rows)  # an error now if it cannot be written
     try:
-        yield store_some
+        yield store
     finally:
-        if pending:
-            _store(path, drawn, rows)
+        _stored_anew(path, drawn, rows)
 
 
-def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> None:
-    """Write the campaign anew: the file is complete at any time."""
+def _columns(drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
+    """The columns of a file of these runs."""
     names = dict.fromkeys(name for row in rows.values() if not isinstance(row, str) for name in row)
-    columns = [NUMBER, *drawn, *names, ERROR]
+    return [NUMBER, *drawn, *names, ERROR]
+
+
+def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
+    """The columns of the file, which is replaced by one of all runs."""
+    columns = _columns(drawn, rows)
     if len(set(columns)) < len(columns):
         raise InputError(
             f"the columns of {path.name} must have different names; they are {', '.join(columns)}:"
@@ -266,9 +267,17 @@ def _store(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> N
         complete(path, "the campaign") as part,
         part.open("w", encoding="utf-8", newline="") as file,
     ):
-        table = csv.DictWriter(file, columns, restval="")
-        table.writeheader()
-        for i, row in sorted(rows.items()):
-            results = {ERROR: row} if isinstance(row, str) else row
-            given = {name: draw[i].item() for name, draw in drawn.items()}
-            table.writerow({NUMBER: i, **given, **results})
+        csv.writer(file).writerow(columns)
+        _write(file, columns, drawn, rows)
+    return columns
+
+
+def _write(
+    file: TextIO, columns: list[str], drawn: Mapping[str, Array], rows: Mapping[int, Row]
+) -> None:
+    """A line for each run; no message has a line end, so that a cut line is told by its lack."""
+    table = csv.DictWriter(file, columns, restval="")
+    for i, row in sorted(rows.items()):
+        results = {ERROR: " ".join(row.split())} if isinstance(row, str) else row
+        given = {name: draw[i].item() for name, draw in drawn.items()}
+        table.writerow({NUMBER: i, **given, **results})
