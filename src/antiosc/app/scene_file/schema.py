@@ -116,20 +116,8 @@ def plural(kinds: Sequence[Kind]) -> str:
     return " or ".join(dict.fromkeys(kind.many for kind in kinds))
 
 
-class _Unknown(type):
-    """The class of what stands for a name that is imported for type checkers only."""
-
-    def __getattr__(cls, name: str) -> type:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return cls
-
-    def __getitem__(cls, _: object) -> type:
-        return cls
-
-
-class Unknown(metaclass=_Unknown):
-    """A type that no file can hold."""
+class Unknown:
+    """Stands for a name that is imported for type checkers only: a type that no file can hold."""
 
 
 class _Names(dict[str, object]):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Any
 
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Evaluation
-from antiosc.app.scene_file.document import Place, Problems, SceneFileError, Table, label, listed
+from antiosc.app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc.app.scene_file.scene import Compiled, Objects, model, pair, source, structure
 from antiosc.app.scene_file.schema import (
     DATA,
@@ -43,35 +43,6 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
             yield (*place, key), value
 
 
-@dataclass
-class _Elsewhere(Problems):
-    """Mistakes at places whose values come from elsewhere in the file; others are known already."""
-
-    main: Problems = field(default_factory=lambda: Problems("", ""))
-    places: Mapping[Place, Place] = field(default_factory=dict)
-
-    def add(self, place: Place, sentence: str) -> None:
-        """Note it at the place of the value, in the section that varies it."""
-        if (place, " ".join(sentence.split())) not in self.main.found:
-            self.main.add(self._origin(place), sentence)
-
-    def error(self, place: Place, sentence: str) -> SceneFileError:
-        """An error of this one mistake, which was found while the scene runs."""
-        return super().error(self._origin(place), sentence)
-
-    def raise_if_any(self) -> None:
-        """SceneFileError with all mistakes of the scene."""
-        self.main.raise_if_any()
-
-    def _origin(self, place: Place) -> Place:
-        within = (
-            origin
-            for own, origin in self.places.items()
-            if place[: len(own)] == own or own[: len(place)] == place
-        )
-        return next(within, next(iter(self.places.values()), place))
-
-
 def variant(
     build: Builder, values: Mapping[Place, Any], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
@@ -84,8 +55,9 @@ def variant(
             table[key] = dict(own) if isinstance(own, dict) else {}
             table = table[key]
         table[str(place[-1])] = value
-    problems = _Elsewhere(main.name, main.text, main=main, places=origins)
-    return Builder(replace(build.document, data=data, problems=problems))
+    return Builder(
+        replace(build.document, data=data, problems=replace(main, origins=origins))
+    )
 
 
 def _pair(build: Builder) -> Objects[Call | None]:
