@@ -10,7 +10,7 @@ import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -92,9 +92,50 @@ class Compiled(Objects[Call | None]):
 
     def does(self) -> list[str]:
         """The commands that this scene is for."""
-        there = {"run": self.simulation, "sweep": self.batch, "map": self.map}
-        there["monte-carlo"] = self.sample
-        return [f"antiosc {name}" for name, call in there.items() if call is not None]
+        there = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
+        return [f"antiosc {name}" for name in there]
+
+
+class Study(NamedTuple):
+    """A command that computes.
+
+    Attributes
+    ----------
+    result : the object of the scene that it is for.
+    lacking : what a scene without it has.
+    makes : the objects that it makes, in their order.
+    """
+
+    result: str
+    lacking: str
+    makes: tuple[str, ...]
+
+
+STUDIES = {
+    "run": Study(
+        "simulation",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
+        " [find]",
+        ("structure", "model", "impactor", "contact", "history", "probes", "stresses", "fall",
+         "peaks", "worst", "found"),
+    ),
+    "sweep": Study(
+        "batch",
+        "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
+        ("structure", "model", "impactor", "batch"),
+    ),
+    "map": Study(
+        "map",
+        "no [map]; with that line alone all of the surface is struck",
+        ("structure", "impactor", "contact", "map"),
+    ),
+    "monte-carlo": Study(
+        "sample",
+        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
+        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
+        ("structure", "impactor", "sample"),
+    ),
+}  # fmt: skip
 
 
 # -- which sections go together

@@ -55,9 +55,7 @@ def variant(
             table[key] = dict(own) if isinstance(own, dict) else {}
             table = table[key]
         table[str(place[-1])] = value
-    return Builder(
-        replace(build.document, data=data, problems=replace(main, origins=origins))
-    )
+    return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
 
 
 def _pair(build: Builder) -> Objects[Call | None]:
