@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -143,14 +143,24 @@ def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
     return math.ceil(model.n * (error / share) ** (1 / rate))
 
 
-def record(answer: Answer) -> dict[str, Any]:
+class MeshRecord(TypedDict):
+    """What is kept of one mesh: its size, `n`, seconds, bars of mesh and all, peak force [N]."""
+
+    dofs: int
+    n: int
+    seconds: float
+    mesh: float
+    total: float
+    peak_force: float
+
+
+def record(answer: Answer) -> MeshRecord:
     """What is kept of one mesh, JSON values."""
-    worst = max(bar.mesh for bar in answer.budget.values())
-    return {
-        "dofs": answer.structure.dofs,
-        "n": answer.n,
-        "seconds": answer.seconds,
-        "mesh": worst,
-        "total": answer.budget.worst,
-        "peak_force": answer.hit.peak_force,
-    }
+    return MeshRecord(
+        dofs=answer.structure.dofs,
+        n=answer.n,
+        seconds=answer.seconds,
+        mesh=max(bar.mesh for bar in answer.budget.values()),
+        total=answer.budget.worst,
+        peak_force=answer.hit.peak_force,
+    )

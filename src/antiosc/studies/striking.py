@@ -19,7 +19,7 @@ from dataclasses import replace
 from functools import partial
 from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from antiosc.base.memory import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
@@ -42,6 +43,7 @@ from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
+from antiosc.simulation.bodies.impactors import RigidMass, Sphere
 from antiosc.simulation.errors.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.history import History, with_model
@@ -53,6 +55,7 @@ from antiosc.studies.strike_answers import (
     MOST_N,
     TRUNCATION_SHARE,
     Answer,
+    MeshRecord,
     answered,
     changed_since,
     compared,
@@ -81,6 +84,9 @@ FACTOR_BYTES, FACTOR_POWER = {1: 200.0, 2: 400.0, 3: 240.0}, {1: 1.0, 2: 1.1, 3:
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
 
+#: Of all cells, or of groups of them.
+Material: TypeAlias = Family | Mapping[str, Family]
+
 log = logging.getLogger(__name__)
 
 
@@ -94,7 +100,7 @@ def strike(
     duration: float,
     *,
     tol: float,
-    material: Any = None,
+    material: Material | None = None,
     supports: Sequence[Support] = (),
     order: int = 2,
     limit: float | None = None,
@@ -145,7 +151,7 @@ def strike(
     if limit is not None:
         limit = checks.positive("limit", limit, "s")
     checks.instance("site", site, Site, "a Site(point, direction)")
-    _check_source(source, material, supports)
+    material = _material_of(source, material, supports)
 
     def run(model: AntiOscillators, error: float) -> History:
         return simulate(
@@ -188,11 +194,14 @@ def strike(
         mesh = place.finer(mesh, ratio)
 
 
-def _check_source(source: Any, material: Any, supports: Any) -> None:
+def _material_of(
+    source: object, material: Material | None, supports: Sequence[Support]
+) -> Material:
+    """The material, {} of a Structure; InputError for one that is missing, or that is too much."""
     if isinstance(source, Structure):
         if material is not None or len(supports):
             raise InputError("a Structure has its own material and supports: leave them out.")
-        return
+        return {}
     if not isinstance(source, str | Path | Mesh):
         raise InputError(
             "source must be a file with a geometry or a mesh, a Mesh or a Structure; got "
@@ -200,10 +209,11 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
         )
     if material is None or (isinstance(material, Mapping) and not material):
         raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
+    return material
 
 
 def _begin(
-    place: Source, site: Site, impactor: Any, material: Any, order: int
+    place: Source, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
     """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
@@ -221,14 +231,14 @@ def _begin(
     return site, place.first(FIRST_SIZE * order * thickness, refine)
 
 
-def _sheets(materials: Sequence[Any]) -> bool:
+def _sheets(materials: Sequence[object]) -> bool:
     """Whether a part of these materials is a shell; beams may stiffen it."""
     return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
 
 
-def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
+def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
     """Of Hertz's contact at its peak [m]; 0 where the impactor does not tell its shape."""
-    if not isinstance(material, Solid):
+    if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
         return 0.0
     E, nu, rho = material.constants()
     try:
@@ -245,16 +255,16 @@ def _next(
     limit: float | None,
     started: float,
     meshes: int,
-) -> tuple[Any, str]:
+) -> tuple[Array, str]:
     """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
     room = _room(answer.budget, tol)
     if min(room.values()) < LEAST_ROOM * tol:
-        return None, (
+        return np.ones(0), (
             "A finer mesh does not help: the shares of time steps and patch take the tolerance "
             "alone; change the radius of the site."
         )
     if answer.n >= MOST_N:
-        return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
+        return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
     usual = _usual(answer)
     goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
@@ -312,7 +322,7 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     return room
 
 
-def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: str) -> History:
+def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
     """The history, with its budget and the story of its meshes."""
     hit, budget = answer.hit, answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -44,7 +44,7 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def variant(
-    build: Builder, values: Mapping[Place, Any], origins: Mapping[Place, Place], main: Problems
+    build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
     """The scene with these values; its mistakes are noted in `main` at `origins` in the file."""
     data = dict(build.data)
@@ -68,7 +68,7 @@ def _pair(build: Builder) -> Objects[Call | None]:
 # -- [sweep]
 
 
-def varied(build: Builder | Compiled) -> dict[Place, Any]:
+def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
     """The lists of [sweep] by their places in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
@@ -121,7 +121,7 @@ def _of_batch() -> list[str]:
 
 
 def _batch(
-    build: Builder, found: Compiled, lists: Mapping[Place, list[Any]], count: int
+    build: Builder, found: Compiled, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
@@ -131,8 +131,8 @@ def _batch(
         build.note(("simulate", lost[0]), f"{told}; it takes {listed(taken)}.")
         return None
     swept = {place[0] for place in lists}
-    rows: list[tuple[Any, ...]] = []
-    times: dict[str, list[Any]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
+    rows: list[tuple[Call | None, ...]] = []
+    times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
         values = {place: each[i] for place, each in lists.items()}
         origins = {place: ("sweep", *place, i) for place in lists}
@@ -162,7 +162,7 @@ def _model(build: Builder) -> Call | None:
     """A call that makes the model of a variant without shapes, and keeps nothing else of it."""
     made = model(build, structure(build))
 
-    def alone() -> Any:
+    def alone() -> object:
         return replace(Evaluation(build.document)(made), shapes=None, hidden=None)
 
     return None if made is None else Call(alone, {})
@@ -193,9 +193,9 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
         return None
     names = {label(place): place for place in inputs}
     run = partial(_run, build, names, found.history.arguments["duration"])
-    given: dict[str, Any] = {"run": Call(run, {"models": models})}
-    given["inputs"] = {label(place): law for place, law in inputs.items()}
-    given["inputs"] |= {POINT: point} if POINT in table else {}
+    laws = {label(place): law for place, law in inputs.items()}
+    laws |= {POINT: point} if POINT in table else {}
+    given = {"run": Call(run, {"models": models}), "inputs": laws}
     return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), given)
 
 
@@ -217,7 +217,7 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
     return found
 
 
-def _surface(build: Builder, structure: Call | None, table: Any) -> Call | None:
+def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
     """The map of the points that are drawn."""
     if structure is None or source(build) not in ("geometry", "deck", "parts"):
         build.note(("monte_carlo", POINT), "points are drawn on a structure with a mesh.")
@@ -234,7 +234,7 @@ def _nearby(build: Builder, found: Compiled, inputs: Mapping[Place, Call | None]
         return None
     names = {label(place): place for place in inputs}
 
-    def made(**values: float) -> Any:
+    def made(**values: float) -> object:
         other = _drawn(build, {names[name]: value for name, value in values.items()})
         call = structure(other)
         other.document.problems.raise_if_any()
@@ -254,11 +254,13 @@ def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
     return variant(build, values, origins, Problems(known.name, known.text))
 
 
-def _run(build: Builder, places: Mapping[str, Place], duration: float, models: Any) -> Any:
+def _run(
+    build: Builder, places: Mapping[str, Place], duration: float, models: Any
+) -> Callable[..., tuple[object, ...]]:
     """The function of the inputs, as impactor.velocity, that `monte_carlo` calls."""
     shared = [name for name, place in places.items() if place[0] not in VARIED]
 
-    def run(**values: Any) -> tuple[Any, ...]:
+    def run(**values: Any) -> tuple[object, ...]:
         own = {place: values[name] for name, place in places.items() if name not in shared}
         other = _drawn(build, own)
         found = _pair(other)
@@ -277,7 +279,7 @@ def _run(build: Builder, places: Mapping[str, Place], duration: float, models: A
 
 def surface(build: Builder, found: Compiled) -> Call | None:
     """The map of [map]."""
-    given: dict[str, Any] = {"structure": found.structure}
+    given: dict[str, object] = {"structure": found.structure}
     table = dict(build.part("map"))
     if "map" in build.data and {"impactor", "contact"} & set(build.data):
         given |= {"impactor": found.impactor, "contact": found.contact}
