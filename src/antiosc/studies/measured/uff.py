@@ -259,27 +259,17 @@ def _joined(
             f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
             " m/(s^2 N)."
         )
-    factors = [[unit or one.factor or 1.0 for one in row] for row in parts]
     values = np.array(
-        [
-            [one.sign * by * one.values for one, by in zip(row, own, strict=True)]
-            for row, own in zip(parts, factors, strict=True)
-        ]
+        [[one.sign * (unit or one.factor or 1.0) * one.values for one in row] for row in parts]
     )
     gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
     known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
-    coherence = None
-    if len(known) == len(gamma):
-        coherence = np.reshape(known, values.shape)
+    coherence = np.reshape(known, values.shape) if len(known) == len(gamma) else None
     if list(ends) == [""]:
         coherence = None if coherence is None else coherence[0, 0]
-        return FRF(f, values[0, 0], given, coherence=coherence, averages=averages)
+        return FRF(f, values[0, 0], given, coherence, averages)
+    coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
     return FRF(
-        f,
-        np.moveaxis(values, 2, 0),
-        given,
-        coherence=None if coherence is None else np.moveaxis(coherence, 2, 0),
-        averages=averages,
-        sites=tuple(ends),
-        references=tuple(forced),
-    )
+        f, np.moveaxis(values, 2, 0), given, coherence, averages,
+        sites=tuple(ends), references=tuple(forced),
+    )  # fmt: skip
