@@ -16,7 +16,7 @@ pytest.importorskip("dolfinx")
 
 from mpi4py import MPI  # noqa: E402
 
-from antiosc.studies import strike_answers, striking  # noqa: E402
+from antiosc.studies import striking  # noqa: E402
 
 TOL = 0.01
 
@@ -36,7 +36,7 @@ def answer(given: ErrorBudget | None = None, **more: Any) -> Any:
         "hit": SimpleNamespace(peak_force=10.0, impulse=1.0, contact_time=2.0),
         "budget": given or budget(), "n": 20, "seconds": 3.0,
     }  # fmt: skip
-    return strike_answers.Answer(**{**own, **more})
+    return striking.Answer(**{**own, **more})
 
 
 @pytest.fixture
@@ -115,12 +115,12 @@ def test_the_next_number_follows_from_the_fall_of_the_error(
 ) -> None:
     model = ao.AntiOscillators(m0=0.1, k0=1e5, m=np.ones(40), omega=np.arange(1.0, 41.0))
     known = SimpleNamespace(worst=coarser)
-    monkeypatch.setattr(strike_answers, "truncation_error", lambda *_, **__: known)
+    monkeypatch.setattr(striking, "truncation_error", lambda *_, **__: known)
     given = answer(budget(truncation=error), n=40, raw=SimpleNamespace(model=model))
-    assert strike_answers.next_n(given, lambda *_: None, TOL, 1.0) == expected
-    assert strike_answers.next_n(given, lambda *_: None, TOL, 1.5) == max(expected, 60)
+    assert striking.next_n(given, lambda *_: None, TOL, 1.0) == expected
+    assert striking.next_n(given, lambda *_: None, TOL, 1.5) == max(expected, 60)
     many = answer(budget(truncation=error), n=290, raw=SimpleNamespace(model=model))
-    assert strike_answers.next_n(many, lambda *_: None, TOL, 1.5) == 300
+    assert striking.next_n(many, lambda *_: None, TOL, 1.5) == 300
     few = ao.AntiOscillators(m0=0.1, k0=1e5, m=[1.0], omega=[1.0])
     none = answer(budget(truncation=error), n=1, raw=SimpleNamespace(model=few))
-    assert strike_answers.next_n(none, lambda *_: None, TOL, 1.0) == 3
+    assert striking.next_n(none, lambda *_: None, TOL, 1.0) == 3
