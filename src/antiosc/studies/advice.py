@@ -98,7 +98,7 @@ def advise(
     part : sequence of 3 floats, or Structure
         Length, width and thickness of the bounding box, m, with the impact along the thickness; or
         a structure, from which the dimensions and the material are taken.
-    impactor : Sphere
+    impactor : Sphere, or RigidMass with a tip
         Or any object with a mass, a velocity and a method `hertz(E, nu)`.
     E, nu, rho : float
         Of the part's material; needed with bare dimensions.

@@ -43,7 +43,7 @@ from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.histories.body_motion import peak_deflections
 from antiosc.simulation.problem.two_bodies import impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
-from antiosc.studies.free_sites import ABOVE, FreeSites, Where, free_sites
+from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap, MapInfo
 from antiosc.studies.map_stresses import largest_stresses
 
@@ -69,7 +69,7 @@ DIRECT = 32
 @one_thread()
 def impact_map(
     structure: Structure,
-    where: Where = None,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
     impactor: LinearBody | None = None,
     contact: ContactLaw | None = None,
     duration: float | None = None,

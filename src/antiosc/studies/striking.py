@@ -107,7 +107,7 @@ def strike(
     duration: float,
     *,
     tol: float,
-    material: Material | None = None,
+    material: Family | Mapping[str, Family] | None = None,
     supports: Sequence[Support] = (),
     order: int = 2,
     limit: float | None = None,

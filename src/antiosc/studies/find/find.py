@@ -83,7 +83,7 @@ def find_impact(
     sensors: Sequence[Sensor],
     signals: ArrayLike | str | os.PathLike[str],
     rate: float | None = None,
-    where: Where = None,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
     unknown: Sequence[str] = ("place", "mass", "velocity", "stiffness"),
     *,
     impactor: RigidMass | None = None,
