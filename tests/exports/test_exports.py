@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -322,3 +323,10 @@ def test_what_cannot_be_exported_is_told_and_nothing_written(model, tmp_path, na
     with pytest.raises(ao.InputError, match=word):
         ao.export(tmp_path / name, model, *given)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_for_modelica_is_masses_on_springs(model, tmp_path):
+    with pytest.raises(ao.InputError, match="AntiOscillators"):
+        ao.export(tmp_path / "ball.mo", BALL)
+    with pytest.warns(ao.AccuracyWarning, match="damping"):
+        ao.export(tmp_path / "damped.mo", replace(model, damping=ao.Damping(0.01)))
