@@ -196,8 +196,9 @@ ON_SHEET = 1e-6
 WHOLE_PATCH, PARTLY = 0.9, 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 ROUNDING = 1e-6
-#: Cells of a sheet may be so many times the radius: its compliance is then up to 3 % too low.
-COARSE_SHEET = 16.0
+#: Cells of a sheet may be so many times the radius: its compliance is then up to 3 % too low. Of
+#: cells beyond the second times the thickness bending hides that.
+COARSE_SHEET, THIN = 8.0, 4.0
 #: Cosine of the angle to the normal below which a blow goes along the surface.
 ALONG_SURFACE = 0.1
 
@@ -332,6 +333,9 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
         )
     times = 1.0 if kind.outside else COARSE_SHEET
     coarse = sites.size > (1 + ROUNDING) * times * sites.radii
+    if kind.sheet and coarse.any() and sites.contact is not None:
+        thickness = np.array([material.patch_radius for material, _ in structure.parts])
+        coarse &= sites.size < THIN * thickness[sites.contact.label]
     if coarse.any():
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
         what, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
@@ -348,7 +352,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
         along = on_face & (cosines < ALONG_SURFACE)
         if along.any():
             i = int(np.argmax(along))
-            normal = ", ".join(f"{c:.3g}" for c in sites.contact.normals[i] + 0.0)
+            normal = ", ".join(f"{c:.3g}" for c in sites.contact.normals[i].round(9) + 0.0)
             _warn(
                 structure,
                 f"the direction of the site{_at(along)} lies along the surface, "
