@@ -30,7 +30,7 @@ def test_force_and_motion_are_those_of_the_history():
     line = plotting.plot_force(hit).lines[0]
     assert np.array_equal(line.get_xdata(), 1e6 * hit.time)
     assert np.array_equal(line.get_ydata(), hit.force)
-    site, mass, _ = plotting.plot_motion({"3 AO": hit}).lines  # and one for the legend
+    site, mass = plotting.plot_motion({"3 AO": hit}).lines
     assert np.array_equal(site.get_ydata(), 1e6 * hit.displacement)  # µm: 5.8 at most
     assert np.allclose(mass.get_ydata(), 1e6 * hit.impactor_displacement, atol=1e-12)
 

@@ -142,7 +142,7 @@ def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None)
             whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
     if all(named):
-        ax.plot([], [], "--", color="0.4", label="what strikes")
+        ax.set_title("dashed: what strikes", loc="right", fontsize="small")
     ax.set_ylim(*with_room(long * shown, 0.08, 0.08))
     ends = [factor * hit.time[-1] for hit in named.values()]
     ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
