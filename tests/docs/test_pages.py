@@ -43,7 +43,8 @@ LONGEST_JOB = 15
 BACKWARDS = {"howto/measured"}
 SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
-    *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export", "howto/gradient"),
+    *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export"),
+    "howto/gradient",
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
     *("tutorials/drop", "tutorials/composite", "tutorials/assembly", "tutorials/measured"),

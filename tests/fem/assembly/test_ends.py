@@ -162,7 +162,7 @@ def test_skew_is_the_cross_product():
 
 @pytest.mark.slow
 def test_an_end_with_a_radius_is_the_mean_over_a_disc(layout):
-    """u_z = x² + y² on a face: r²/2 at the middle of a disc; faces across its radius are refused."""
+    """u_z = x² + y² on a face: r²/2 at the middle of a disc; faces too large are refused."""
     member = layout.members["cut"]
     radius, field = 0.4, np.zeros(layout.count)
     x = member.nodes - [0.5, 1.0, 3.0]

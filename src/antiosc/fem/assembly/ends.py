@@ -1,10 +1,10 @@
 """What a joint holds on to: a group of a part, a point of a part, or a reference point.
 
-An end is "part:group", a pair ("part", point), a triple ("part", point, radius), or the name of a
-reference point. Its motion at a point is a set of linear functionals of u: of one node those of the
-node; of a group of several, or of the surface within the radius of a point, the mean displacement and
-the mean rotation, by which a force spreads without stiffening the part. The mean rotation is that of
-the rigid motion closest to the motion of the group.
+An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
+Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group of
+several, or of the surface within the radius, the mean displacement and the mean rotation, by which
+a force spreads without stiffening the part. The mean rotation is that of the rigid motion closest to
+the motion of the group.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ COLLINEAR = 1e-12
 #: Share of a direction that may be missing in what an end has of it: rounding.
 MISSING_SHARE = 1e-6
 
-#: Degree of the rule on faces of which a ball of an end cuts a part, and its least number of points.
+#: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
 CUT_DEGREE, CUT_POINTS = 16, 12
 
 #: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
