@@ -1,10 +1,10 @@
 """What a joint holds on to: a group of a part, a point of a part, or a reference point.
 
 An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
-Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group of
-several, or of the surface within the radius, the mean displacement and the mean rotation, by which
-a force spreads without stiffening the part. The mean rotation is that of the rigid motion closest to
-the motion of the group.
+Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
+of several, or of the surface within the radius, the mean displacement and the mean rotation, by
+which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
+closest to the motion of the group.
 """
 
 from __future__ import annotations
