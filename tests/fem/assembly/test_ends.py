@@ -61,7 +61,7 @@ ENDS = {
     "inside": (("block", placed(0.3, 0.7, 2.2)), placed(0.3, 0.7, 2.2), "none"),
     "inside a tetrahedron": (("cut", (0.3, 0.7, 2.2)), (0.3, 0.7, 2.2), "none"),
     "around a point": (("block", placed(0.9, 1.1, 3.0), 1.2), placed(0.9, 1.1, 3.0), "all"),
-    "around a point of a rod": (("rod", placed(0.4, 0.0, 0.0), 0.2), placed(0.4, 0.0, 0.0), "all"),
+    "around a point of a rod": (("rod", placed(0.4, 0.0, 0.0), 0.3), placed(0.4, 0.0, 0.0), "all"),
     "end of a rod": ("rod:end", placed(1.0, 0.0, 0.0), "all"),
     "a whole rod": ("rod:all", placed(0.5, 0.0, 0.0), "all"),
     "on a rod": (("rod", placed(0.4, 0.0, 0.0)), placed(0.4, 0.0, 0.0), "all"),
