@@ -346,7 +346,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"with refine=[(point, {times * sites.radii[i]:g})] or take "
             f"radius={rounded_up(sites.size[i] / times):g}.",
         )
-    if sites.contact is not None:
+    if sites.contact is not None and mesh.gdim == 3:  # plane parts are loaded in shear, too
         cosines = np.abs(np.einsum("pd,pd->p", sites.directions, sites.contact.normals))
         on_face = np.isfinite(sites.contact.depth) & (sites.share >= WHOLE_PATCH)
         along = on_face & (cosines < ALONG_SURFACE)
