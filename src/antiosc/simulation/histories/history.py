@@ -22,7 +22,12 @@ from antiosc.simulation.bodies.bodies import Placed
 from antiosc.simulation.histories.energy import Energy, balance
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.results import HistoryResults
-from antiosc.simulation.histories.scene_history import BodyHistory, ContactHistory, Record
+from antiosc.simulation.histories.scene_history import (
+    BodyHistory,
+    ContactHistory,
+    OneContact,
+    Record,
+)
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly, known
 from antiosc.simulation.problem.scene_states import (
@@ -44,7 +49,7 @@ class SeveralContactsError(InputError, AttributeError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class History(HistoryResults):
+class History(HistoryResults, OneContact):
     """History of a simulation; times in s, forces in N, displacements in m.
 
     `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
@@ -77,11 +82,6 @@ class History(HistoryResults):
 
     # -- at the nodes
 
-    @property
-    def time(self) -> Array:
-        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
-        return self._nodes.time
-
     def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
         for contact in self.contact_histories:
             if contact.ends == ends:
@@ -107,17 +107,7 @@ class History(HistoryResults):
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
         return balance(self.assembly, self._nodes)
 
-    # -- of one contact
-
-    @property
-    def force(self) -> Array:
-        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
-        return self._contact.force
-
-    @property
-    def indentation(self) -> Array:
-        """w - u - gap [m], (n,); negative: distance."""
-        return self._contact.indentation
+    # -- of one contact: force and numbers are those of `OneContact`
 
     @property
     def displacement(self) -> Array:
@@ -140,53 +130,11 @@ class History(HistoryResults):
         return self._sites[3]
 
     @property
-    def peak_force(self) -> float:
-        """Largest contact force [N], also between the nodes."""
-        return self._contact.peak_force
-
-    @property
-    def impulse(self) -> float:
-        """Time integral of the contact force [N s]."""
-        return self._contact.impulse
-
-    @property
-    def cumulative_impulse(self) -> Array:
-        """Time integral of the force from the start up to each node [N s], (n,)."""
-        return self._contact.cumulative_impulse
-
-    @property
-    def contacts(self) -> list[tuple[float, float]]:
-        """(start, end) [s] of every contact, in order."""
-        return self._contact.contacts
-
-    @property
-    def contact_time(self) -> float:
-        """Time from the first touch to the last release of the main impact [s]; 0 without contact.
-
-        Successive contacts belong to one impact if the flight between them is shorter than the
-        impact up to then. The main impact is the one with the largest impulse. A contact that goes
-        on at the end of the run counts up to there (status 3).
-        """
-        return self._contact.contact_time
-
-    @property
-    def restitution(self) -> float | None:
-        """Newton's coefficient of restitution of the rigid-body motions.
-
-        The speed of separation at the contact point after the last release, divided by the speed of
-        approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
-        supported structure has no rigid-body motion at its site; the coefficient is then the
-        rebound speed of the impactor over its speed of approach. None without a contact, if the
-        bodies are in contact at the end, or if they did not approach each other.
-        """
-        return self._contact.restitution
-
-    @property
     def step(self) -> float:
         """The step used during contact [s]: the one given, or the mean."""
         if self.given is not None:
             return self.given
-        found = self._contact._numbers
+        found = self._numbers
         return float(found.closed / found.steps) if found.steps else self.assembly.lasting
 
     @cached_property
@@ -225,8 +173,7 @@ class History(HistoryResults):
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
-        row = self._contact._row
-        return np.maximum(forces(self.run, *self._located(t))[:, row], 0.0)
+        return np.maximum(forces(self.run, *self._located(t))[:, self._row], 0.0)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
@@ -315,7 +262,7 @@ class History(HistoryResults):
     # -- inside
 
     @cached_property
-    def _record(self) -> Record:
+    def _record(self) -> Record:  # type: ignore[override]
         """What its contacts share with it, and not the history itself: it goes without a cycle.
 
         The few flights of an impact have nodes for a picture; a scene may have many.
@@ -327,19 +274,20 @@ class History(HistoryResults):
         return self._record.nodes
 
     @property
-    def _contact(self) -> ContactHistory:
-        """The one contact."""
-        if len(self.assembly.scene.contacts) > 1:
+    def _row(self) -> int:  # type: ignore[override]
+        """That of the one contact."""
+        if len(self.assembly.laws) > 1:
             pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
             raise SeveralContactsError(
                 f"the scene has several contacts: ask for the force or motion of one, as {pairs}."
             )
-        return self.contact_histories[0]
+        return 0
 
     @property
     def _ends(self) -> list[Placed]:
         """The bodies of the one contact."""
-        return [self.assembly.bodies[end.partition(":")[0]] for end in self._contact.ends]
+        contact = self.assembly.scene.contacts[self._row]
+        return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
 
     @property
     def _moving(self) -> BodyHistory:
@@ -359,7 +307,7 @@ class History(HistoryResults):
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
             own = a.columns[body.name]
-            rows[own, i] = (2 * i - 1) * a.G[self._contact._row, own]
+            rows[own, i] = (2 * i - 1) * a.G[self._row, own]
         found = np.empty((4, run.time.size))
         for first, last in blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, a.load, first, last)
