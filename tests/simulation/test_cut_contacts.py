@@ -69,7 +69,7 @@ def solve(made: Assembly, duration: float) -> Run:
 
 
 def at(made: Assembly, run: Run, t: Array) -> tuple[Array, Array]:
-    return states(run, made.system, made.load, *located(run, t))
+    return states(run, made.system, *located(run, t))
 
 
 def cut(made: Assembly, whole: Run, share: float) -> tuple[float, Assembly]:

@@ -105,12 +105,14 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 class FreeModes(Brief):
     """What bodies in free modes with one contact point (`ModalBody`) and with several share.
 
-    Arrays of the contact points have an axis for them where there are several.
+    The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
+    `axes` are those of P >= 1 columns of any body.
     """
 
     omega: Array
     b: Array
-    r: Any
+    r: float | Array
+    weight: Array | None
     decay: Array | None
     shape: Array | None
     residual: Array | None
@@ -166,21 +168,46 @@ class FreeModes(Brief):
         """Number of own coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns in the modes."""
+        return self.b if self.b.ndim > 1 else self.b[:, None]
+
+    @property
+    def R(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return np.reshape(self.r, (self.B.shape[1],) * 2)
+
+    @property
+    def columns(self) -> dict[str, tuple[int, ...]]:
+        """Columns of each contact point; the one of a `ModalBody` has the name ""."""
+        return {"": (0,)}
+
+    @property
+    def axes(self) -> Array | None:
+        """Unit vectors (P, 3) of the columns; None: unknown."""
+        raise NotImplementedError
+
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Own coordinates (..., C) for modal ones (..., J), contact forces (...,) or (..., P)."""
+        """Own coordinates (..., C) for modal ones (..., J) and forces (..., P) on the columns.
+
+        Of one contact point the forces may be (...,) too, or one number for all.
+        """
         q = checks.array("q", q, None)
         force = checks.array("force", force, None)
-        size, *points = self.b.shape
-        shapes = [(*q.shape[:-1], *points), *([] if points else [()])]
-        if q.ndim == 0 or q.shape[-1] != size or force.shape not in shapes:
+        size, points = self.B.shape
+        wanted = (*q.shape[:-1], points)
+        if self.b.ndim == 1 and force.shape in ((), q.shape[:-1]) and q.ndim:
+            force = np.broadcast_to(force, q.shape[:-1])[..., None]
+        if q.ndim == 0 or q.shape[-1] != size or force.shape != wanted:
             raise InputError(
-                f"q must have shape (..., {size}) and force shape (...,"
-                f"{''.join(f' {p}' for p in points)}); got {q.shape} and {force.shape}."
+                f"q must have shape (..., {size}) and force shape (..., {points}); got {q.shape}"
+                f" and {force.shape}."
             )
         x = q if self.shape is None else q @ self.shape.T
-        if self.residual is None or (self.shape is None and not points):
+        if self.residual is None or (self.shape is None and self.b.ndim == 1):
             return x
-        return np.asarray(x + np.tensordot(force, self.residual.T, axes=len(points)))
+        return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
         """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
@@ -200,12 +227,11 @@ class FreeModes(Brief):
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         first = self.first_order
         if first is not None:
-            H = first.receptance(self.b.reshape(len(self.b), -1), w[..., 0])
-            return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r)
-        loss = 0.0 if self.decay is None else 2j * self.decay * w
-        modal = 1 / (self.omega**2 - w**2 + loss)
-        b = self.b.reshape(len(self.b), -1)
-        H = (b.T * modal[..., np.newaxis, :]) @ b
+            H = first.receptance(self.B, w[..., 0])
+        else:
+            loss = 0.0 if self.decay is None else 2j * self.decay * w
+            modal = 1 / (self.omega**2 - w**2 + loss)
+            H = (self.B.T * modal[..., np.newaxis, :]) @ self.B
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
 
@@ -252,6 +278,11 @@ class ModalBody(FreeModes):
             checks.store(self, weight=checks.array("weight", self.weight, self.omega.shape))
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
+
+    @property
+    def axes(self) -> Array | None:
+        """The direction, (1, 3)."""
+        return None if self.direction is None else self.direction[None]
 
     @cached_property
     def mobility(self) -> float:

@@ -103,6 +103,16 @@ class SiteModes(FreeModes):
         local = {name: checks.nonnegative("local_compliance", local[name], "m/N") for name in local}
         checks.store(self, local_compliance=local)
 
+    @property
+    def columns(self) -> dict[str, tuple[int, ...]]:
+        """The columns of each site."""
+        return dict(self.sites)  # type: ignore[arg-type]
+
+    @property
+    def axes(self) -> Array | None:
+        """The directions, (P, 3)."""
+        return self.directions
+
 
 def columns_of_sites(
     sites: Mapping[str, Sequence[int]] | Sequence[str], count: int

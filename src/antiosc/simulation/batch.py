@@ -295,7 +295,7 @@ def _row_of(
         verdict = verdict_of(pose(*scene), ended, tol, limits)
     most, impulse, contact_time, restitution, closed, steps = numbers
     if most > law.valid_force:
-        return _failed(beyond_law(law, most, made.bodies[0][0].patch_radius, _doubts(scene)))
+        return _failed(beyond_law(law, most, made.bodies[0].patch_radius, _doubts(scene)))
     return _Row(
         verdict=verdict,
         peak_force=most,

@@ -18,7 +18,7 @@ from antiosc.base.charts.curves import plot_history
 from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.bodies.bodies import Placed
+from antiosc.simulation.bodies.bodies import Placed, RigidBody
 from antiosc.simulation.histories.energy import Energy, balance
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.results import HistoryResults
@@ -99,7 +99,7 @@ class History(HistoryResults, OneContact):
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
         run, a = self._nodes, self.assembly
-        q, v = node_states(run, a.system, a.load)
+        q, v = node_states(run, a.system)
         return self._bodies(run.time, q, v, run.force)
 
     @cached_property
@@ -197,7 +197,7 @@ class History(HistoryResults, OneContact):
         """Modal displacements and velocities (n, J) of all bodies, one after the other, at times
         (n,); exact between the nodes too."""
         a = self.assembly
-        return states(self.run, a.system, a.load, *self._located(t))
+        return states(self.run, a.system, *self._located(t))
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
@@ -211,8 +211,7 @@ class History(HistoryResults, OneContact):
         q, _ = self.states(times)
         acting = a.pushes(times) - forces(self.run, *located(self.run, times)) @ a.G
         acting = acting[:, a.columns[name]]
-        pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
-        found = own.coordinates(q[:, a.spans[name]], pushed)
+        found = own.coordinates(q[:, a.spans[name]], acting)
         return found if np.ndim(t) else found[0]
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
@@ -231,8 +230,8 @@ class History(HistoryResults, OneContact):
         "structure", if no body has this name, is the one that has displacement shapes.
         """
         placed = self.assembly.bodies[self.name_of(body)]
-        if placed.modes is None:
-            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
+        if isinstance(placed.body, RigidBody):
+            raise InputError(f"{body!r} is a RigidBody, which has no field.")
         return placed.body, placed.modes
 
     def name_of(self, body: str) -> str:
@@ -240,7 +239,7 @@ class History(HistoryResults, OneContact):
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
         if body == "structure" and body not in bodies:
-            shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
+            shaped = [n for n, b in bodies.items() if b.modes.basis]
             if len(shaped) == 1:
                 return shaped[0]
         if body not in bodies:
@@ -310,7 +309,7 @@ class History(HistoryResults, OneContact):
             rows[own, i] = (2 * i - 1) * a.G[self._row, own]
         found = np.empty((4, run.time.size))
         for first, last in blocks(run, a.system.omega.size):
-            q, v = node_states(run, a.system, a.load, first, last)
+            q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
             found[::2, nodes], found[1::2, nodes] = (q @ (a.B @ rows)).T, (v @ (a.B @ rows)).T
         found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
@@ -324,7 +323,7 @@ class History(HistoryResults, OneContact):
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         if a.system.first is not None:
-            accelerations -= braked(self.run, a.system, a.load, *located(self.run, time))
+            accelerations -= braked(self.run, a.system, *located(self.run, time))
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
         found = {}

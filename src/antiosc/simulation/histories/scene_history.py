@@ -38,7 +38,7 @@ class Record:
         """The run at the nodes of the history."""
         if not self.flights:
             return self.run
-        return with_flights(self.run, self.assembly.system, self.assembly.load)
+        return with_flights(self.run, self.assembly.system)
 
 
 class OneContact:
@@ -134,7 +134,7 @@ class OneContact:
             velocities, stride = march.address(held[-1]) + 8 * size, 2 * size
         else:
             steps = np.column_stack([found["first"], found["last"]]).ravel()
-            held.append(starts(run, system, a.load, steps)[1])
+            held.append(starts(run, system, steps)[1])
             velocities, stride = march.address(held[-1]), 0
         given = self._row, goes_on, found.size, march.address(found), velocities, stride
         return march.library.aom_read_contact(byref(bodies), byref(record), *given)
