@@ -111,7 +111,7 @@ class FreeModes(Brief):
 
     omega: Array
     b: Array
-    r: float | Array
+    r: Any
     weight: Array | None
     decay: Array | None
     shape: Array | None
@@ -226,12 +226,12 @@ class FreeModes(Brief):
         """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         first = self.first_order
-        if first is not None:
-            H = first.receptance(self.B, w[..., 0])
-        else:
+        if first is None:
             loss = 0.0 if self.decay is None else 2j * self.decay * w
             modal = 1 / (self.omega**2 - w**2 + loss)
-            H = (self.B.T * modal[..., np.newaxis, :]) @ self.B
+            H = np.asarray((self.B.T * modal[..., np.newaxis, :]) @ self.B, dtype=complex)
+        else:
+            H = first.receptance(self.B, w[..., 0])
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
 

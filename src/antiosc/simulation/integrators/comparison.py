@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from math import log2
 
-from antiosc.base import march
+from antiosc.base import checks, march
+from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.simulation.integrators.scene_ivp import IVP_METHODS, SceneIVP
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
@@ -17,6 +19,7 @@ from antiosc.simulation.problem.assembly import Assembly
 #: what runs a scene, by name
 METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
 
+MAX_CONTACTS, MAX_STEPS = 10_000, 1_000_000
 FIRST = 24  # steps in the shortest contact that is expected, at first
 MOST_RUNS = 24
 LONGEST = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
@@ -24,25 +27,36 @@ TIGHTER = 1e-2  # relative tolerance of solve_ivp, of that of the forces
 SMALLEST = 3e-14  # one that rounding permits
 
 
-def compared(
-    assembly: Assembly,
-    duration: float,
-    method: str,
-    tol: float,
-    step: float | None,
-    max_contacts: int,
-    max_steps: int,
-) -> Converged:
-    """A run by `method` with its estimated errors: none of `solve_ivp`, and of a `step` [s] given.
+@dataclass(frozen=True)
+class Settings(Checked):
+    """How a scene is integrated, as `Scene.run` takes it."""
+
+    tol: float = field(
+        default=1e-3, metadata=checked_by(lambda name, tol: checks.tolerance(tol, name))
+    )
+    method: str = field(default="exact", metadata=checked_by(checks.choice, METHODS))
+    step: float | None = None
+    max_contacts: int = field(default=MAX_CONTACTS, metadata=checked_by(checks.whole))
+    max_steps: int = field(default=MAX_STEPS, metadata=checked_by(checks.whole))
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Of the work: contacts and steps."""
+        return self.max_contacts, self.max_steps
+
+
+def compared(assembly: Assembly, duration: float, settings: Settings) -> Converged:
+    """A run by a method with its estimated errors: none of `solve_ivp`, and of a given step.
 
     Of `solve_ivp` the step is the longest.
     """
     system, laws, scene = assembly.system, assembly.laws, assembly.scene
+    method, tol, step, limits = settings.method, settings.tol, settings.step, settings.limits
     driven = bool(scene.loads) or scene.base is not None
     if method in IVP_METHODS:
         longest = step or LONGEST * assembly.lasting
         solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest, driven)
-        found = solver.run(duration, max_contacts, max_steps)
+        found = solver.run(duration, *limits)
         return Converged(found, longest, 0.0, 0.0, duration)
     if system.first is not None:
         raise InputError(
@@ -52,36 +66,32 @@ def compared(
     kind = SCENE_STEPS[method]
 
     def one(h: float) -> Run:
-        return kind(system, laws, h, driven).run(duration, max_contacts, max_steps)
+        return kind(system, laws, h, driven).run(duration, *limits)
 
     if step is not None:
         return Converged(one(step), step, 0.0, 0.0, duration)
     longest = kind.longest(system)
     first = min(assembly.lasting / FIRST, longest)
-    if assembly.lasting / first > max_steps:
+    if assembly.lasting / first > settings.max_steps:
         raise InputError(
             f"{method} needs steps of {first:.3g} s, {assembly.lasting / first:.3g} of them in one"
-            f" contact, more than max_steps = {max_steps}; use method='exact'."
+            f" contact, more than max_steps = {settings.max_steps}; use method='exact'."
         )
-    return _converged(one, first, longest, tol, max_contacts, max_steps)
+    return _converged(one, first, longest, settings)
 
 
 def _converged(
-    one: Callable[[float], Run],
-    step: float,
-    longest: float,
-    tol: float,
-    max_contacts: int,
-    max_steps: int,
+    one: Callable[[float], Run], step: float, longest: float, settings: Settings
 ) -> Converged:
     """Runs `one(step)` of ever smaller steps until their forces converge.
 
     A run that diverged is not used for the error of another.
     """
+    tol = settings.tol
     coarse, control, certain = one(step), Refinement(tol), 0.0
     for _ in range(MOST_RUNS):
         share = 2**control.halvings
-        if share * coarse.steps > max_steps or coarse.touches >= max_contacts:
+        if share * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
             break
         finer = min(step / share, longest)
         fine = one(finer)

@@ -32,15 +32,15 @@ _NODES = 200_000
 
 
 class Impact(NamedTuple):
-    """An impact as `simulate` takes it, to be solved by the exact method."""
+    """An impact as `simulate` and `pose` take it."""
 
     model: LinearBody
     impactor: LinearBody
     contact: ContactLaw
     duration: float
-    initial_velocity: float | Motion
-    gravity: float | Sequence[float]
-    gap: float | None
+    initial_velocity: float | Motion = 0.0
+    gravity: float | Sequence[float] = 0.0
+    gap: float | None = None
 
     def group(self) -> tuple[object, ...] | None:
         """Equal for impacts that can be rows of the same arrays; None for one that cannot."""

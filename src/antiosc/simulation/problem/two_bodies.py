@@ -174,8 +174,8 @@ def pose(
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
     bodies = {body.name: body for body in made.bodies}
-    given = (body.body for body in made.bodies)
-    return of_two(*given, contact, gap, gravity), bodies
+    model, impactor = (body.body for body in made.bodies)
+    return of_two(model, impactor, contact, gap, gravity), bodies
 
 
 def _starts(
