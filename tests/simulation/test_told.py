@@ -88,11 +88,15 @@ class Runs:
 GREW, DONE = march.GREW, march.DONE
 
 
+def settings(tol: float, max_steps: int, max_contacts: int = 1000) -> comparison.Settings:
+    return comparison.Settings(tol, max_contacts=max_contacts, max_steps=max_steps)
+
+
 @pytest.mark.parametrize("answers", [(), (GREW,), (DONE, GREW), (GREW, GREW), (DONE, GREW, GREW)])
 def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) -> None:
     """Runs that diverged are no partners."""
     runs = Runs(*answers)
-    found = comparison._converged(runs, 0.4, np.inf, 1e-3, 1000, 10_000)
+    found = comparison._converged(runs, 0.4, np.inf, settings(1e-3, 10_000))
     assert found.run.answer == DONE
     assert found.share == runs.asked[-1] == min(runs.asked)
     assert 0.9 * found.share**2 <= found.worst <= 1e-3
@@ -100,11 +104,11 @@ def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) 
 
 def test_refinement_ends_where_the_steps_are_too_many_or_all_runs_diverge() -> None:
     runs = Runs()
-    found = comparison._converged(runs, 0.4, np.inf, 1e-9, 1000, 300)
+    found = comparison._converged(runs, 0.4, np.inf, settings(1e-9, 300))
     assert sum(10 / size for size in runs.asked) < 600
     assert found.worst > 1e-9
-    found = comparison._converged(Runs(*[GREW] * 40), 0.4, np.inf, 1e-2, 1000, 10_000)
+    found = comparison._converged(Runs(*[GREW] * 40), 0.4, np.inf, settings(1e-2, 10_000))
     assert (found.run.answer, found.worst) == (GREW, np.inf)
     runs = Runs()
-    comparison._converged(runs, 0.05, 0.05, 1e-9, 1, 10**6)
+    comparison._converged(runs, 0.05, 0.05, settings(1e-9, 10**6, 1))
     assert runs.asked == [0.05]  # as many contacts as are allowed
