@@ -12,7 +12,7 @@ import pytest
 import antiosc as ao
 from antiosc.base import march
 from antiosc.simulation.errors import truncation
-from antiosc.simulation.errors.model_errors import SAFETY, _changed, model_errors
+from antiosc.simulation.errors.model_errors import SAFETY, Repeated, _changed, model_errors
 from antiosc.simulation.integrators import comparison
 from antiosc.simulation.march.engine import Run
 
@@ -44,7 +44,7 @@ def test_the_share_of_the_family_is_the_larger_change() -> None:
     model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3], info={
         "model": {"omega": 4e3, "clamps": 0.0, "compliance": 1e-8}})  # fmt: skip
     answers = iter([run(9.0, 1.0), run(10.5, 0.7)])
-    shares, notes = model_errors(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5)
+    shares, notes = model_errors(Repeated(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5))
     expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
     assert shares == {name: pytest.approx(SAFETY * value) for name, value in expected.items()}
     assert notes == []

@@ -92,14 +92,12 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
     if hidden:
         shape = np.roll(block_diag(shape, own), hidden, axis=1)
         amplitude = block_diag(amplitude, own)
-    inertia, basis = model.inertia, None
+    inertia = model.inertia
     if inertia is not None:
         inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
         if model.direction is not None:
             pull = inertia.momentum[:, :3] @ model.direction
             weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
-    if model.shapes is not None and not (hidden and model.hidden is None):
-        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
     return ModalBody(
         omega=omega,
         b=b,
@@ -108,11 +106,18 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
         weight=weight,
         shape=shape,
         residual=residual,
-        basis=basis,  # type: ignore[arg-type]
+        basis=_basis(model),
         amplitude=amplitude,
         direction=model.direction,
         inertia=inertia,
     )
+
+
+def _basis(model: Parameters) -> tuple[Array, ...] | None:
+    """The shapes, then the hidden motions; None where one of them is not known."""
+    blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
+    known = tuple(block for block in blocks if block is not None)
+    return known if len(known) == len(blocks) else None
 
 
 def _relative(n: int) -> Array:
@@ -135,13 +140,11 @@ def site_modes(model: Parameters) -> SiteModes:
     b = seen.T @ model.dependence.T
     residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
-    inertia = weight = basis = None
+    inertia = weight = None
     if model.inertia is not None:
         inertia = model.inertia.along(shape.T @ model.inertia.momentum)
     elif model.participation is not None:
         weight = shape[: len(model.participation)].T @ model.participation
-    if model.shapes is not None and not (hidden and model.hidden is None):
-        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
     return SiteModes(
         omega=omega,
@@ -154,7 +157,7 @@ def site_modes(model: Parameters) -> SiteModes:
         weight=weight,
         shape=shape,
         residual=residual,
-        basis=basis,  # type: ignore[arg-type]
+        basis=_basis(model),
         local_compliance={name: value for name, value in local.items() if value},
     )
 

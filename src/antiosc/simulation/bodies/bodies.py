@@ -22,8 +22,8 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.first_order import SideBySide
 from antiosc.models.modal import ModalBody
-from antiosc.models.motion import Inertia, ModalState, Motion
-from antiosc.models.site_modes import SiteModes, unit_vectors
+from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
+from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Impactor, Obstacle
 
 #: cosine of the angle beyond which two directions are not taken as one
