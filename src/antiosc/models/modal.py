@@ -86,7 +86,7 @@ class Damping(Given):
         index = np.clip(np.arange(omega.size) - rigid, 0, ratios.size - 1)
         return np.asarray(ratios[index] * omega + self.alpha / 2 + self.beta * omega**2 / 2)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Constructor arguments as JSON values."""
         return {
             "ratio": np.asarray(self.ratio, dtype=float).tolist(),

@@ -11,6 +11,7 @@ import json
 import os
 import stat
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ _MEMBERS = 100
 Arrays = dict[str, NDArray[Any]]
 
 
-def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: Arrays) -> None:
+def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Arrays) -> None:
     """Write header and arrays, completely or not at all."""
     try:
         text = json.dumps(header)

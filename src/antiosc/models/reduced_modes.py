@@ -14,7 +14,6 @@ modes are what they should be, a residual compliance without inertia.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -74,7 +73,8 @@ def _coupled(model: Parameters) -> ModalBody:
     own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), found.omega))
     body = _in_space(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
-    return replace(body, **damping_of(model, omega, own))
+    decay, damping = damping_of(model, omega, own)
+    return replace(body, decay=decay, damping=damping)
 
 
 def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
@@ -102,7 +102,7 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
         omega=omega,
         b=b,
         r=float(residual[0]),
-        **damping_of(model, omega, None),
+        decay=damping_of(model, omega, None)[0],
         weight=weight,
         shape=shape,
         residual=residual,
@@ -146,13 +146,15 @@ def site_modes(model: Parameters) -> SiteModes:
     elif model.participation is not None:
         weight = shape[: len(model.participation)].T @ model.participation
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+    decay, damping = damping_of(model, omega, shape)
     return SiteModes(
         omega=omega,
         b=b,
         sites=model.columns,
         r=(r + r.T) / 2,
         directions=model.direction,
-        **damping_of(model, omega, shape),
+        decay=decay,
+        damping=damping,
         inertia=inertia,
         weight=weight,
         shape=shape,
@@ -175,14 +177,14 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
     return reduced_modes(k0, m0, P, model.omega, rigid)
 
 
-def damping_of(model: Parameters, omega: Array, shape: Array | None) -> dict[str, Any]:
-    """The decay or the damping of the modes (size, J) in u, eta and the hidden motions."""
+def damping_of(
+    model: Parameters, omega: Array, shape: Array | None
+) -> tuple[Array | None, DampingMatrix | None]:
+    """The decay, or the damping, of the modes (size, J) in u, eta and the hidden motions."""
     damping = model.damping
-    if damping is None:
-        return {"decay": None}
     if isinstance(damping, DampingMatrix):
-        return {} if shape is None else {"damping": along(damping, shape)}
-    return {"decay": damping.decay(omega)}
+        return None, None if shape is None else along(damping, shape)
+    return None if damping is None else damping.decay(omega), None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -115,18 +115,18 @@ def _damping(given: dict[str, Any] | None) -> Damping | DampingMatrix | None:
         return Damping(**given)
     size = int(given["n"])
 
-    def factor(rows: Any) -> Array:
+    def factor(rows: ArrayLike) -> Array:
         return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
     return of_factors(factor(given["factor"]), branches)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A number, or those of several sites, as JSON values."""
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
+def _inertia(arrays: model_file.Arrays) -> Inertia | None:
     """The inertia in a model file, if it holds one."""
     return Inertia(*map(arrays.__getitem__, _INERTIA)) if arrays.keys() >= _INERTIA.keys() else None

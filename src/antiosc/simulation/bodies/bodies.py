@@ -19,7 +19,7 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.body import Body, checked_body
 from antiosc.models.first_order import SideBySide
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
@@ -215,7 +215,7 @@ def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
     return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
 
 
-def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:
+def place(name: str, body: object, motion: Motion | ModalState | float | None) -> Placed:
     """The body of that name with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
@@ -248,16 +248,16 @@ def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> P
     return placed
 
 
-def _single(name: str, body: LinearBody) -> Placed:
-    asked, modes = checked_body(f"body {name!r}", body), body.modal()
-    velocity = asked.velocity
+def _single(name: str, body: object) -> Placed:
+    asked = checked_body(f"body {name!r}", body)
+    modes, velocity = asked.modal(), asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
     return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
 
 
-def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, start: Array) -> Placed:
+def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> Placed:
     """A body of one contact point, with its modal velocities (J,) at the start."""
     local = {"": asked.local_compliance}
     return Placed(

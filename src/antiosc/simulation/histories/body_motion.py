@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
@@ -38,7 +38,7 @@ def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
     return own
 
 
-def times_of(history: Motions, times: Any) -> Array:
+def times_of(history: Motions, times: ArrayLike | None) -> Array:
     """The times (n,) that are asked; those of the history for None."""
     if times is None:
         return history.time

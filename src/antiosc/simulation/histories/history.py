@@ -376,7 +376,7 @@ def with_model(hit: History, model: Any, **changes: Any) -> History:
     return replace(hit, assembly=assembly, **changes)
 
 
-def no_field(model: Any) -> str:
+def no_field(model: object) -> str:
     """Why a model has no displacement field, and the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (

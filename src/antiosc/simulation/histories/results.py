@@ -46,7 +46,7 @@ class Results(Brief):
         """The table of the history: name with unit -> values (n,) at `time`."""
         raise NotImplementedError
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         raise NotImplementedError
 
@@ -153,14 +153,14 @@ class SavedHistory(Results):
     """
 
     kind: str
-    results: Mapping[str, Any]
+    results: Mapping[str, object]
     table: Mapping[str, Array]
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
         return dict(self.table)
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         return dict(self.results)
 
@@ -212,7 +212,7 @@ class HistoryResults(Results):
             table[f"{name} energy [J]"] = getattr(own.energy, name)
         return table
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         own = cast("History", self)
         contacts = {_shown(one): _numbers(one) for one in own.contact_histories}
@@ -276,7 +276,7 @@ def _shown(contact: ContactHistory) -> str:
     return " - ".join(contact.ends)
 
 
-def _numbers(contact: ContactHistory) -> dict[str, Any]:
+def _numbers(contact: ContactHistory) -> dict[str, object]:
     """The single results of one contact."""
     return {
         "peak_force": float(contact.peak_force),

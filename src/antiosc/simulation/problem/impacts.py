@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_int64, c_void_p
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ class Rows:
         beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
         mobility = np.full(count, sum(made.mobilities))
         if any(each.impactor is not first for each in impacts):  # rigid ones, see `group`
-            strikers: list[Any] = [each.impactor for each in impacts]
+            strikers = [cast("RigidMass | Sphere", each.impactor) for each in impacts]
             b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
             beta[:, -1] = -b
             v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
