@@ -176,7 +176,7 @@ class FreeModes(Brief):
     @property
     def R(self) -> Array:
         """Residual compliance (P, P) of all columns."""
-        return np.reshape(self.r, (self.B.shape[1],) * 2)
+        return np.asarray(self.r) if self.b.ndim > 1 else np.array([[self.r]])
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite, log, log2
 
 from antiosc.base import checks, march
-from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.simulation.integrators.scene_ivp import IVP_METHODS, SceneIVP
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
@@ -27,16 +26,23 @@ SMALLEST = 3e-14  # one that rounding permits
 
 
 @dataclass(frozen=True)
-class Settings(Checked):
+class Settings:
     """How a scene is integrated, as `Scene.run` takes it."""
 
-    tol: float = field(
-        default=1e-3, metadata=checked_by(lambda name, tol: checks.tolerance(tol, name))
-    )
-    method: str = field(default="exact", metadata=checked_by(checks.choice, METHODS))
+    tol: float = 1e-3
+    method: str = "exact"
     step: float | None = None
-    max_contacts: int = field(default=MAX_CONTACTS, metadata=checked_by(checks.whole))
-    max_steps: int = field(default=MAX_STEPS, metadata=checked_by(checks.whole))
+    max_contacts: int = MAX_CONTACTS
+    max_steps: int = MAX_STEPS
+
+    def __post_init__(self) -> None:
+        checks.choice("method", self.method, METHODS)
+        checks.store(
+            self,
+            tol=checks.tolerance(self.tol),
+            max_contacts=checks.whole("max_contacts", self.max_contacts),
+            max_steps=checks.whole("max_steps", self.max_steps),
+        )
 
     @property
     def limits(self) -> tuple[int, int]:
