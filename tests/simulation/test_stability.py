@@ -184,7 +184,7 @@ class TestRuns:
         assert good.status == TOUCHING
         assert good.peak_force == pytest.approx(truth.peak_force, rel=3e-3)
 
-    @pytest.mark.parametrize("y", [0.5, 2.0, 3.3, 4.0, 7.0])
+    @pytest.mark.parametrize("y", [0.5, 2.0, 3.3, 4.0, 7.0, 24.0])
     def test_a_given_step_outside_is_not(self, truth, y):
         hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, step=y / TOP)
         assert hit.status == TOUCHING
@@ -201,6 +201,18 @@ class TestRuns:
         truth = ao.simulate(MODEL, striker, LAW, DURATION, "conserving", step=3e-7)
         assert hit.peak_force == pytest.approx(truth.peak_force, rel=3e-3)
         assert hit.run.attempts < 10_000
+
+    @pytest.mark.filterwarnings("ignore:The scene gained energy")
+    def test_short_contacts_are_resolved(self):
+        """A step longer than the contact is halved until it resolves it."""
+        striker = ao.RigidMass(0.01, 0.8)
+        step = 8 * 3.0 / TOP
+        hit = ao.simulate(MODEL, striker, LAW, DURATION / 10, step=step)
+        truth = ao.simulate(MODEL, striker, LAW, DURATION / 10, tol=1e-5)
+        start, end = hit.contacts[0]
+        assert end - start < 8 * step
+        assert hit.peak_force == pytest.approx(truth.peak_force, rel=0.05)
+        assert hit.impulse == pytest.approx(truth.impulse, rel=0.05)
 
 
 def resting(p: int, stiffness: float) -> ao.Scene:
