@@ -234,6 +234,75 @@ class FreeModes(Brief):
             H = first.receptance(self.B, w[..., 0])
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
+    @cached_property
+    def _rigid_along(self) -> tuple[Array, float]:
+        """Displacements (J,) of the one column in the rigid-body modes, and their mobility."""
+        along = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        return along, float(along @ along)
+
+    def rigid_motion(self, velocity: float | Motion) -> Array:
+        """Modal velocities (J,) of a rigid-body motion.
+
+        Parameters
+        ----------
+        velocity : float or Motion
+            A number is the velocity of the one column along the impact direction [m/s]. If the
+            body is free in this direction, the whole body translates. If supports restrain it, or
+            if `inertia` is unknown, the motion is the rigid-body motion of least kinetic energy
+            with this velocity of the contact point, phi_CR of the article.
+
+        Raises
+        ------
+        InputError
+            For a body without such a rigid-body motion.
+        """
+        if isinstance(velocity, Motion):
+            return self._moving(velocity)
+        velocity = checks.number("velocity", velocity, "m/s")
+        if velocity == 0.0:
+            return np.zeros(self.omega.size)
+        if self.B.shape[1] != 1:
+            raise InputError(
+                f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
+                " a Motion(velocity=(...), spin=(...))."
+            )
+        along, mobility = self._rigid_along
+        if mobility == 0.0:
+            raise InputError(
+                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
+                f" rigid-body motion at its contact point; use 0 or free its supports."
+            )
+        if self.inertia is not None and self.axes is not None:
+            translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
+            start, left = self._projected(self.inertia, translation)
+            if left <= MISSED_ENERGY:
+                return start
+        return np.asarray(velocity * along / mobility)
+
+    def _moving(self, motion: Motion) -> Array:
+        if self.inertia is None:
+            raise InputError(
+                "the model of this body has no rigid-body inertia (the body is supported, or the "
+                "model was made by hand or from matrices): give its velocity as a number, along "
+                "the direction of impact."
+            )
+        start, left = self._projected(self.inertia, motion.at(self.inertia))
+        if left > MISSED_ENERGY:
+            raise InputError(
+                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
+                f"{motion} lies outside the rigid-body motions that the supports permit; give a "
+                "motion that they permit."
+            )
+        return start
+
+    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
+        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
+        start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
+        whole = float(motion @ inertia.matrix @ motion)
+        if not np.any(motion):
+            return start, 0.0
+        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalBody(FreeModes):
@@ -299,70 +368,6 @@ class ModalBody(FreeModes):
         """Frequencies, decays, and displacements that close a contact, of the modes (3, J)."""
         decay = np.zeros(self.omega.size) if self.decay is None else self.decay
         return np.array([self.omega, decay, -self.b])
-
-    @cached_property
-    def _rigid_along(self) -> tuple[Array, float]:
-        """Displacements (J,) of the contact point in the rigid-body modes, and their mobility."""
-        along = np.where(self.omega == 0, self.b, 0.0)
-        return along, float(along @ along)
-
-    def rigid_motion(self, velocity: float | Motion) -> Array:
-        """Modal velocities (J,) of a rigid-body motion.
-
-        Parameters
-        ----------
-        velocity : float or Motion
-            A number is the velocity of the contact point along the impact direction [m/s]. If the
-            body is free in this direction, the whole body translates. If supports restrain it, or
-            if `inertia` is unknown, the motion is the rigid-body motion of least kinetic energy
-            with this velocity of the contact point, phi_CR of the article.
-
-        Raises
-        ------
-        InputError
-            For a body without such a rigid-body motion.
-        """
-        if isinstance(velocity, Motion):
-            return self._moving(velocity)
-        velocity = checks.number("velocity", velocity, "m/s")
-        if velocity == 0.0:
-            return np.zeros(self.omega.size)
-        along, mobility = self._rigid_along
-        if mobility == 0.0:
-            raise InputError(
-                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
-                f" rigid-body motion at its contact point; use 0 or free its supports."
-            )
-        if self.inertia is not None and self.direction is not None:
-            translation = np.concatenate((velocity * self.direction, np.zeros(3)))
-            start, left = self._projected(self.inertia, translation)
-            if left <= MISSED_ENERGY:
-                return start
-        return np.asarray(velocity * along / mobility)
-
-    def _moving(self, motion: Motion) -> Array:
-        if self.inertia is None:
-            raise InputError(
-                "the model of this body has no rigid-body inertia (the body is supported, or the "
-                "model was made by hand or from matrices): give its velocity as a number, along "
-                "the direction of impact."
-            )
-        start, left = self._projected(self.inertia, motion.at(self.inertia))
-        if left > MISSED_ENERGY:
-            raise InputError(
-                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
-                f"{motion} lies outside the rigid-body motions that the supports permit; give a "
-                "motion that they permit."
-            )
-        return start
-
-    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
-        start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
-        whole = float(motion @ inertia.matrix @ motion)
-        if not np.any(motion):
-            return start, 0.0
-        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
 def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:

@@ -294,14 +294,12 @@ def _rigid(name: str, body: RigidBody) -> Placed:
 
 def _started(placed: Placed, motion: Motion | float) -> Array:
     """Modal velocities of a body that moves without strain."""
-    along = placed.directions is None or placed.inertia is None  # a number is the speed along it
-    if along and placed.B.shape[1] == 1 and not isinstance(motion, Motion):
-        modes = ModalBody(placed.omega, placed.B[:, 0])
-        return modes.rigid_motion(checks.number(f"motion of {placed.name!r}", motion, "m/s"))
-    one = np.zeros(placed.omega.size) if not placed.B.shape[1] else placed.B[:, 0]
     if not isinstance(motion, Motion):
-        raise InputError(
-            f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
-            f" spin=(...)), not as the number {motion!r}."
-        )
-    return ModalBody(placed.omega, one, inertia=placed.inertia).rigid_motion(motion)
+        along = placed.directions is None or placed.inertia is None  # the speed along it
+        if not along or placed.B.shape[1] != 1:
+            raise InputError(
+                f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
+                f" spin=(...)), not as the number {motion!r}."
+            )
+        motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
+    return placed.modes.rigid_motion(motion)
