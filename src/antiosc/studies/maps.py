@@ -46,7 +46,7 @@ from antiosc.simulation.problem.impacts import Impact
 from antiosc.simulation.problem.two_bodies import impact_band
 from antiosc.simulation.simulate import impact
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
-from antiosc.studies.map_results import ImpactMap
+from antiosc.studies.map_results import ImpactMap, MapInfo
 from antiosc.studies.map_stresses import largest_stresses
 
 #: The band where neither it nor a blow is given, over the last free mode.
@@ -165,12 +165,12 @@ def impact_map(
         "models": reduced - moved,
         "direct": extracted - reduced,
     }
-    info = {
-        "structure": structure.describe(),
-        "free_modes": len(omega),
-        "cell_dimension": found.dimension,
-        "seconds": {**structure.seconds, **seconds},
-    }
+    info = MapInfo(
+        structure=structure.describe(),
+        free_modes=len(omega),
+        cell_dimension=found.dimension,
+        seconds={**structure.seconds, **seconds},
+    )
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
@@ -322,7 +322,7 @@ def _struck(
     return replace(
         result,
         **found,
-        info={**result.info, "seconds": seconds},
+        info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
         duration=duration,

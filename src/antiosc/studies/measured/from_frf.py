@@ -227,15 +227,9 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
 def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
     """Bodies that the measurement does not tell from the best one, in free modes."""
     noisy = with_other_noise(data, fit)
-    rows = [_free_modes(one) for one in (*noisy, *fit.tails)]
-    return {
-        "top": float(data.w[-1]),
-        "draws": len(noisy),
-        "omega": [row[0] for row in rows],
-        "decay": [row[1] for row in rows],
-        "b": [row[2] for row in rows],
-        "r": [row[3] for row in rows],
-    }
+    rows = (_free_modes(one) for one in (*noisy, *fit.tails))
+    omega, decay, b, r = map(list, zip(*rows, strict=True))
+    return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
 
 
 def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
