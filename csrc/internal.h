@@ -235,34 +235,6 @@ static inline void *take(arena *a, size_t count, size_t size) {
     return a->at == NULL ? NULL : a->at + begin;
 }
 
-/* Two numbers at once, which compilers other than GCC and Clang do one by one, to the same bits. */
-#if defined(__GNUC__)
-typedef double two __attribute__((vector_size(16)));
-static inline two two_at(const double *x) {
-    two found;
-    memcpy(&found, x, sizeof found);
-    return found;
-}
-/* Of an address that is a multiple of 16. */
-static inline two two_aligned(const double *x) { return two_at(__builtin_assume_aligned(x, 16)); }
-static inline two times(two a, two b) { return a * b; }
-static inline two plus(two a, two b) { return a + b; }
-static inline two both(double x) { return (two){x, x}; }
-static inline double first_of(two a) { return a[0]; }
-static inline double second_of(two a) { return a[1]; }
-#else
-typedef struct two {
-    double x[2];
-} two;
-static inline two two_at(const double *x) { return (two){{x[0], x[1]}}; }
-static inline two two_aligned(const double *x) { return two_at(x); }
-static inline two times(two a, two b) { return (two){{a.x[0] * b.x[0], a.x[1] * b.x[1]}}; }
-static inline two plus(two a, two b) { return (two){{a.x[0] + b.x[0], a.x[1] + b.x[1]}}; }
-static inline two both(double x) { return (two){{x, x}}; }
-static inline double first_of(two a) { return a.x[0]; }
-static inline double second_of(two a) { return a.x[1]; }
-#endif
-
 /* Answers of contact_step and flight_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
 
