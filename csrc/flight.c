@@ -1,4 +1,4 @@
-/* Free motion under the loads, up to the next touch. */
+/* Free motion under the loads, and whether a touch can hide in it. */
 #include "internal.h"
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
@@ -165,41 +165,6 @@ static double origin_of(const aom_stepper *st, int c) {
     return law_bounds(&st->system.contacts[c].law, AOM_APART, st->contacts[c].memory).high;
 }
 
-/* When the contact c touches within h, by Newton's method on the exact motion. At the end of h it
- * lies `after` beyond and closes at a rate `closing`. */
-static double touch_time(aom_stepper *st, int c, double after, double closing, double h) {
-    double origin = origin_of(st, c), before = smaller(st->rows[c].depth - origin, 0.0);
-    double guess = crossing(before, st->rows[c].rate, after, closing, h, 0.0);
-    if (!(0.0 < guess && guess < h))
-        guess = h * before / (before - after);
-    double low = 0.0, high = h, sharp = 0.01 * SHARP * st->contacts[c].depth_scale;
-    double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
-    const slot *s = st->slots + SCRATCH;
-    for (int tries = 0; tries < 60; tries++) {
-        motion out;
-        ready_rows(st, SCRATCH, guess);
-        free_row(st, c, &s, &guess, 1, &out);
-        double g = out.depth - origin, v = out.rate;
-        if (fabs(g) <= sharp)
-            break;
-        if (g > 0.0)
-            high = guess;
-        else
-            low = guess;
-        double new = v > 0.0 ? guess - g / v : -1.0, way = g / v;
-        bool last = 0.5 * curved * way * way <= sharp; /* of the step by Newton's method */
-        if (!(low < new && new < high)) {
-            new = 0.5 * (low + high);
-            last = false;
-        }
-        last = last || fabs(new - guess) <= 1e-15 * h;
-        guess = new;
-        if (last)
-            break;
-    }
-    return guess;
-}
-
 /* Whether the bodies approach each other at a contact, by more than the rounding of the modes: a
  * site that the motion has not reached yet moves to and fro by rounding alone. */
 static bool approaches(const aom_stepper *st, int c) {
@@ -217,7 +182,7 @@ static bool approaches(const aom_stepper *st, int c) {
 }
 
 /* The contact that touches now, or -1. */
-static int touching_now(const aom_stepper *st) {
+int touching_now(const aom_stepper *st) {
     for (int c = 0; c < st->system.n_contacts; c++) {
         double close = SHARP * st->contacts[c].depth_scale;
         if (st->rows[c].depth >= origin_of(st, c) - close && approaches(st, c))
@@ -226,96 +191,31 @@ static int touching_now(const aom_stepper *st) {
     return -1;
 }
 
-typedef enum verdict { CLEAR, UNCERTAIN, STRUCK } verdict;
-
-/* What a step h of free motion, whose end is known, means for a contact.
+/* Whether a step of free motion, whose end is known, holds no touch at a contact, or one at which its
+ * end lies beyond.
  *
- * It holds no touch if the larger of its ends lies below 0 by more than a chord can miss, or while
- * the bodies recede fast enough. */
-static verdict seen(aom_stepper *st, int c, int index, double h) {
-    double origin = origin_of(st, c), rate = st->rows[c].rate;
+ * It holds none if the larger of its ends lies below 0 by more than a chord can miss, or while the
+ * bodies recede fast enough. */
+static bool certain(aom_stepper *st, int c, int index) {
+    double origin = origin_of(st, c), rate = st->rows[c].rate, h = st->now.step;
     double before = smaller(st->rows[c].depth - origin, 0.0);
-    double after = st->work.free[c].depth - origin;
+    double after = st->work.motion[c].depth[1] - origin;
     double most = chord(st, c, index, h), close = SHARP * st->contacts[c].depth_scale;
     double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
     double fine = st->options.resolution;
     double room = h <= fine / 16.0 ? close : smaller(close - most, 0.0);
     bool keeps = fabs(rate) >= h * curved; /* the sign of its rate */
     if (larger(before, after) <= room || (keeps && rate < 0.0 && after <= 0.0))
-        return CLEAR;
-    return after > close && (keeps || h <= fine || most <= close) ? STRUCK : UNCERTAIN;
+        return true;
+    return after > close && (keeps || h <= fine || most <= close);
 }
 
-/* The earliest touch of those that lie beyond at the end of h; sets the exit. */
-static double first_touch(aom_stepper *st, double h) {
-    double first = INFINITY;
-    for (int c = 0; c < st->system.n_contacts; c++) {
-        motion end = st->work.free[c];
-        double after = end.depth - origin_of(st, c);
-        if (after <= SHARP * st->contacts[c].depth_scale)
-            continue;
-        double found = touch_time(st, c, after, end.rate, h);
-        if (found < first) {
-            first = found;
-            st->exit_contact = c;
-            st->exit_bound = HIGH;
-        }
-    }
-    return first;
-}
-
-/* The next step of free flight, up to a touch: its slot, AT_ONCE or NO_STEP. */
-int flight_step(aom_stepper *st) {
-    course *now = &st->now;
-    int now_touching = touching_now(st), level = now->level, index;
-    if (now_touching >= 0) {
-        st->exit_contact = now_touching;
-        st->exit_bound = HIGH;
-        return AT_ONCE;
-    }
-    double h;
-    bool struck;
-    workspace *w = &st->work;
-    for (;;) {
-        index = level;
-        h = level_step(st, level);
-        if (h >= now->left) {
-            index = SCRATCH;
-            h = now->left;
-        }
-        ready_rows(st, index, h);
-        const slot *end = st->slots + index;
-        for (int c = 0; c < st->system.n_contacts; c++)
-            free_row(st, c, &end, &h, 1, w->free + c);
-        bool clear = true;
-        struck = false;
-        for (int c = 0; c < st->system.n_contacts; c++) {
-            verdict each = seen(st, c, index, h);
-            clear = clear && each != UNCERTAIN;
-            struck = struck || each == STRUCK;
-        }
-        if (index < LEVELS)
-            st->known[index] = true;
-        if (clear)
-            break;
-        level++;
-        while (index == SCRATCH && level_step(st, level) >= 0.5 * now->left && level < LEVELS)
-            level++;
-        if (level >= LEVELS - 1)
-            return NO_STEP;
-    }
-    now->level = level > 0 ? level - 1 : 0;
-    double first = struck ? first_touch(st, h) : INFINITY;
-    if (first < INFINITY) {
-        index = SCRATCH;
-        h = first;
-    }
-    if (struck && h <= 1e-15 * st->options.duration)
-        return AT_ONCE;
-    ready_step(st, index, h);
-    free_step(st, index, h, w->motion);
-    for (int i = 0; i < st->system.n_rows; i++)
-        w->force[i] = (nodes){{0.0, 0.0, 0.0}};
-    now->step = h;
-    return index;
+/* The same of all contacts. */
+bool clear_of_touches(aom_stepper *st, int index) {
+    bool clear = true;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        clear = certain(st, c, index) && clear;
+    if (index < LEVELS)
+        st->known[index] = true;
+    return clear;
 }

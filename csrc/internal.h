@@ -102,7 +102,6 @@ typedef struct newton_row {
 typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
-    motion *free;         /* [p] at the end of a flight */
     double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */
@@ -204,8 +203,8 @@ bool one_force(aom_stepper *st, double h, const influence *local);
 void start_forces(aom_stepper *st, const influence *local);
 bool all_forces(aom_stepper *st, const influence *local);
 
-/* ---- contact_step.c */
-int contact_step(aom_stepper *st);
+/* ---- steps.c */
+int try_step(aom_stepper *st);
 
 /* ---- crossings.c */
 double crossing(double y0, double d0, double y1, double d1, double h, double edge);
@@ -215,7 +214,8 @@ double polished(double at, const double y[3], const double d[3], double h, doubl
 double acting_now(aom_stepper *st);
 void free_step(aom_stepper *st, int slot, double h, stages *out);
 void amplitudes(aom_stepper *st);
-int flight_step(aom_stepper *st);
+int touching_now(const aom_stepper *st);
+bool clear_of_touches(aom_stepper *st, int slot);
 
 /* ---- stepper.c */
 void write_state(const aom_stepper *st, aom_record *out);
@@ -235,7 +235,7 @@ static inline void *take(arena *a, size_t count, size_t size) {
     return a->at == NULL ? NULL : a->at + begin;
 }
 
-/* Answers of contact_step and flight_step other than the slot of the step. */
+/* Answers of try_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
 
 static inline double larger(double a, double b) { return a > b ? a : b; }

@@ -46,7 +46,6 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
     w->motion = take(a, m, sizeof(stages));
-    w->free = take(a, p, sizeof(motion));
     w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, L, sizeof(double));
@@ -554,20 +553,13 @@ static int one_step(aom_stepper *st, aom_record *out) {
     course *now = &st->now;
     now->left = acting_now(st);
     bool active = !nothing_touches(st);
-    int index;
-    st->exit_contact = -1;
-    st->exit_bound = NOTHING;
-    if (active) {
-        now->flying = false;
-        index = contact_step(st);
-    } else {
-        if (!now->flying || now->segment != now->flown_segment) {
-            amplitudes(st);
-            now->flying = true;
-            now->flown_segment = now->segment;
-        }
-        index = flight_step(st);
-    }
+    if (!active && (!now->flying || now->segment != now->flown_segment))
+        amplitudes(st);
+    now->flying = !active;
+    now->flown_segment = now->segment;
+    st->exit_contact = active ? -1 : touching_now(st);
+    st->exit_bound = active ? NOTHING : HIGH;
+    int index = st->exit_contact >= 0 ? AT_ONCE : try_step(st);
     if (st->law_failed)
         return AOM_LAW_FAILED;
     if (index == NO_STEP)
