@@ -40,19 +40,13 @@ static inline void add_modes(int n, const double *const *rows, int count, const 
 
 /* What the loads add to a row after the time of a slot. */
 static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) {
-    int J = st->system.n_modes;
-    const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
-    const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-    for (int j = 0; j < J; j++)
-        if (st->system.gamma == NULL) {
-            out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
-            out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
-        } else {
-            double moved[4], gamma = gamma_row(st, i)[j];
-            loaded_by(st, s->response, j, moved);
-            out->depth += beta[j] * moved[0] + gamma * moved[1];
-            out->rate += beta[j] * moved[2] + gamma * moved[3];
-        }
+    const double *of[2] = {st->work.load, st->work.load_rate};
+    for (int n = 0; n <= st->rising; n++) {
+        double by[4] = {0.0, 0.0, 0.0, 0.0};
+        couple(st, s->response, st->spans + i, row_arm(st, i), load_arm(st, of[n]), by);
+        out->depth += by[n + 1];
+        out->rate += by[n];
+    }
 }
 
 /* Indentation and rate of a row without contact forces after the times of `count` slots. */
@@ -98,6 +92,7 @@ double acting_now(aom_stepper *st) {
         k++;
     st->now.segment = k;
     bool last = k + 1 == system->n_breaks;
+    st->rising = !last;
     double since = t - system->breaks[k];
     double span = last ? INFINITY : system->breaks[k + 1] - system->breaks[k];
     if (st->shifted)
@@ -115,29 +110,43 @@ double acting_now(aom_stepper *st) {
     return last ? end - t : smaller(end, system->breaks[k + 1]) - t;
 }
 
+/* The amplitudes at which displacement and rate of mode j move about what the loads give; of a mode
+ * without frequency the largest second derivatives. */
+static void amplitude(const aom_stepper *st, int j, double out[2]) {
+    const double *loads = st->work.load + j, *slopes = st->work.load_rate + j;
+    int J = st->system.n_modes, rates = st->system.gamma == NULL ? 0 : J;
+    double w = st->system.omega[j], w2 = w * w, twice = 2.0 * st->system.decay[j];
+    double load = loads[0], rise = slopes[0], q = st->x[j], v = st->x[J + j];
+    double drive = rates ? loads[rates] : 0.0, climb = rates ? slopes[rates] : 0.0;
+    if (w > 0.0) {
+        double rest = q - (load - twice * rise / w2 + climb) / w2;
+        double moving = (v - rise / w2 + drive) / w;
+        out[0] = sqrt(rest * rest + moving * moving);
+        out[1] = (w + twice) * out[0];
+        return;
+    }
+    double left = st->now.left;
+    double most = larger(fabs(load), fabs(load + rise * left)) +
+                  twice * larger(fabs(drive), fabs(drive + climb * left)) + twice * fabs(v);
+    out[0] = most + fabs(climb);
+    out[1] = twice * most + fabs(rise) + twice * fabs(climb);
+}
+
 /* How each contact sees the free motion about that which the loads give. */
 void amplitudes(aom_stepper *st) {
     int J = st->system.n_modes, p = st->system.n_contacts;
-    double *curved = st->missed + (ptrdiff_t)LEVELS * p, left = st->now.left;
+    double *curved = st->missed + (ptrdiff_t)LEVELS * p;
     memset(st->known, 0, LEVELS * sizeof *st->known);
     for (int c = 0; c < p; c++)
         st->sag[c] = curved[c] = 0.0;
     for (int j = 0; j < J; j++) {
-        double w = st->system.omega[j], decay = st->system.decay[j], w2 = w * w, amplitude;
-        double load = st->work.load[j], rise = st->work.load_rate[j];
-        double q = st->x[j], v = st->x[J + j];
-        if (w > 0.0) {
-            double rest = q - (load - 2.0 * decay * rise / w2) / w2, moving = (v - rise / w2) / w;
-            amplitude = sqrt(rest * rest + moving * moving);
-        } else
-            amplitude = larger(fabs(load), fabs(load + rise * left)) + 2.0 * decay * fabs(v);
+        double w = st->system.omega[j], moving[2];
+        amplitude(st, j, moving);
         for (int c = 0; c < p; c++) {
-            double seen = fabs(beta_row(st, c)[j]) * amplitude;
-            if (st->system.gamma != NULL)
-                seen = seen_amplitude(st, c, j);
+            double seen = fabs(beta_row(st, c)[j]) * moving[0] + fabs(gamma_at(st, c, j)) * moving[1];
             st->swing[(ptrdiff_t)c * J + j] = seen;
             if (w > 0.0)
-                curved[c] += seen * (w2 + 2.0 * decay * w);
+                curved[c] += seen * w * (w + 2.0 * st->system.decay[j]);
             else
                 st->sag[c] += seen;
         }
@@ -171,13 +180,11 @@ static bool approaches(const aom_stepper *st, int c) {
     int J = st->system.n_modes;
     const double *beta = beta_row(st, c), *v = st->x + J;
     double total = fabs(st->work.drift[c]);
-    for (int j = 0; j < J; j++)
-        total += fabs(beta[j] * v[j]);
-    if (st->system.gamma != NULL)
-        for (int j = 0; j < J; j++) {
-            double w = st->system.omega[j], twice = 2.0 * st->system.decay[j];
-            total += fabs(gamma_row(st, c)[j]) * (fabs(w * w * st->x[j]) + fabs(twice * v[j]));
-        }
+    for (int j = 0; j < J; j++) {
+        double w = st->system.omega[j], twice = 2.0 * st->system.decay[j];
+        total += fabs(beta[j] * v[j]) +
+                 fabs(gamma_at(st, c, j)) * (fabs(w * w * st->x[j]) + fabs(twice * v[j]));
+    }
     return st->rows[c].rate > ROUNDING * total;
 }
 

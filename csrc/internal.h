@@ -68,6 +68,11 @@ typedef struct row_span {
     int begin[2], end[2];
 } row_span;
 
+/* What a force pushes the modes by, and sees of them: the row of a contact, or loads. */
+typedef struct arm {
+    const double *beta, *gamma; /* [J], by displacements and by rates; gamma may be NULL */
+} arm;
+
 typedef struct row_state {
     double force, middle; /* at the end and in the middle of the last step */
     double slope, bend;   /* derivatives of the parabola at its end */
@@ -119,6 +124,7 @@ struct aom_stepper {
     aom_options options;
     double halved[LEVELS + 1]; /* 2^-level */
     bool loaded, shifted, rated;
+    bool rising; /* the loads, at present */
     bool law_failed;
     /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
      * between two rows the coupling is that of their groups. A pair is a row by itself (m of them),
@@ -155,11 +161,10 @@ void renew_rows(aom_stepper *st, const aom_system *system);
 
 /* ---- coupled.c */
 void add_rates(aom_stepper *st, slot *s);
-void add_coupling(const aom_stepper *st, const slot *s, int a, int b, double total[4]);
-void push_coupled(const aom_stepper *st, const double *response, int i, const double f[3], double *q,
-                  double *v);
-void loaded_by(const aom_stepper *st, const double *response, int j, double out[4]);
-double seen_amplitude(const aom_stepper *st, int c, int j);
+void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
+            double total[4]);
+void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
+          const double f[3], double *q, double *v);
 void give(aom_stepper *st, double h);
 
 /* ---- response_slopes.c */
@@ -253,6 +258,16 @@ static inline double *row_of(const aom_stepper *st, const slot *s, int i, int j)
 }
 static inline const double *gamma_row(const aom_stepper *st, int i) {
     return st->system.gamma + (ptrdiff_t)i * st->system.n_modes;
+}
+static inline double gamma_at(const aom_stepper *st, int i, int j) {
+    return st->system.gamma == NULL ? 0.0 : gamma_row(st, i)[j];
+}
+static inline arm row_arm(const aom_stepper *st, int i) {
+    return (arm){beta_row(st, i), st->system.gamma == NULL ? NULL : gamma_row(st, i)};
+}
+/* Of loads or their slopes, one behind the other for displacements and for rates. */
+static inline arm load_arm(const aom_stepper *st, const double *load) {
+    return (arm){load, st->system.gamma == NULL ? NULL : load + st->system.n_modes};
 }
 /* Whether row i moves mode j. */
 static inline bool moves_mode(const aom_system *s, int i, int j) {
