@@ -114,7 +114,7 @@ typedef struct workspace {
     double *matrix, *rest;          /* [2G][2G], [2G] */
     newton_row *newton;   /* [p] */
     int *place;           /* [G] of a group among those that press */
-    double (*sum)[2];     /* [G] of the forces of a group, at h/2 and h */
+    nodes *sum;           /* [G] of the forces of a group */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
 } workspace;
@@ -205,7 +205,6 @@ void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slop
 /* ---- forces.c */
 bool eliminate(double *A, double *b, int n);
 bool one_force(aom_stepper *st, double h, const influence *local);
-void start_forces(aom_stepper *st, const influence *local);
 bool all_forces(aom_stepper *st, const influence *local);
 
 /* ---- steps.c */

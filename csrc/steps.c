@@ -22,15 +22,11 @@ static bool attempt(aom_stepper *st, int index, double h) {
     if (m == 1 && one_force(st, h, local))
         return true;
     for (int i = 0; i < m; i++)
-        st->work.force[i].f[0] = st->rows[i].force;
-    start_forces(st, local);
-    for (int stage = 0; stage < 2; stage++) {
-        double u = 0.5 * h * (1 + stage);
-        for (int i = 0; i < m; i++) {
-            const row_state *row = st->rows + i; /* a first guess on the last parabola */
-            st->work.force[i].f[stage + 1] = row->force + u * (row->slope + 0.5 * u * row->bend);
+        for (int node = 0; node < 3; node++) { /* a first guess on the last parabola */
+            const row_state *row = st->rows + i;
+            double u = 0.5 * h * node;
+            st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    }
     return all_forces(st, local);
 }
 
