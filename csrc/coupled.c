@@ -31,20 +31,20 @@ void couple(const aom_stepper *st, const double *response, const row_span *span,
     ptrdiff_t J = st->system.n_modes;
     const double *omega = st->system.omega, *decay = st->system.decay, *W = response + J;
     const double *S = W + J;
-    for (int part = 0; part < 2; part++)
-        for (int j = span->begin[part]; j < span->end[part]; j++) {
-            double way = a.beta[j] * b.beta[j], pace;
-            if (a.gamma == NULL) {
-                for (int k = 0; k < 4; k++)
-                    total[k] += way * S[k * J + j];
-                continue;
-            }
+    for (int part = 0; part < 2; part++) {
+        for (int j = span->begin[part]; a.gamma == NULL && j < span->end[part]; j++) {
+            double way = a.beta[j] * b.beta[j];
+            for (int k = 0; k < 4; k++)
+                total[k] += way * S[k * J + j];
+        }
+        for (int j = span->begin[part]; a.gamma != NULL && j < span->end[part]; j++) {
             double both = a.gamma[j] * b.gamma[j];
-            way -= omega[j] * omega[j] * both;
-            pace = a.beta[j] * b.gamma[j] + a.gamma[j] * b.beta[j] - 2.0 * decay[j] * both;
+            double way = a.beta[j] * b.beta[j] - omega[j] * omega[j] * both;
+            double pace = a.beta[j] * b.gamma[j] + a.gamma[j] * b.beta[j] - 2.0 * decay[j] * both;
             for (int k = 0; k < 4; k++)
                 total[k] += way * S[k * J + j] + pace * W[k * J + j];
         }
+    }
 }
 
 /* Take from (q, v) what a force f[0] + f[1] t + f[2] t^2/2 does in the time of the responses, to the
