@@ -23,7 +23,7 @@ static inline void add_modes(int n, const double *const *rows, int count, const 
     memset(y, 0, sizeof y);
     for (int p = 0; p < n; p++, q += LANES, v += LANES)
         for (int k = 0; k < count; k++) {
-            const lanes *at = (const lanes *)(rows[k] + 8 * p);
+            const anywhere *at = (const anywhere *)(rows[k] + 8 * p);
             for (int s = 0; s < LANES; s++) {
                 x[k][s] += at[s] * q[s] + at[LANES + s] * v[s];
                 y[k][s] += at[2 * LANES + s] * q[s] + at[3 * LANES + s] * v[s];
