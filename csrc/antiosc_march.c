@@ -1,7 +1,6 @@
 /* The library as one translation unit. */
 #include "arrow_modes.c"
 #include "batch.c"
-#include "contact_step.c"
 #include "coupled.c"
 #include "crossings.c"
 #include "expected.c"
@@ -16,3 +15,4 @@
 #include "runs.c"
 #include "solve.c"
 #include "stepper.c"
+#include "steps.c"

@@ -254,7 +254,7 @@ typedef struct aom_stepper aom_stepper; /* opaque, in the caller's memory */
 /* Bytes that a stepper of this system needs; 0 if its sizes are out of range. */
 AOM_API size_t aom_memory_size(const aom_system *system);
 
-/* Make a stepper in memory aligned as malloc's. It keeps pointers into the memory alone. */
+/* Make a stepper in memory aligned as doubles are. It keeps pointers into the memory alone. */
 AOM_API int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper **made);
 
 /* Begin a run at time 0. The system must have the sizes, omega, decay, beta and residual of that

@@ -1,42 +1,52 @@
-/* Free motion under the loads, up to the next touch. */
+/* Free motion under the loads, and whether a touch can hide in it. */
 #include "internal.h"
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
+/* Two numbers at once, which compilers other than GCC and Clang take one by one, to the same bits. */
+#if defined(__GNUC__)
+typedef double lanes __attribute__((vector_size(16), may_alias));
+typedef lanes anywhere __attribute__((aligned(8)));
+enum { LANES = 1 };
+#else
+typedef double lanes, anywhere;
+enum { LANES = 2 };
+#endif
+
 /* What n pairs of modes add to a row at `count` times, of which rows[k] are its responses. Two sums
  * of each, so that additions need not wait for each other. */
-static inline void add_modes(int n, const double *const *rows, int count, const double *q,
-                             const double *v, motion *out) {
-    two x[2] = {both(0.0), both(0.0)}, y[2] = {both(0.0), both(0.0)};
-    for (int p = 0; p < n; p++) {
-        two a = two_at(q + 2 * p), b = two_at(v + 2 * p);
+static inline void add_modes(int n, const double *const *rows, int count, const double *from_q,
+                             const double *from_v, motion *out) {
+    const anywhere *q = (const anywhere *)from_q, *v = (const anywhere *)from_v;
+    lanes x[2][LANES], y[2][LANES];
+    memset(x, 0, sizeof x);
+    memset(y, 0, sizeof y);
+    for (int p = 0; p < n; p++, q += LANES, v += LANES)
         for (int k = 0; k < count; k++) {
-            const double *at = rows[k] + 8 * p;
-            x[k] = plus(x[k], plus(times(two_aligned(at), a), times(two_aligned(at + 2), b)));
-            y[k] = plus(y[k], plus(times(two_aligned(at + 4), a), times(two_aligned(at + 6), b)));
+            const anywhere *at = (const anywhere *)(rows[k] + 8 * p);
+            for (int s = 0; s < LANES; s++) {
+                x[k][s] += at[s] * q[s] + at[LANES + s] * v[s];
+                y[k][s] += at[2 * LANES + s] * q[s] + at[3 * LANES + s] * v[s];
+            }
         }
-    }
     for (int k = 0; k < count; k++) {
-        out[k].depth += first_of(x[k]) + second_of(x[k]);
-        out[k].rate += first_of(y[k]) + second_of(y[k]);
+        double depth[2], rate[2];
+        memcpy(depth, x[k], sizeof depth);
+        memcpy(rate, y[k], sizeof rate);
+        out[k].depth += depth[0] + depth[1];
+        out[k].rate += rate[0] + rate[1];
     }
 }
 
 /* What the loads add to a row after the time of a slot. */
 static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) {
-    int J = st->system.n_modes;
-    const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
-    const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-    for (int j = 0; j < J; j++)
-        if (st->system.gamma == NULL) {
-            out->depth += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
-            out->rate += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
-        } else {
-            double moved[4], gamma = gamma_row(st, i)[j];
-            loaded_by(st, s->response, j, moved);
-            out->depth += beta[j] * moved[0] + gamma * moved[1];
-            out->rate += beta[j] * moved[2] + gamma * moved[3];
-        }
+    const double *of[2] = {st->work.load, st->work.load_rate};
+    for (int n = 0; n <= st->rising; n++) {
+        double by[4] = {0.0, 0.0, 0.0, 0.0};
+        couple(st, s->response, st->spans + i, row_arm(st, i), load_arm(st, of[n]), by);
+        out->depth += by[n + 1];
+        out->rate += by[n];
+    }
 }
 
 /* Indentation and rate of a row without contact forces after the times of `count` slots. */
@@ -82,6 +92,7 @@ double acting_now(aom_stepper *st) {
         k++;
     st->now.segment = k;
     bool last = k + 1 == system->n_breaks;
+    st->rising = !last;
     double since = t - system->breaks[k];
     double span = last ? INFINITY : system->breaks[k + 1] - system->breaks[k];
     if (st->shifted)
@@ -99,29 +110,43 @@ double acting_now(aom_stepper *st) {
     return last ? end - t : smaller(end, system->breaks[k + 1]) - t;
 }
 
+/* The amplitudes at which displacement and rate of mode j move about what the loads give; of a mode
+ * without frequency the largest second derivatives. */
+static void amplitude(const aom_stepper *st, int j, double out[2]) {
+    const double *loads = st->work.load + j, *slopes = st->work.load_rate + j;
+    int J = st->system.n_modes, rates = st->system.gamma == NULL ? 0 : J;
+    double w = st->system.omega[j], w2 = w * w, twice = 2.0 * st->system.decay[j];
+    double load = loads[0], rise = slopes[0], q = st->x[j], v = st->x[J + j];
+    double drive = rates ? loads[rates] : 0.0, climb = rates ? slopes[rates] : 0.0;
+    if (w > 0.0) {
+        double rest = q - (load - twice * rise / w2 + climb) / w2;
+        double moving = (v - rise / w2 + drive) / w;
+        out[0] = sqrt(rest * rest + moving * moving);
+        out[1] = (w + twice) * out[0];
+        return;
+    }
+    double left = st->now.left;
+    double most = larger(fabs(load), fabs(load + rise * left)) +
+                  twice * larger(fabs(drive), fabs(drive + climb * left)) + twice * fabs(v);
+    out[0] = most + fabs(climb);
+    out[1] = twice * most + fabs(rise) + twice * fabs(climb);
+}
+
 /* How each contact sees the free motion about that which the loads give. */
 void amplitudes(aom_stepper *st) {
     int J = st->system.n_modes, p = st->system.n_contacts;
-    double *curved = st->missed + (ptrdiff_t)LEVELS * p, left = st->now.left;
+    double *curved = st->missed + (ptrdiff_t)LEVELS * p;
     memset(st->known, 0, LEVELS * sizeof *st->known);
     for (int c = 0; c < p; c++)
         st->sag[c] = curved[c] = 0.0;
     for (int j = 0; j < J; j++) {
-        double w = st->system.omega[j], decay = st->system.decay[j], w2 = w * w, amplitude;
-        double load = st->work.load[j], rise = st->work.load_rate[j];
-        double q = st->x[j], v = st->x[J + j];
-        if (w > 0.0) {
-            double rest = q - (load - 2.0 * decay * rise / w2) / w2, moving = (v - rise / w2) / w;
-            amplitude = sqrt(rest * rest + moving * moving);
-        } else
-            amplitude = larger(fabs(load), fabs(load + rise * left)) + 2.0 * decay * fabs(v);
+        double w = st->system.omega[j], moving[2];
+        amplitude(st, j, moving);
         for (int c = 0; c < p; c++) {
-            double seen = fabs(beta_row(st, c)[j]) * amplitude;
-            if (st->system.gamma != NULL)
-                seen = seen_amplitude(st, c, j);
+            double seen = fabs(beta_row(st, c)[j]) * moving[0] + fabs(gamma_at(st, c, j)) * moving[1];
             st->swing[(ptrdiff_t)c * J + j] = seen;
             if (w > 0.0)
-                curved[c] += seen * (w2 + 2.0 * decay * w);
+                curved[c] += seen * w * (w + 2.0 * st->system.decay[j]);
             else
                 st->sag[c] += seen;
         }
@@ -149,59 +174,22 @@ static double origin_of(const aom_stepper *st, int c) {
     return law_bounds(&st->system.contacts[c].law, AOM_APART, st->contacts[c].memory).high;
 }
 
-/* When the contact c touches within h, by Newton's method on the exact motion. At the end of h it
- * lies `after` beyond and closes at a rate `closing`. */
-static double touch_time(aom_stepper *st, int c, double after, double closing, double h) {
-    double origin = origin_of(st, c), before = smaller(st->rows[c].depth - origin, 0.0);
-    double guess = crossing(before, st->rows[c].rate, after, closing, h, 0.0);
-    if (!(0.0 < guess && guess < h))
-        guess = h * before / (before - after);
-    double low = 0.0, high = h, sharp = 0.01 * SHARP * st->contacts[c].depth_scale;
-    double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
-    const slot *s = st->slots + SCRATCH;
-    for (int tries = 0; tries < 60; tries++) {
-        motion out;
-        ready_rows(st, SCRATCH, guess);
-        free_row(st, c, &s, &guess, 1, &out);
-        double g = out.depth - origin, v = out.rate;
-        if (fabs(g) <= sharp)
-            break;
-        if (g > 0.0)
-            high = guess;
-        else
-            low = guess;
-        double new = v > 0.0 ? guess - g / v : -1.0, way = g / v;
-        bool last = 0.5 * curved * way * way <= sharp; /* of the step by Newton's method */
-        if (!(low < new && new < high)) {
-            new = 0.5 * (low + high);
-            last = false;
-        }
-        last = last || fabs(new - guess) <= 1e-15 * h;
-        guess = new;
-        if (last)
-            break;
-    }
-    return guess;
-}
-
 /* Whether the bodies approach each other at a contact, by more than the rounding of the modes: a
  * site that the motion has not reached yet moves to and fro by rounding alone. */
 static bool approaches(const aom_stepper *st, int c) {
     int J = st->system.n_modes;
     const double *beta = beta_row(st, c), *v = st->x + J;
     double total = fabs(st->work.drift[c]);
-    for (int j = 0; j < J; j++)
-        total += fabs(beta[j] * v[j]);
-    if (st->system.gamma != NULL)
-        for (int j = 0; j < J; j++) {
-            double w = st->system.omega[j], twice = 2.0 * st->system.decay[j];
-            total += fabs(gamma_row(st, c)[j]) * (fabs(w * w * st->x[j]) + fabs(twice * v[j]));
-        }
+    for (int j = 0; j < J; j++) {
+        double w = st->system.omega[j], twice = 2.0 * st->system.decay[j];
+        total += fabs(beta[j] * v[j]) +
+                 fabs(gamma_at(st, c, j)) * (fabs(w * w * st->x[j]) + fabs(twice * v[j]));
+    }
     return st->rows[c].rate > ROUNDING * total;
 }
 
 /* The contact that touches now, or -1. */
-static int touching_now(const aom_stepper *st) {
+int touching_now(const aom_stepper *st) {
     for (int c = 0; c < st->system.n_contacts; c++) {
         double close = SHARP * st->contacts[c].depth_scale;
         if (st->rows[c].depth >= origin_of(st, c) - close && approaches(st, c))
@@ -210,96 +198,31 @@ static int touching_now(const aom_stepper *st) {
     return -1;
 }
 
-typedef enum verdict { CLEAR, UNCERTAIN, STRUCK } verdict;
-
-/* What a step h of free motion, whose end is known, means for a contact.
+/* Whether a step of free motion, whose end is known, holds no touch at a contact, or one at which its
+ * end lies beyond.
  *
- * It holds no touch if the larger of its ends lies below 0 by more than a chord can miss, or while
- * the bodies recede fast enough. */
-static verdict seen(aom_stepper *st, int c, int index, double h) {
-    double origin = origin_of(st, c), rate = st->rows[c].rate;
+ * It holds none if the larger of its ends lies below 0 by more than a chord can miss, or while the
+ * bodies recede fast enough. */
+static bool certain(aom_stepper *st, int c, int index) {
+    double origin = origin_of(st, c), rate = st->rows[c].rate, h = st->now.step;
     double before = smaller(st->rows[c].depth - origin, 0.0);
-    double after = st->work.free[c].depth - origin;
+    double after = st->work.motion[c].depth[1] - origin;
     double most = chord(st, c, index, h), close = SHARP * st->contacts[c].depth_scale;
     double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
     double fine = st->options.resolution;
     double room = h <= fine / 16.0 ? close : smaller(close - most, 0.0);
     bool keeps = fabs(rate) >= h * curved; /* the sign of its rate */
     if (larger(before, after) <= room || (keeps && rate < 0.0 && after <= 0.0))
-        return CLEAR;
-    return after > close && (keeps || h <= fine || most <= close) ? STRUCK : UNCERTAIN;
+        return true;
+    return after > close && (keeps || h <= fine || most <= close);
 }
 
-/* The earliest touch of those that lie beyond at the end of h; sets the exit. */
-static double first_touch(aom_stepper *st, double h) {
-    double first = INFINITY;
-    for (int c = 0; c < st->system.n_contacts; c++) {
-        motion end = st->work.free[c];
-        double after = end.depth - origin_of(st, c);
-        if (after <= SHARP * st->contacts[c].depth_scale)
-            continue;
-        double found = touch_time(st, c, after, end.rate, h);
-        if (found < first) {
-            first = found;
-            st->exit_contact = c;
-            st->exit_bound = HIGH;
-        }
-    }
-    return first;
-}
-
-/* The next step of free flight, up to a touch: its slot, AT_ONCE or NO_STEP. */
-int flight_step(aom_stepper *st) {
-    course *now = &st->now;
-    int now_touching = touching_now(st), level = now->level, index;
-    if (now_touching >= 0) {
-        st->exit_contact = now_touching;
-        st->exit_bound = HIGH;
-        return AT_ONCE;
-    }
-    double h;
-    bool struck;
-    workspace *w = &st->work;
-    for (;;) {
-        index = level;
-        h = level_step(st, level);
-        if (h >= now->left) {
-            index = SCRATCH;
-            h = now->left;
-        }
-        ready_rows(st, index, h);
-        const slot *end = st->slots + index;
-        for (int c = 0; c < st->system.n_contacts; c++)
-            free_row(st, c, &end, &h, 1, w->free + c);
-        bool clear = true;
-        struck = false;
-        for (int c = 0; c < st->system.n_contacts; c++) {
-            verdict each = seen(st, c, index, h);
-            clear = clear && each != UNCERTAIN;
-            struck = struck || each == STRUCK;
-        }
-        if (index < LEVELS)
-            st->known[index] = true;
-        if (clear)
-            break;
-        level++;
-        while (index == SCRATCH && level_step(st, level) >= 0.5 * now->left && level < LEVELS)
-            level++;
-        if (level >= LEVELS - 1)
-            return NO_STEP;
-    }
-    now->level = level > 0 ? level - 1 : 0;
-    double first = struck ? first_touch(st, h) : INFINITY;
-    if (first < INFINITY) {
-        index = SCRATCH;
-        h = first;
-    }
-    if (struck && h <= 1e-15 * st->options.duration)
-        return AT_ONCE;
-    ready_step(st, index, h);
-    free_step(st, index, h, w->motion);
-    for (int i = 0; i < st->system.n_rows; i++)
-        w->force[i] = (nodes){{0.0, 0.0, 0.0}};
-    now->step = h;
-    return index;
+/* The same of all contacts. */
+bool clear_of_touches(aom_stepper *st, int index) {
+    bool clear = true;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        clear = certain(st, c, index) && clear;
+    if (index < LEVELS)
+        st->known[index] = true;
+    return clear;
 }

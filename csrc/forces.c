@@ -63,15 +63,15 @@ bool one_force(aom_stepper *st, double h, const influence *local) {
 static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->second[g]; }
 
 /* What the forces at a node of all rows take from the indentation and rate of row i at a stage:
- * those of the groups (sums: [G][stride]), and what its own coupling is beyond its group's. */
+ * those of the groups, and what its own coupling is beyond its group's. */
 static void held_back(const aom_stepper *st, const influence *local, int stage, int i, int node,
-                      const double *sums, int stride, double own, double *delta, double *rate) {
+                      double *delta, double *rate) {
     int g = st->group[i], G = st->n_groups;
     const influence *by = local + pair_of(st, g, 0);
-    double d = 0.0, v = 0.0;
+    double d = 0.0, v = 0.0, own = st->work.force[i].f[node];
     for (int h = 0; h < G; h++) {
-        d += by[h].depth[stage][node] * sums[h * stride];
-        v += by[h].rate[stage][node] * sums[h * stride];
+        d += by[h].depth[stage][node] * st->work.sum[h].f[node];
+        v += by[h].rate[stage][node] * st->work.sum[h].f[node];
     }
     if (!alone(st, g)) {
         d += (local[i].depth[stage][node] - by[g].depth[stage][node]) * own;
@@ -81,32 +81,27 @@ static void held_back(const aom_stepper *st, const influence *local, int stage, 
     *rate -= v;
 }
 
-/* Sums of the forces of each group at a node. */
-static void add_up(aom_stepper *st, int node, double *sums, int stride) {
-    for (int g = 0; g < st->n_groups; g++)
-        sums[g * stride] = 0.0;
+/* Sums of the forces of each group. */
+static void add_up(aom_stepper *st) {
+    memset(st->work.sum, 0, (size_t)st->n_groups * sizeof *st->work.sum);
     for (int i = 0; i < st->system.n_rows; i++)
-        sums[st->group[i] * stride] += st->work.force[i].f[node];
+        for (int node = 0; node < 3; node++)
+            st->work.sum[st->group[i]].f[node] += st->work.force[i].f[node];
 }
 
 /* Take from the free motion of the step what the forces at its start hold back. */
-void start_forces(aom_stepper *st, const influence *local) {
-    add_up(st, 0, st->work.sum[0], 2);
+static void start_forces(aom_stepper *st, const influence *local) {
+    add_up(st);
     for (int i = 0; i < st->system.n_rows; i++)
         for (int stage = 0; stage < 2; stage++)
-            held_back(st, local, stage, i, 0, st->work.sum[0], 2, st->work.force[i].f[0],
-                      st->work.base[i].depth + stage, st->work.base[i].rate + stage);
-}
-
-static void add_up_both(aom_stepper *st) {
-    add_up(st, 1, st->work.sum[0], 2);
-    add_up(st, 2, st->work.sum[0] + 1, 2);
+            held_back(st, local, stage, i, 0, st->work.base[i].depth + stage,
+                      st->work.base[i].rate + stage);
 }
 
 /* Change the force of a row at a stage. */
 static void put(aom_stepper *st, int stage, int i, double value) {
-    int g = st->group[i];
-    double *f = &st->work.force[i].f[stage + 1], *sum = &st->work.sum[g][stage];
+    int g = st->group[i], node = stage + 1;
+    double *f = st->work.force[i].f + node, *sum = st->work.sum[g].f + node;
     *sum = alone(st, g) ? value : *sum + (value - *f);
     *f = value;
 }
@@ -114,11 +109,10 @@ static void put(aom_stepper *st, int stage, int i, double value) {
 /* Indentation and rate of row i at a stage under the forces of the attempt. */
 static void felt(const aom_stepper *st, const influence *local, int stage, int i, double *delta,
                  double *rate) {
-    const double *f = st->work.force[i].f;
     *delta = st->work.base[i].depth[stage];
     *rate = st->work.base[i].rate[stage];
-    held_back(st, local, stage, i, 1, st->work.sum[0], 2, f[1], delta, rate);
-    held_back(st, local, stage, i, 2, st->work.sum[0] + 1, 2, f[2], delta, rate);
+    held_back(st, local, stage, i, 1, delta, rate);
+    held_back(st, local, stage, i, 2, delta, rate);
 }
 
 /* Friction of one contact by a spring that slides; by how much its forces changed. */
@@ -309,14 +303,14 @@ static bool together(aom_stepper *st, const influence *local) {
                 force[c].f[stage + 1] =
                     before[c].f[stage + 1] - length * st->work.newton[i].step[stage];
         }
-        add_up_both(st);
+        add_up(st);
         residuals(st, local, n, &norm, &size);
         if (norm < best)
             return true;
         length *= 0.5;
     }
     memcpy(force, before, (size_t)m * sizeof *force);
-    add_up_both(st);
+    add_up(st);
     return best <= 1e-20 * size; /* what is left is rounding */
 }
 
@@ -352,18 +346,18 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
         }
 }
 
-/* Forces of all rows at h/2 and h that meet laws and friction, into work.force, from the motion
- * work.base that those at 0 alone leave: Gauss and Seidel's sweeps; the whole system by Newton's
+/* Forces of all rows at h/2 and h that meet laws and friction, into work.force, which holds those at 0
+ * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole system by Newton's
  * method where they do not converge. */
 bool all_forces(aom_stepper *st, const influence *local) {
     int m = st->system.n_rows;
     nodes *force = st->work.force;
-    add_up_both(st);
+    start_forces(st, local);
     for (int tries = 0; tries < SWEEPS + NEWTON; tries++) {
         if (tries == SWEEPS) { /* the sweeps may have led away */
             for (int c = 0; c < st->system.n_contacts; c++)
                 force[c].f[1] = force[c].f[2] = force[c].f[0];
-            add_up_both(st);
+            add_up(st);
         }
         if (tries >= SWEEPS && !together(st, local))
             return false;

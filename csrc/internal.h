@@ -68,6 +68,11 @@ typedef struct row_span {
     int begin[2], end[2];
 } row_span;
 
+/* What a force pushes the modes by, and sees of them: the row of a contact, or loads. */
+typedef struct arm {
+    const double *beta, *gamma; /* [J], by displacements and by rates; gamma may be NULL */
+} arm;
+
 typedef struct row_state {
     double force, middle; /* at the end and in the middle of the last step */
     double slope, bend;   /* derivatives of the parabola at its end */
@@ -102,7 +107,6 @@ typedef struct newton_row {
 typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
-    motion *free;         /* [p] at the end of a flight */
     double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */
@@ -110,7 +114,7 @@ typedef struct workspace {
     double *matrix, *rest;          /* [2G][2G], [2G] */
     newton_row *newton;   /* [p] */
     int *place;           /* [G] of a group among those that press */
-    double (*sum)[2];     /* [G] of the forces of a group, at h/2 and h */
+    nodes *sum;           /* [G] of the forces of a group */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
 } workspace;
@@ -120,6 +124,7 @@ struct aom_stepper {
     aom_options options;
     double halved[LEVELS + 1]; /* 2^-level */
     bool loaded, shifted, rated;
+    bool rising; /* the loads, at present */
     bool law_failed;
     /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
      * between two rows the coupling is that of their groups. A pair is a row by itself (m of them),
@@ -156,11 +161,10 @@ void renew_rows(aom_stepper *st, const aom_system *system);
 
 /* ---- coupled.c */
 void add_rates(aom_stepper *st, slot *s);
-void add_coupling(const aom_stepper *st, const slot *s, int a, int b, double total[4]);
-void push_coupled(const aom_stepper *st, const double *response, int i, const double f[3], double *q,
-                  double *v);
-void loaded_by(const aom_stepper *st, const double *response, int j, double out[4]);
-double seen_amplitude(const aom_stepper *st, int c, int j);
+void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
+            double total[4]);
+void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
+          const double f[3], double *q, double *v);
 void give(aom_stepper *st, double h);
 
 /* ---- response_slopes.c */
@@ -201,11 +205,10 @@ void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slop
 /* ---- forces.c */
 bool eliminate(double *A, double *b, int n);
 bool one_force(aom_stepper *st, double h, const influence *local);
-void start_forces(aom_stepper *st, const influence *local);
 bool all_forces(aom_stepper *st, const influence *local);
 
-/* ---- contact_step.c */
-int contact_step(aom_stepper *st);
+/* ---- steps.c */
+int try_step(aom_stepper *st);
 
 /* ---- crossings.c */
 double crossing(double y0, double d0, double y1, double d1, double h, double edge);
@@ -215,7 +218,8 @@ double polished(double at, const double y[3], const double d[3], double h, doubl
 double acting_now(aom_stepper *st);
 void free_step(aom_stepper *st, int slot, double h, stages *out);
 void amplitudes(aom_stepper *st);
-int flight_step(aom_stepper *st);
+int touching_now(const aom_stepper *st);
+bool clear_of_touches(aom_stepper *st, int slot);
 
 /* ---- stepper.c */
 void write_state(const aom_stepper *st, aom_record *out);
@@ -235,35 +239,7 @@ static inline void *take(arena *a, size_t count, size_t size) {
     return a->at == NULL ? NULL : a->at + begin;
 }
 
-/* Two numbers at once, which compilers other than GCC and Clang do one by one, to the same bits. */
-#if defined(__GNUC__)
-typedef double two __attribute__((vector_size(16)));
-static inline two two_at(const double *x) {
-    two found;
-    memcpy(&found, x, sizeof found);
-    return found;
-}
-/* Of an address that is a multiple of 16. */
-static inline two two_aligned(const double *x) { return two_at(__builtin_assume_aligned(x, 16)); }
-static inline two times(two a, two b) { return a * b; }
-static inline two plus(two a, two b) { return a + b; }
-static inline two both(double x) { return (two){x, x}; }
-static inline double first_of(two a) { return a[0]; }
-static inline double second_of(two a) { return a[1]; }
-#else
-typedef struct two {
-    double x[2];
-} two;
-static inline two two_at(const double *x) { return (two){{x[0], x[1]}}; }
-static inline two two_aligned(const double *x) { return two_at(x); }
-static inline two times(two a, two b) { return (two){{a.x[0] * b.x[0], a.x[1] * b.x[1]}}; }
-static inline two plus(two a, two b) { return (two){{a.x[0] + b.x[0], a.x[1] + b.x[1]}}; }
-static inline two both(double x) { return (two){{x, x}}; }
-static inline double first_of(two a) { return a.x[0]; }
-static inline double second_of(two a) { return a.x[1]; }
-#endif
-
-/* Answers of contact_step and flight_step other than the slot of the step. */
+/* Answers of try_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
@@ -281,6 +257,16 @@ static inline double *row_of(const aom_stepper *st, const slot *s, int i, int j)
 }
 static inline const double *gamma_row(const aom_stepper *st, int i) {
     return st->system.gamma + (ptrdiff_t)i * st->system.n_modes;
+}
+static inline double gamma_at(const aom_stepper *st, int i, int j) {
+    return st->system.gamma == NULL ? 0.0 : gamma_row(st, i)[j];
+}
+static inline arm row_arm(const aom_stepper *st, int i) {
+    return (arm){beta_row(st, i), st->system.gamma == NULL ? NULL : gamma_row(st, i)};
+}
+/* Of loads or their slopes, one behind the other for displacements and for rates. */
+static inline arm load_arm(const aom_stepper *st, const double *load) {
+    return (arm){load, st->system.gamma == NULL ? NULL : load + st->system.n_modes};
 }
 /* Whether row i moves mode j. */
 static inline bool moves_mode(const aom_system *s, int i, int j) {

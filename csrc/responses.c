@@ -293,11 +293,9 @@ static void rows_of_pair(const aom_stepper *st, ptrdiff_t n, int *a, int *b) {
 
 /* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of the pairs. */
 static void ready_coupling(aom_stepper *st, slot *s) {
-    int J = st->system.n_modes;
     ptrdiff_t pairs = n_pairs(st);
     if (s->has_coupling)
         return;
-    const double *S = s->response + 2 * (ptrdiff_t)J;
     for (ptrdiff_t n = 0; n < pairs; n++) {
         int a, b;
         rows_of_pair(st, n, &a, &b);
@@ -307,17 +305,8 @@ static void ready_coupling(aom_stepper *st, slot *s) {
                 s->coupling[k * pairs + n] = s->coupling[k * pairs + known];
             continue;
         }
-        const double *left = beta_row(st, a), *right = beta_row(st, b);
         double total[4] = {0.0, 0.0, 0.0, 0.0};
-        if (st->system.gamma != NULL)
-            add_coupling(st, s, a, b, total);
-        else
-            for (int part = 0; part < 2; part++)
-                for (int j = st->spans[a].begin[part]; j < st->spans[a].end[part]; j++) {
-                    double product = left[j] * right[j];
-                    for (int k = 0; k < 4; k++)
-                        total[k] += product * S[(ptrdiff_t)k * J + j];
-                }
+        couple(st, s->response, st->spans + a, row_arm(st, a), row_arm(st, b), total);
         for (int k = 0; k < 4; k++)
             s->coupling[k * pairs + n] = total[k];
     }

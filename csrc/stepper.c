@@ -46,7 +46,6 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
     w->motion = take(a, m, sizeof(stages));
-    w->free = take(a, p, sizeof(motion));
     w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, L, sizeof(double));
@@ -201,13 +200,10 @@ static void start_rows(aom_stepper *st) {
         row->fresh = true;
         row->depth = -s->offsets[i];
         for (int j = 0; j < J; j++) {
-            row->depth += beta_row(st, i)[j] * s->q[j];
-            row->rate += beta_row(st, i)[j] * s->v[j];
-            if (s->gamma != NULL) {
-                row->depth += gamma_row(st, i)[j] * s->v[j];
-                row->rate -= gamma_row(st, i)[j] *
-                             (s->omega[j] * s->omega[j] * s->q[j] + 2.0 * s->decay[j] * s->v[j]);
-            }
+            double beta = beta_row(st, i)[j], gamma = gamma_at(st, i, j);
+            double slows = s->omega[j] * s->omega[j] * s->q[j] + 2.0 * s->decay[j] * s->v[j];
+            row->depth += beta * s->q[j] + gamma * s->v[j];
+            row->rate += beta * s->v[j] - gamma * slows;
         }
     }
 }
@@ -317,18 +313,6 @@ static void turn(int J, const double *restrict omega, const double *restrict res
     }
 }
 
-/* What a force on a row with value, slope and curvature f at the step's start takes from it. */
-static void push(int J, int begin, int end, const double *restrict beta,
-                 const double *restrict response, const double f[3], double *restrict q,
-                 double *restrict v) {
-    const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
-    double f0 = f[0], f1 = f[1], f2 = f[2];
-    for (int j = begin; j < end; j++) {
-        q[j] -= beta[j] * (f0 * J0[j] + f1 * J1[j] + f2 * J2[j]);
-        v[j] -= beta[j] * (f0 * S[j] + f1 * J0[j] + f2 * J1[j]);
-    }
-}
-
 /* The modal state at the end of the step. */
 static void move(aom_stepper *st, int index, double h) {
     int J = st->system.n_modes, m = st->system.n_rows;
@@ -339,27 +323,15 @@ static void move(aom_stepper *st, int index, double h) {
     turn(J, st->system.omega, response, q, v);
     for (int i = 0; i < m; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
-        bool acts = f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0;
-        if (acts && st->system.gamma != NULL)
-            push_coupled(st, response, i, f, q, v);
-        else if (acts)
-            for (int part = 0; part < 2; part++)
-                push(J, st->spans[i].begin[part], st->spans[i].end[part], beta_row(st, i), response,
-                     f, q, v);
+        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
+            push(st, response, st->spans + i, row_arm(st, i), f, q, v);
     }
     if (st->loaded) {
-        const double *S = response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
-        const double *at = st->work.load, *rise = st->work.load_rate;
-        for (int j = 0; j < J; j++)
-            if (st->system.gamma == NULL) {
-                q[j] += at[j] * J0[j] + rise[j] * J1[j];
-                v[j] += at[j] * S[j] + rise[j] * J0[j];
-            } else {
-                double moved[4];
-                loaded_by(st, response, j, moved);
-                q[j] += moved[0];
-                v[j] += moved[1];
-            }
+        const row_span all = {{0, J}, {J, J}};
+        push(st, response, &all, load_arm(st, st->work.load), (double[]){-1.0, 0.0, 0.0}, q, v);
+        if (st->rising)
+            push(st, response, &all, load_arm(st, st->work.load_rate), (double[]){0.0, -1.0, 0.0}, q,
+                 v);
         st->now.worked += loads_on(st, h);
     }
     if (st->shifted) /* the moving gaps: loads on sites without mass */
@@ -554,20 +526,13 @@ static int one_step(aom_stepper *st, aom_record *out) {
     course *now = &st->now;
     now->left = acting_now(st);
     bool active = !nothing_touches(st);
-    int index;
-    st->exit_contact = -1;
-    st->exit_bound = NOTHING;
-    if (active) {
-        now->flying = false;
-        index = contact_step(st);
-    } else {
-        if (!now->flying || now->segment != now->flown_segment) {
-            amplitudes(st);
-            now->flying = true;
-            now->flown_segment = now->segment;
-        }
-        index = flight_step(st);
-    }
+    if (!active && (!now->flying || now->segment != now->flown_segment))
+        amplitudes(st);
+    now->flying = !active;
+    now->flown_segment = now->segment;
+    st->exit_contact = active ? -1 : touching_now(st);
+    st->exit_bound = active ? NOTHING : HIGH;
+    int index = st->exit_contact >= 0 ? AT_ONCE : try_step(st);
     if (st->law_failed)
         return AOM_LAW_FAILED;
     if (index == NO_STEP)

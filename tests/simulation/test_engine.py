@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
+from ctypes import byref
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,22 @@ SCENES = [
 
 def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
     return scene.run(duration, tol=1e-2)["beam", "mass"].force
+
+
+def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
+    monkeypatch.setattr(engine, "_kept", OrderedDict())
+    expected = forces(SCENES[1])
+    ((key, space),) = engine._kept.items()
+    memory = np.empty(space.memory.nbytes // 8 + 2)
+    start = march.address(memory)
+    start += 8 if start % 16 == 0 else 0
+    system = SCENES[1].run(1e-3, tol=1e-2).assembly.system.packed.system
+    made = march.library.aom_create(byref(system), start, space.memory.nbytes, byref(space.stepper))
+    assert made == march.DONE
+    assert start % 16 == 8
+    engine._kept[key] = space
+    assert np.array_equal(forces(SCENES[1]), expected)
+    assert engine._kept[key].stepper.value == start
 
 
 def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:

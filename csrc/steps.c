@@ -1,30 +1,32 @@
-/* A step under contact, as long as its error permits, up to where a contact leaves its branch. */
+/* A step, as long as its error permits or no touch can hide in it, up to where a contact leaves its
+ * branch. Flights are steps without forces. */
 #include "internal.h"
 
 #define INTERPOLATION 0.0482 /* max |s (s - 1/2)(s - 1)| on [0, 1] */
 #define KINKED 0.075         /* error of the parabola through t^(3/2), over its second difference */
-#define RELEASED 1e-2        /* of what a bound is met to: a release is located more sharply */
+#define EXACT 1e-2           /* of what a bound is met to: touches and releases are located so sharply */
 #define RIPPLE 2.0           /* force of unresolved vibrations, over the error of a step's force */
 
-/* Forces and motion of a step h under contact, into the workspace; false if they are not found. */
+/* Forces and motion of a step h, into the workspace; false if they are not found. */
 static bool attempt(aom_stepper *st, int index, double h) {
     int m = st->system.n_rows;
     const influence *local = st->slots[index].local;
     ready_step(st, index, h);
+    if (st->now.flying) {
+        free_step(st, index, h, st->work.motion);
+        memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
+        return true;
+    }
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
     if (m == 1 && one_force(st, h, local))
         return true;
     for (int i = 0; i < m; i++)
-        st->work.force[i].f[0] = st->rows[i].force;
-    start_forces(st, local);
-    for (int stage = 0; stage < 2; stage++) {
-        double u = 0.5 * h * (1 + stage);
-        for (int i = 0; i < m; i++) {
-            const row_state *row = st->rows + i; /* a first guess on the last parabola */
-            st->work.force[i].f[stage + 1] = row->force + u * (row->slope + 0.5 * u * row->bend);
+        for (int node = 0; node < 3; node++) { /* a first guess on the last parabola */
+            const row_state *row = st->rows + i;
+            double u = 0.5 * h * node;
+            st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    }
     return all_forces(st, local);
 }
 
@@ -120,9 +122,10 @@ static bool end_at_exit(aom_stepper *st, double first) {
             return false;
         double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
         if (fabs(g) <= close) {
-            if (near || exit != LOW || -v * length < 1e3 * close || fabs(g) <= RELEASED * close)
+            bool sharply = exit == LOW ? -v * length >= 1e3 * close : st->now.flying;
+            if (near || !sharply || fabs(g) <= EXACT * close)
                 break;
-            near = true; /* a release is located to rounding: once more */
+            near = true; /* a touch or a release is located to rounding: once more */
         }
         if (g > 0.0) {
             high = length;
@@ -138,6 +141,18 @@ static bool end_at_exit(aom_stepper *st, double first) {
         if (!(low < new && new < high))
             new = 0.5 * (low + high);
         length = new;
+    }
+    return true;
+}
+
+/* The same; where another contact has touched before the end of a flight, the flight ends there. */
+static bool end_at_exits(aom_stepper *st, double first) {
+    for (int n = st->system.n_contacts; n > 0 && first < INFINITY; n--) {
+        if (!end_at_exit(st, first)) {
+            st->exit_contact = -1;
+            return false;
+        }
+        first = st->now.flying ? first_exit(st) : INFINITY;
     }
     return true;
 }
@@ -207,8 +222,9 @@ static double ripple(aom_stepper *st, double h) {
 }
 
 /* The level at which the tries begin. */
-static int first_level(aom_stepper *st, bool blind, double limit) {
+static int first_level(aom_stepper *st, bool blind) {
     int level = st->now.level;
+    double limit = st->options.rel_tol * st->now.force_scale;
     while (level_step(st, level) > st->now.cap && level < LEVELS - 3)
         level++;
     if (blind)
@@ -221,43 +237,47 @@ static int first_level(aom_stepper *st, bool blind, double limit) {
     return level;
 }
 
-/* The next step under contact, up to the first exit: its slot, AT_ONCE or NO_STEP. */
-int contact_step(aom_stepper *st) {
+/* By how many levels the step that was tried is to be finer; `worst`: its error over its limit. */
+static int refinement(aom_stepper *st, int index, bool found, bool blind, double *worst) {
     course *now = &st->now;
-    double limit = st->options.rel_tol * now->force_scale, left = now->left;
+    if (now->flying)
+        return !clear_of_touches(st, index);
+    bool jump = now->step <= 1e-9 * now->cap; /* no smaller step helps */
+    *worst = found ? worst_misfit(st) / (st->options.rel_tol * now->force_scale) : INFINITY;
+    if (!(*worst > 1.0) || (found && (blind || jump)))
+        return 0;
+    now->refused++;
+    return !found || *worst < 16.0 ? 1 : *worst < 128.0 ? 2 : 3;
+}
+
+/* The next step, up to the first exit: its slot, AT_ONCE or NO_STEP. */
+int try_step(aom_stepper *st) {
+    course *now = &st->now;
     /* exits without end at one time: step over them */
-    bool blind = now->idle > 4 * st->system.n_contacts + 8;
-    int level = first_level(st, blind, limit);
+    bool blind = !now->flying && now->idle > 4 * st->system.n_contacts + 8;
+    int level = now->flying ? now->level : first_level(st, blind);
     while (level < LEVELS - 2 && !st->law_failed) {
         int index = level;
-        double h = level_step(st, level);
+        double h = level_step(st, level), left = now->left, worst = 0.0;
         if (h >= left) {
             index = SCRATCH;
             h = left;
         }
         now->step = h;
         bool found = attempt(st, index, h);
-        double worst = found ? worst_misfit(st) : INFINITY;
-        bool jump = h <= 1e-9 * now->cap; /* no smaller step helps */
-        int finer = 0;
-        if (worst > limit && !(found && (blind || jump))) {
-            now->refused++;
-            finer = !found || worst < 16.0 * limit ? 1 : worst < 128.0 * limit ? 2 : 3;
-        } else if (!blind) {
+        int finer = refinement(st, index, found, blind, &worst);
+        if (finer == 0 && !blind) {
             double first = first_exit(st);
-            if (first <= 1e-9 * h)
+            if (first <= (now->flying ? 1e-15 * st->options.duration : 1e-9 * h))
                 return AT_ONCE;
-            if (first < INFINITY) {
-                if (end_at_exit(st, first)) {
-                    now->level = level;
-                    return SCRATCH;
-                }
-                st->exit_contact = -1;
-                finer = 1;
+            if (first < INFINITY && end_at_exits(st, first)) {
+                now->level = level;
+                return SCRATCH;
             }
+            finer = first < INFINITY;
         }
         if (finer == 0) {
-            bool coarser = worst < limit / 16.0 && level > 0 && index != SCRATCH;
+            bool coarser = worst < 1.0 / 16.0 && level > 0 && (now->flying || index != SCRATCH);
             now->level = coarser ? level - 1 : level;
             return index;
         }
