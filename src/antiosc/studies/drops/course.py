@@ -7,7 +7,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import Held
+from antiosc.studies.drops.contact_scene import AXES, Held
 from antiosc.studies.drops.episode import Episode, episode
 from antiosc.studies.drops.flight import Flight, State
 from antiosc.studies.drops.floor import Setting
@@ -15,6 +15,8 @@ from antiosc.studies.drops.floor import Setting
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
 REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
+#: Motions that forces at the points move less than this share of others are free of them.
+STILL = 1e-6
 #: By this share of the extent vibration may lift the lowest point over the centre of mass, and a
 #: point may be below the floor deeper than contacts press in.
 SIDES, SUNK = 0.01, 2e-3
@@ -102,16 +104,27 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
-    """Whether the body hardly moves and stands on points around its centre of mass."""
-    moving, _, _ = state.energies(body, setting.gravity)
-    if moving > REST * body.mass * setting.gravity * setting.height:
-        return False
-    arms = body.points @ state.R.T
-    low = arms[:, 2] - body.balls
+    """Whether the body stands on points around its centre of mass that hardly move."""
+    arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
+    low = arms[:, 2]
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
-    carries = low < low.min() + CARRIES * body.extent
-    return _around(arms[carries, :2], AROUND * body.extent)
+    carrying = arms[low < low.min() + CARRIES * body.extent]
+    moving = _hindered(body, state, carrying, setting.floor.friction > 0)
+    if moving > REST * body.mass * setting.gravity * setting.height:
+        return False
+    return _around(carrying[:, :2], AROUND * body.extent)
+
+
+def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> float:
+    """Energy [J] of the rigid motion that forces at arms (n, 3) could take, upward or of any
+    direction (`sticking`): not of a ball that rolls, or of a part that slides without friction."""
+    W = body.rigid_modes(state.R)[0]
+    moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
+    across, size, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
+    own = across[:, : size.size][:, size > STILL * size[0]]
+    taken = own.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    return float(taken @ taken / 2)
 
 
 def _around(points: Array, close: float) -> bool:
