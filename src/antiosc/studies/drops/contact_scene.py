@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import without_warnings
+from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.models.motion import Inertia, ModalState
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Obstacle
@@ -144,10 +144,15 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
     """The history of a scene; its status is 2 if it stopped before its end.
 
-    AccuracyError where a force leaves the range of its law.
+    AccuracyError where a force leaves the range of its law, or where none fits at the start.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
+    if found.run.time[-1] == 0.0:
+        raise AccuracyError(
+            "friction jams a point at its contact: the compliance of the modes that are left out "
+            "permits no contact forces there; take more modes (modes=) or less friction."
+        )
     history = SceneHistory(assembly, found.run, {}, STOPPED if found.run.answer else COMPLETED, "")
     check_range(history)
     return history
@@ -249,6 +254,6 @@ def handed_over(
             float(closing[k]),
         )
         for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
-        if heights[k] < 0
+        if force[k] > 0
     }
     return replace(state, centre=state.centre + rise * AXES[0]), held

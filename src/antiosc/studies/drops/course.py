@@ -9,7 +9,7 @@ from antiosc.base.errors import AccuracyError, InputError
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import AXES, Held
 from antiosc.studies.drops.episode import Episode, episode
-from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.flight import SIDES, Flight, State
 from antiosc.studies.drops.floor import Setting
 
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
@@ -17,9 +17,8 @@ from antiosc.studies.drops.floor import Setting
 REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
 #: Motions that forces at the points move less than this share of others are free of them.
 STILL = 1e-6
-#: By this share of the extent vibration may lift the lowest point over the centre of mass, and a
-#: point may be below the floor deeper than contacts press in.
-SIDES, SUNK = 0.01, 2e-3
+#: A point may be below the floor by this share of the extent deeper than contacts press in.
+SUNK = 2e-3
 #: Impacts and episodes at which a fall that does not come to rest is ended.
 MOST_IMPACTS, MOST_EPISODES = 200, 4000
 
@@ -83,7 +82,7 @@ def course(
 
 def _check_sides(body: FreeBody, state: State) -> None:
     """InputError where no point that may touch is below the centre of mass, which would sink."""
-    low = float(state.arms(body)[:, 2].min())
+    low = float((body.points @ state.R[2] - body.balls).min())
     if low > SIDES * body.extent:
         raise InputError(
             f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
