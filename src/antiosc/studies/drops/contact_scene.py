@@ -26,7 +26,7 @@ from antiosc.simulation.problem.scene_states import between, forces, located, ma
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor, Setting, law_of
+from antiosc.studies.drops.floor import Setting, law_of
 from antiosc.studies.drops.rotation import turned
 
 BODY, FLOOR = "part", "floor"
@@ -219,12 +219,12 @@ def on_path(
 
 
 def handed_over(
-    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray, floor: Floor
+    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray
 ) -> tuple[State, dict[int, Held]]:
-    """The state at the end of a path, and the contacts of the points (n,) below the floor.
+    """The state at the end of a path, and the contacts of the points (n,) that go on.
 
-    Momentum, angular momentum and the modes are those of the scene. The lowest point takes the
-    height that it has there: what is left of the error of the path is in the height.
+    The centre and the orientation are those of the path; momentum, angular momentum and the modes
+    are those of the scene: the energy is that of the path.
     """
     a, run, t = history.assembly, history.run, float(path.times[-1])
     W, momentum = body.rigid_modes(start.R)
@@ -241,11 +241,8 @@ def handed_over(
         whole[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(run.time - t)))
-    force = run.force[node]
-    heights = -(run.depth[node] + a.system.R @ force)[: len(which)]
-    lowest = int(np.argmin(heights))
-    rise = heights[lowest] - state.heights(body, floor.ground, which)[lowest]
-    closing = run.closing(a.system, t)
+    force, closing = run.force[node], run.closing(a.system, t)
+    heights = -(run.depth[node] + a.system.R @ force)
     held = {
         int(i): Held(
             float(heights[k]),
@@ -256,4 +253,4 @@ def handed_over(
         for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
         if force[k] > 0
     }
-    return replace(state, centre=state.centre + rise * AXES[0]), held
+    return state, held

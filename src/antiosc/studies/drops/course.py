@@ -70,7 +70,8 @@ def course(
                 break
             groups.append([])
         groups[-1].append(len(episodes))
-        episodes.append(one := episode(body, touch, setting, held))
+        before = episodes[-1].duration if held else np.inf
+        episodes.append(one := episode(body, touch, setting, held, before))
         state, held = one.end, one.held
         _check_depth(body, state, one.pressed, setting)
         if _rests(body, state, setting):
