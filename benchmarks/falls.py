@@ -22,7 +22,11 @@ import antiosc as ao
 from antiosc.fem.platform import compat
 
 CONCRETE = ao.Solid(30e9, 0.2, 2400.0)
-MATERIALS = {"steel": (210e9, 0.3, 7800.0), "aluminium": (70e9, 0.33, 2700.0), "ABS": (2.3e9, 0.36, 1050.0)}
+MATERIALS = {
+    "steel": (210e9, 0.3, 7800.0),
+    "aluminium": (70e9, 0.33, 2700.0),
+    "ABS": (2.3e9, 0.36, 1050.0),
+}
 KINDS = ("block", "beam", "box")
 
 

@@ -23,11 +23,13 @@ G = 9.81
 HALF = np.array([0.075, 0.035, 0.004])
 CORNERS = HALF * np.array(list(product((-1, 1), repeat=3)))
 
+
 def block(mass: float = 0.3) -> ao.RigidBody:
     x, y, z = HALF
     moments = mass / 3 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     sites = {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(CORNERS)}
     return ao.RigidBody(mass, moments, sites)
+
 
 def bar(modes: int = 2) -> FreeBody:
     """A flat steel bar along x that bends in x and z: free Bernoulli modes, tips that touch."""
@@ -51,12 +53,15 @@ def bar(modes: int = 2) -> FreeBody:
         np.full((2, 2), np.nan), omega, 0.002 * omega, shapes, length,
     )  # fmt: skip
 
+
 def setting(law: ao.ContactLaw, friction: float = 0.0, **rest: float) -> Setting:
     given = {"gravity": G, "height": 0.2, "impacts": 2, "duration": np.inf, "tol": 1e-4} | rest
     return Setting(ao.Floor(law=law, friction=friction), **given)  # type: ignore[arg-type]
 
+
 def started(body: FreeBody, where: Setting, tilt: tuple[float, ...]) -> State:
     return hung(body, where, tilted(np.array(tilt)), np.zeros(3), np.zeros(3))
+
 
 def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.ndarray, ...]:
     """Euler's equations through an episode, by the leapfrog: R, velocity, L and the peak force.
@@ -85,6 +90,7 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
         v, L = v + h * (F.sum(axis=0) / body.mass - G * down), L + h * np.cross(arms, F).sum(axis=0)
         peak, way = max(peak, float(N.sum())), h / 2 if n == steps - 1 else h
     return R, v, L, peak
+
 
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:
     """Peak forces of the impacts of the plane bar, all in one nonlinear integration."""
@@ -116,6 +122,7 @@ def floating(body: FreeBody, start: State, k: float, until: float) -> list[float
     on = np.flatnonzero(F > 0)
     parts = np.split(on, np.flatnonzero(np.diff(found.t[on]) > 3e-4) + 1)
     return [top(found.t[part], F[part]) for part in parts]
+
 
 def top(t: np.ndarray, F: np.ndarray) -> float:
     """The largest value of a smooth curve through points."""

@@ -49,7 +49,8 @@ LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: NEAR times tol and no longer less from run to run. One that stalls before is cut at half the turn
 #: and half the time, CUTS times at most; one that goes on after a cut lasts GROWS times as long.
 CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 3, 1.5
-#: Runs after which a scene stalls whose change is more than half of that two runs before; and at most.
+#: Runs from which on a scene stalls if its change is more than half of that two runs before, and
+#: most runs.
 FEW_RUNS, MOST_RUNS = 4, 12
 
 
