@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from parts import line
 
 import antiosc as ao
+from parts import line
 
 pytestmark = pytest.mark.fem
 
