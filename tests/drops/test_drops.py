@@ -402,6 +402,13 @@ def test_what_no_contact_takes_does_not_keep_a_part_from_rest() -> None:
     assert fall.status != "at rest"  # it still slides, and friction takes that
 
 
+def test_a_fall_that_does_not_come_to_rest_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.course.CONTACTS", 0.02)
+    with pytest.warns(ao.AccuracyWarning, match="not at rest after 4 contacts"):
+        fall = ao.drop(block(), 0.01, (3, 2, 0), ao.Floor(law=ao.Hertz(1e8)), tol=1e-2)
+    assert len(fall.episodes) == 4
+
+
 def test_a_beam_that_bends_upward_falls_on() -> None:
     """Its centre is below the floor before its ends touch."""
     body = bar(1)

@@ -19,8 +19,9 @@ REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
 STILL = 1e-6
 #: A point may be below the floor by this share of the extent deeper than contacts press in.
 SUNK = 2e-3
-#: Impacts and episodes at which a fall that does not come to rest is ended.
-MOST_IMPACTS, MOST_EPISODES = 200, 4000
+#: Impacts at which a fall that does not come to rest is ended, and contacts, over the impacts that
+#: are asked for or these: on a soft floor without losses, impacts follow each other as one.
+MOST_IMPACTS, CONTACTS = 200, 3
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -45,6 +46,7 @@ def course(
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state, held, status = start, dict[int, Held](), ""
+    contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
         left = setting.duration - state.time
@@ -76,8 +78,8 @@ def course(
         _check_depth(body, state, one.pressed, setting)
         if _rests(body, state, setting):
             status = "at rest"
-        elif len(episodes) >= MOST_EPISODES:
-            status = f"not at rest after {MOST_EPISODES} contacts"
+        elif len(episodes) >= contacts:
+            status = f"not at rest after {contacts:g} contacts"
     return state, episodes, flights, groups, status
 
 
