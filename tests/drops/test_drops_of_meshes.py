@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from parts import line
 
 pytestmark = pytest.mark.fem
 
@@ -102,3 +103,14 @@ def test_a_plate_gives_way_under_a_ball(tmp_path: Path) -> None:
     )
     assert fall.impacts[0].peak_force == pytest.approx(hit.peak_force, rel=5e-3)
     assert np.abs(fall.episodes[1].start.floor).max() > 0
+
+
+def test_friction_that_jams_is_told() -> None:
+    """Sliding presses a point deeper than its force lifts it, by what three modes leave out."""
+    section = ao.Section.rectangle(0.002371876, 0.001705016)
+    plastic = ao.Beam(2.3e9, 0.36, 1050.0, section, orientation=(0, 0, 1))
+    part = ao.Structure(line(0.07192333, 3, (1.0, 0.0, 0.0)), plastic)
+    floor = ao.Floor(law=ao.HuntCrossley(60744175.4, 0.4673105), friction=0.6)
+    tilt = (-64.036954682, -88.082645619, -33.273608284)
+    with pytest.raises(ao.AccuracyError, match="jams"):
+        ao.drop(part, 0.247235371, tilt, floor, modes=3, tol=1e-2)

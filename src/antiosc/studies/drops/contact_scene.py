@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import without_warnings
+from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.models.motion import Inertia, ModalState
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Obstacle
@@ -26,7 +26,7 @@ from antiosc.simulation.problem.scene_states import between, forces, located, ma
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Floor, Setting, law_of
+from antiosc.studies.drops.floor import Setting, law_of
 from antiosc.studies.drops.rotation import turned
 
 BODY, FLOOR = "part", "floor"
@@ -144,10 +144,15 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
     """The history of a scene; its status is 2 if it stopped before its end.
 
-    AccuracyError where a force leaves the range of its law.
+    AccuracyError where a force leaves the range of its law, or where none fits at the start.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
+    if found.run.time[-1] == 0.0:
+        raise AccuracyError(
+            "friction jams a point at its contact: the compliance of the modes that are left out "
+            "permits no contact forces there; take more modes (modes=) or less friction."
+        )
     history = SceneHistory(assembly, found.run, {}, STOPPED if found.run.answer else COMPLETED, "")
     check_range(history)
     return history
@@ -214,12 +219,12 @@ def on_path(
 
 
 def handed_over(
-    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray, floor: Floor
+    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray
 ) -> tuple[State, dict[int, Held]]:
-    """The state at the end of a path, and the contacts of the points (n,) below the floor.
+    """The state at the end of a path, and the contacts of the points (n,) that go on.
 
-    Momentum, angular momentum and the modes are those of the scene. The lowest point takes the
-    height that it has there: what is left of the error of the path is in the height.
+    The centre and the orientation are those of the path; momentum, angular momentum and the modes
+    are those of the scene: the energy is that of the path.
     """
     a, run, t = history.assembly, history.run, float(path.times[-1])
     W, momentum = body.rigid_modes(start.R)
@@ -236,11 +241,8 @@ def handed_over(
         whole[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(run.time - t)))
-    force = run.force[node]
-    heights = -(run.depth[node] + a.system.R @ force)[: len(which)]
-    lowest = int(np.argmin(heights))
-    rise = heights[lowest] - state.heights(body, floor.ground, which)[lowest]
-    closing = run.closing(a.system, t)
+    force, closing = run.force[node], run.closing(a.system, t)
+    heights = -(run.depth[node] + a.system.R @ force)
     held = {
         int(i): Held(
             float(heights[k]),
@@ -249,6 +251,6 @@ def handed_over(
             float(closing[k]),
         )
         for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
-        if heights[k] < 0
+        if force[k] > 0
     }
-    return replace(state, centre=state.centre + rise * AXES[0]), held
+    return state, held

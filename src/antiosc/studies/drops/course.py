@@ -7,19 +7,21 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import Held
+from antiosc.studies.drops.contact_scene import AXES, Held
 from antiosc.studies.drops.episode import Episode, episode
-from antiosc.studies.drops.flight import Flight, State
+from antiosc.studies.drops.flight import SIDES, Flight, State
 from antiosc.studies.drops.floor import Setting
 
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
 REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
-#: By this share of the extent vibration may lift the lowest point over the centre of mass, and a
-#: point may be below the floor deeper than contacts press in.
-SIDES, SUNK = 0.01, 2e-3
-#: Impacts and episodes at which a fall that does not come to rest is ended.
-MOST_IMPACTS, MOST_EPISODES = 200, 4000
+#: Motions that forces at the points move less than this share of others are free of them.
+STILL = 1e-6
+#: A point may be below the floor by this share of the extent deeper than contacts press in.
+SUNK = 2e-3
+#: Impacts at which a fall that does not come to rest is ended, and contacts, over the impacts that
+#: are asked for or these: on a soft floor without losses, impacts follow each other as one.
+MOST_IMPACTS, CONTACTS = 200, 3
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -44,6 +46,7 @@ def course(
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state, held, status = start, dict[int, Held](), ""
+    contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
         left = setting.duration - state.time
@@ -69,19 +72,20 @@ def course(
                 break
             groups.append([])
         groups[-1].append(len(episodes))
-        episodes.append(one := episode(body, touch, setting, held))
+        before = episodes[-1].duration if held else np.inf
+        episodes.append(one := episode(body, touch, setting, held, before))
         state, held = one.end, one.held
         _check_depth(body, state, one.pressed, setting)
         if _rests(body, state, setting):
             status = "at rest"
-        elif len(episodes) >= MOST_EPISODES:
-            status = f"not at rest after {MOST_EPISODES} contacts"
+        elif len(episodes) >= contacts:
+            status = f"not at rest after {contacts:g} contacts"
     return state, episodes, flights, groups, status
 
 
 def _check_sides(body: FreeBody, state: State) -> None:
     """InputError where no point that may touch is below the centre of mass, which would sink."""
-    low = float(state.arms(body)[:, 2].min())
+    low = float((body.points @ state.R[2] - body.balls).min())
     if low > SIDES * body.extent:
         raise InputError(
             f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
@@ -102,16 +106,27 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
 
 
 def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
-    """Whether the body hardly moves and stands on points around its centre of mass."""
-    moving, _, _ = state.energies(body, setting.gravity)
-    if moving > REST * body.mass * setting.gravity * setting.height:
-        return False
-    arms = body.points @ state.R.T
-    low = arms[:, 2] - body.balls
+    """Whether the body stands on points around its centre of mass that hardly move."""
+    arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
+    low = arms[:, 2]
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
-    carries = low < low.min() + CARRIES * body.extent
-    return _around(arms[carries, :2], AROUND * body.extent)
+    carrying = arms[low < low.min() + CARRIES * body.extent]
+    moving = _hindered(body, state, carrying, setting.floor.friction > 0)
+    if moving > REST * body.mass * setting.gravity * setting.height:
+        return False
+    return _around(carrying[:, :2], AROUND * body.extent)
+
+
+def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> float:
+    """Energy [J] of the rigid motion that forces at arms (n, 3) could take, upward or of any
+    direction (`sticking`): not of a ball that rolls, or of a part that slides without friction."""
+    W = body.rigid_modes(state.R)[0]
+    moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
+    across, size, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
+    own = across[:, : size.size][:, size > STILL * size[0]]
+    taken = own.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    return float(taken @ taken / 2)
 
 
 def _around(points: Array, close: float) -> bool:

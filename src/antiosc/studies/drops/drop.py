@@ -68,7 +68,10 @@ def drop(
     floor : Floor, optional
         Default: rigid, without friction.
     until : "rest", int or float
-        Its rest, a number of impacts, or a time [s]; also "rest" ends after 200 impacts.
+        Its rest, a number of impacts, or a time [s]. It rests on points around its centre of mass
+        when the energy that the floor could still take of its rigid motion would lift it by 0.1 %
+        of the height: a ball that rolls and a part that slides without friction are at rest.
+        Also "rest" ends after 200 impacts or 600 contacts.
     face, edge, corner : str, optional
         What is lowest: "-z", "-x-z", "+x-y-z", the extremes of the part in the axes of its mesh,
         its centre of mass above them; a face may also be the name of a group.

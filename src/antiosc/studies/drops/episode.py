@@ -45,9 +45,13 @@ SINKS = 1e-4
 MOST = 12
 #: Looks at the rotation in an episode; at the path in a contact this over sqrt(tol), and the most.
 LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
-#: A scene runs again until its loads and gaps change by less than this times tol; after so many
-#: runs it is cut at half the turn and half the time.
-CLOSE, MOST_RUNS = 0.03, 12
+#: A scene runs again until its loads and gaps change by less than this times tol, or by less than
+#: NEAR times tol and no longer less from run to run. One that stalls before is cut at half the turn
+#: and half the time, CUTS times at most; one that goes on after a cut lasts GROWS times as long.
+CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 3, 1.5
+#: Runs from which on a scene stalls if its change is more than half of that two runs before, and
+#: most runs.
+FEW_RUNS, MOST_RUNS = 4, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,17 +114,20 @@ class Episode:
         return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
-def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held]) -> Episode:
+def episode(
+    body: FreeBody, start: State, setting: Setting, held: dict[int, Held], before: float = np.inf
+) -> Episode:
     """The contact that begins at `start`.
 
-    held : number of a point -> its contact, of those that go on from an episode before.
+    held : number of a point -> its contact, of those that go on from an episode before; `before`:
+        how long that lasted [s].
     """
-
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
     which = np.array([np.argmin(heights)])
     base = scene_of(body, start, setting, which, held)
-    time, turns = base.lasting, TURNS
-    duration, longest = LONG * time, LONGEST * LONG * time
+    time, turns, cuts = base.lasting, TURNS, 0
+    longest = min(LONGEST * LONG * time, GROWS * before)
+    duration = min(LONG * time, longest)
     touched = _candidates(body, start, heights, time, [*held])
     while True:
         if not np.array_equal(which, touched):
@@ -129,27 +136,33 @@ def episode(body: FreeBody, start: State, setting: Setting, held: dict[int, Held
         history = run(base, duration, tol)
         end, touching = _end(body, start, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
-            duration *= 2
+            duration = min(2 * duration, longest)
             continue
-        for _ in range(MOST_RUNS):
+        changes: list[float] = []
+        while True:
             path = path_of(body, start, history, _times(base, history, end, tol))
             following, change = on_path(body, start, which, base, history, path)
-            if change <= CLOSE * tol:
+            changes.append(change)
+            if change <= CLOSE * tol or _stalls(changes):
                 break
             history = run(following, duration, tol)
             end, touching = _end(body, start, history, turns)
-        else:
-            if turns > TURNS / 8:
-                turns /= 2
-                duration = longest = end / 2
-                continue
-            path = path_of(body, start, history, _times(base, history, end, tol))
+        if change > NEAR * tol and cuts < CUTS:
+            turns, cuts = turns / 2, cuts + 1
+            duration = longest = end / 2
+            continue
         missed = _missed(body, heights, path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
-    state, below = handed_over(body, start, history, path, which, setting.floor)
+    state, below = handed_over(body, start, history, path, which)
     return Episode(start, state, history, which, below if touching else {})
+
+
+def _stalls(changes: list[float]) -> bool:
+    """Whether runs no longer come closer to each other."""
+    count = len(changes)
+    return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:

@@ -31,8 +31,9 @@ MOST_LOOKS = 1_000_000
 LOOKS, SEEN = 12, 1e-6
 #: Most times at which heights are looked at together: of the rigid body, of the modes too.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
-#: A flight ends where the centre is below the floor by this share of the extent.
-BELOW = 1e-4
+#: The lowest point of a part without vibration is over the centre of mass by this share of the
+#: extent at most.
+SIDES = 0.01
 #: Height at which points touch, over the extent.
 TOUCH = 1e-10
 #: Accuracy of the time of a touch [s].
@@ -113,11 +114,11 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] at which the centre is below the floor: something has touched before."""
+        """Time [s] at which the centre is so deep below the floor, even of a part that bends, that
+        something has touched before."""
         v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
-        return (
-            v + np.sqrt(v * v + 2 * self.gravity * (z + BELOW * self.body.extent))
-        ) / self.gravity
+        deep = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
+        return (v + np.sqrt(v * v + 2 * self.gravity * (z + deep))) / self.gravity
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""
