@@ -43,8 +43,9 @@ OF_LAYERS = {"thickness", "angle"}
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The derivatives of a goal by the matrices of a part's model, and the shapes (rows, C).
+    """The derivatives of a goal by the matrices of a part on the shapes (rows, C) of its model.
 
+    by, reduced : derivatives by V'KV and V'MV, and these (C, C).
     by_local : by the half-space compliance of the site's patch.
     motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) that has
         them: at the start, and of gravity.
@@ -52,14 +53,18 @@ class Chain:
 
     model: AntiOscillators
     by: ByMatrices
+    reduced: ByMatrices
     by_local: float
     shapes: Array
     motions: list[tuple[Array, Array]]
 
     def slope(self, lower: Structure, upper: Structure, step: float) -> float:
         """The derivative by a parameter at whose ends, `step` apart, are these parts."""
-        total = float(np.sum(self.by.K * self._change("K", lower, upper)))
-        total += float(np.sum(self.by.M * self._change("M", lower, upper)))
+        total = sum(
+            sign * float(np.sum(by * dot(end.comm, self.shapes, multiply(matrix, self.shapes))))
+            for sign, end in ((-1, lower), (1, upper))
+            for by, matrix in zip(self.by, (end.K, end.M), strict=True)
+        )
         for by, motion in self.motions:
             a, b = lower.rigid_inertia, upper.rigid_inertia
             assert a is not None
@@ -71,30 +76,15 @@ class Chain:
             total += self.by_local * (ends[1] - ends[0])
         return total / step
 
-    def reduced(self, part: Structure, name: str) -> Array:
-        """V'KV or V'MV (C, C) of a part."""
-        matrix = getattr(part, name)
-        return np.asarray(dot(part.comm, self.shapes, multiply(matrix, self.shapes)))
-
-    def _change(self, name: str, lower: Structure, upper: Structure) -> Array:
-        return self.reduced(upper, name) - self.reduced(lower, name)
-
-    def matrices(self) -> tuple[Array, Array]:
-        """K_red and M_red (C, C) of the model."""
-        m = self.model
-        K, M = np.diag(np.append(m.k0 + m.k.sum(), m.k)), np.diag(np.append(m.m0, m.m))
-        K[0, 1:] = K[1:, 0] = -m.k
-        return K, M
-
     def check(self, part: Structure) -> None:
         """InputError unless the model is that of the part: for one combination of the shapes."""
         fits = self.shapes.shape[0] == part.rows
         if fits:
-            K, _ = self.matrices()
-            mixed = 1 / np.sqrt(K.diagonal())
-            x = self.shapes @ mixed
+            k = self.reduced.K.diagonal()
+            used = k > 0
+            x = self.shapes @ np.where(used, 1 / np.sqrt(np.where(used, k, 1.0)), 0.0)
             energy = float(dot(part.comm, x, multiply(part.K, x)))
-            fits = abs(energy - mixed @ K @ mixed) <= SAME_PART * len(K)
+            fits = abs(energy - used.sum()) <= SAME_PART * len(k)
         if not fits:
             raise InputError(
                 "part must be the structure from which the model of this run was extracted; its"
@@ -105,18 +95,26 @@ class Chain:
 def chain(
     model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
 ) -> Chain:
-    """The chain to a part; InputError for a model without shapes."""
+    """The chain to a part; InputError for a model without shapes.
+
+    Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
+    that beside it.
+    """
     if model.shapes is None:
         raise InputError("part needs a model with its shapes: extract it with shapes=True.")
-    psi = model.shapes
-    hidden = model.hidden_count
-    motions = []
+    beside = np.eye(model.n + 1)
+    beside[1:, 0] = -1.0
+    motions, hidden = [], model.hidden_count
     for slope, value in ((by.start, by.v), (by.load, by.g)):
         if modes.inertia is not None and value.any():
+            assert modes.shape is not None
             motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
-            motions.append((m.phi @ slope[hidden:], motion))
-    V = np.column_stack([psi[:, 0] - psi[:, 1:].sum(axis=1), psi[:, 1:]])
-    return Chain(model, m, local, V, motions)
+            own = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
+            motions.append((beside @ own, motion))
+    K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
+    M[0, 1:] = M[1:, 0] = model.m
+    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in m))
+    return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
 def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
