@@ -26,7 +26,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.studies.gradients.goals import Sampled
 from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
-from antiosc.studies.gradients.of_part import CHANGE, Chain, site_of, values_of
+from antiosc.studies.gradients.of_part import CHANGE, Chain, check, site_of, values_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,8 +117,9 @@ def design_map(
     checks.instance("part", part, Structure, "a Structure")
     meshed = on_mesh(part)
     found, wanted, slopes = derived(hit, goal, contact, time)
-    to = part_chain(found, wanted, slopes, model_name(found))
-    to.check(part)
+    name = model_name(found)
+    check(found.parts[name].body, part)
+    to = part_chain(found, wanted, slopes, name)
     upper, lower = (_form(part, meshed, by, s) for s in (1, -1))
     total = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
     for name, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):

@@ -209,24 +209,33 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
-    from antiosc.studies.gradients.of_part import Structure, by_part, by_shape  # loads dolfinx
+    from antiosc.studies.gradients.of_part import Structure, by_part, by_shape, check, held
 
+    def change(which: int, *ends: AntiOscillators) -> float:
+        before, after = (assembly_with(hit, name, each) for each in ends)
+        return changed(*taken[which], before=before, after=after)
+
+    bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
-        shapes = [each[0].parts[name].body.shapes for each in taken]
-        known = [which for which, own in enumerate(shapes) if not which or own is not None]
-        slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
-        own = dict(zip(known, slopes, strict=True))
+        check(bodies[0], part)
+        to: dict[int, Callable[..., float]] = {}
+        for which, body in enumerate(bodies):
+            if body.shapes is not None and taken[which][0].coupled(name):
+                to[which] = lambda *ends, which=which, body=body: change(
+                    which, *(held(body, each) for each in ends)
+                )
+            elif body.shapes is not None:
+                to[which] = part_chain(*taken[which], name=name).change
+        own = dict(zip(to, by_part(list(to.values()), part), strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
     checks.function("part", part, "a Structure, or a function of x that builds one")
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
-
-    def change(which: int, *ends: AntiOscillators) -> float:
-        before, after = (assembly_with(hit, name, models[which](each)) for each in ends)
-        return changed(*taken[which], before=before, after=after)
-
-    changes = [partial(change, which) for which in range(len(taken))]
-    return by_shape(part, checks.column("x", x), taken[0][0].parts[name].body, changes)
+    changes = [
+        lambda *ends, which=which: change(which, *map(models[which], ends))
+        for which in range(len(taken))
+    ]
+    return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
 def _refuse(found: Recorded) -> None:
@@ -322,8 +331,8 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
     if by is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
-            " moving ground, or damping that couples its modes: give a function of x that builds"
-            " the part, and x."
+            " moving ground (and a design map one whose damping does not couple its modes): give a"
+            " function of x that builds the part, and x."
         )
     part = found.parts[name]
     touching = np.flatnonzero(found.G[:, part.columns.start])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -23,6 +24,7 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import ModalBody
 from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 
@@ -39,6 +41,9 @@ SAME_MODEL = 1e-2
 IDLE = {"loss", "yield_strength", "outline"}
 #: Numbers of the layers of a laminate that are designed; the others are those of its materials.
 OF_LAYERS = {"thickness", "angle"}
+
+#: The change of a goal between two parts, to first order.
+Slope = Callable[[Structure, Structure], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +63,8 @@ class Chain:
     shapes: Array
     motions: list[tuple[Array, Array]]
 
-    def slope(self, lower: Structure, upper: Structure, step: float) -> float:
-        """The derivative by a parameter at whose ends, `step` apart, are these parts."""
+    def change(self, lower: Structure, upper: Structure) -> float:
+        """The change of the goal from one part to another, to first order."""
         total = sum(
             sign * float(np.sum(by * dot(end.comm, self.shapes, multiply(matrix, self.shapes))))
             for sign, end in ((-1, lower), (1, upper))
@@ -74,34 +79,36 @@ class Chain:
             site = site_of(self.model)
             ends = [functional(each, site).local_compliance for each in (lower, upper)]
             total += self.by_local * (ends[1] - ends[0])
-        return total / step
+        return total
 
-    def check(self, part: Structure) -> None:
-        """InputError unless the model is that of the part: for one combination of the shapes."""
-        fits = self.shapes.shape[0] == part.rows
-        if fits:
-            k = self.reduced.K.diagonal()
-            used = k > 0
-            x = self.shapes @ np.where(used, 1 / np.sqrt(np.where(used, k, 1.0)), 0.0)
-            energy = float(dot(part.comm, x, multiply(part.K, x)))
-            fits = abs(energy - used.sum()) <= SAME_PART * len(k)
-        if not fits:
-            raise InputError(
-                "part must be the structure from which the model of this run was extracted; its"
-                " stiffness on the shapes of the model is another."
-            )
+
+def check(model: AntiOscillators, part: Structure) -> None:
+    """InputError unless the model has shapes and is that of the part: for one sum of the shapes."""
+    if model.shapes is None:
+        raise InputError("part needs a model with its shapes: extract it with shapes=True.")
+    fits = model.shapes.shape[0] == part.rows
+    if fits:
+        k = np.append(model.k0, model.k)
+        used = k > 0
+        x = model.shapes @ np.where(used, 1 / np.sqrt(np.where(used, k, 1.0)), 0.0)
+        energy = float(dot(part.comm, x, multiply(part.K, x)))
+        fits = abs(energy - used.sum()) <= SAME_PART * len(k)
+    if not fits:
+        raise InputError(
+            "part must be the structure from which the model of this run was extracted; its"
+            " stiffness on the shapes of the model is another."
+        )
 
 
 def chain(
     model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
 ) -> Chain:
-    """The chain to a part; InputError for a model without shapes.
+    """The chain to the part of a model with shapes.
 
     Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
     that beside it.
     """
-    if model.shapes is None:
-        raise InputError("part needs a model with its shapes: extract it with shapes=True.")
+    assert model.shapes is not None
     beside = np.eye(model.n + 1)
     beside[1:, 0] = -1.0
     motions, hidden = [], model.hidden_count
@@ -117,9 +124,47 @@ def chain(
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
-    """Derivatives of each chain by the numbers of a part's materials: of several {group: …}."""
-    to[0].check(part)
+def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
+    """The model of a part on the shapes of `model`, of one with damping that couples its modes.
+
+    Its constraint modes are those of V'KV and V'MV, and the damping is along them.
+    """
+    assert model.shapes is not None
+    assert isinstance(model.damping, DampingMatrix)
+    if not model.k0 > 0 or model.hidden_count or model.damping.factors:
+        raise InputError(
+            "derivatives by the materials of a part whose damping couples its modes need supports"
+            " that hold it, and no branches (prony=, tau=): give a function of x that builds the"
+            " part, and x."
+        )
+    K, M = (
+        dot(part.comm, model.shapes, multiply(matrix, model.shapes)) for matrix in (part.K, part.M)
+    )
+    square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
+    turn = scipy.linalg.block_diag(1.0, V)
+    turn[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
+    P = turn[:, 0] @ M @ turn[:, 1:]
+    turn[:, 1:] *= np.sign(P)
+    local = model.local_compliance and functional(part, site_of(model)).local_compliance
+    return replace(
+        model,
+        m0=float(turn[:, 0] @ M @ turn[:, 0] - P @ P),
+        k0=float(turn[:, 0] @ K @ turn[:, 0]),
+        m=P**2,
+        omega=np.sqrt(square),
+        local_compliance=local,
+        damping=along(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
+        shapes=None,
+        strain_error=None,
+        strain_misfit=None,
+    )
+
+
+def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
+    """Derivatives by the numbers of a part's materials, one result for each of `to`.
+
+    Of several materials they are {group: …}.
+    """
     if part.made_of is None:
         raise InputError(
             "the materials of an assembly, or of matrices, are not known: give a function of x that"
@@ -138,7 +183,7 @@ def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
                     one = other if several else other[""]
                     ends.append(Structure(mesh, one, part.supports, **options))
             for values, each in zip(found, to, strict=True):
-                slope = each.slope(ends[0], ends[1], step)
+                slope = each(ends[0], ends[1]) / step
                 own = values.setdefault(name, {}) if several else values
                 key = group if several else name
                 layered = hasattr(material, "layers")
@@ -216,7 +261,9 @@ def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
         else:
             estimated: ErrorOption = None if model.strain_error is None else "estimate"
             found = extract(part, site_of(model), model.n, error=estimated)
-    return replace(found, damping=model.damping)
+    # dampers of the part are in the coordinates of its own model
+    coupled = isinstance(found.damping, DampingMatrix)
+    return found if coupled else replace(found, damping=model.damping)
 
 
 def site_of(model: AntiOscillators) -> Site:
