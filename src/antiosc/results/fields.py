@@ -187,8 +187,16 @@ def nodal_motion(
     return found
 
 
-def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
-    """Shapes of the body on the rows of this rank, columns side by side."""
+def shapes_of(
+    structure: Structure,
+    history: Motions,
+    body: str,
+    limits: tuple[float, float] = ANOTHER,
+) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side.
+
+    `limits`: ratios as of `ANOTHER`.
+    """
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
@@ -204,7 +212,7 @@ def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     shapes = np.column_stack(own.basis)
     factors, count = of_unit_energies(own)
     for x, matrix, what, limit in zip(
-        factors @ shapes.T, (structure.K, structure.M), ("stiff", "heavy"), ANOTHER, strict=True
+        factors @ shapes.T, (structure.K, structure.M), ("stiff", "heavy"), limits, strict=True
     ):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:

@@ -209,7 +209,8 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
-    from antiosc.studies.gradients.of_part import Structure, by_part, by_shape, check, held
+    from antiosc.results.fields import shapes_of  # loads dolfinx
+    from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
 
     def change(which: int, *ends: AntiOscillators) -> float:
         before, after = (assembly_with(hit, name, each) for each in ends)
@@ -217,7 +218,7 @@ def _of_part(
 
     bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
-        check(bodies[0], part)
+        shapes_of(part, hit, name, SAME_PART)
         to: dict[int, Callable[..., float]] = {}
         for which, body in enumerate(bodies):
             if body.shapes is not None and taken[which][0].coupled(name):

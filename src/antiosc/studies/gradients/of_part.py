@@ -31,8 +31,8 @@ from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 #: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
 #: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
 CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
-#: Largest difference of the part's energy from the model's, per shape of unit energy.
-SAME_PART = 1e-4
+#: Ratios of stiffness and of mass of a part and of a model from which it is not that of the model.
+SAME_PART = 1 + 1e-4, 1 + 1e-4
 #: Inputs below this have no scale of their own.
 LEAST = 1e-200
 #: Largest relative difference of the static mass of models that `build` gives beside x.
@@ -80,24 +80,6 @@ class Chain:
             ends = [functional(each, site).local_compliance for each in (lower, upper)]
             total += self.by_local * (ends[1] - ends[0])
         return total
-
-
-def check(model: AntiOscillators, part: Structure) -> None:
-    """InputError unless the model has shapes and is that of the part: for one sum of the shapes."""
-    if model.shapes is None:
-        raise InputError("part needs a model with its shapes: extract it with shapes=True.")
-    fits = model.shapes.shape[0] == part.rows
-    if fits:
-        k = np.append(model.k0, model.k)
-        used = k > 0
-        x = model.shapes @ np.where(used, 1 / np.sqrt(np.where(used, k, 1.0)), 0.0)
-        energy = float(dot(part.comm, x, multiply(part.K, x)))
-        fits = abs(energy - used.sum()) <= SAME_PART * len(k)
-    if not fits:
-        raise InputError(
-            "part must be the structure from which the model of this run was extracted; its"
-            " stiffness on the shapes of the model is another."
-        )
 
 
 def chain(
