@@ -184,9 +184,7 @@ def test_a_part_with_dampers() -> None:
     assert isinstance(hit.model.damping, ao.DampingMatrix)
     for goal in ("peak_force", "impulse"):
         g = ao.gradient(hit, goal, part=part)
-        again = ao.gradient(
-            hit, goal, part=lambda x: damped(2e-3 * x[0], RHO * x[1]), x=[1.0, 1.0]
-        )
+        again = ao.gradient(hit, goal, part=lambda x: damped(2e-3 * x[0], RHO * x[1]), x=[1.0, 1.0])
         found = [g.thickness * 2e-3, g.rho * RHO]
         assert found == pytest.approx(again.x, rel=0, abs=2e-3 * g.value)
         assert max(map(abs, found)) > 0.1 * g.value

@@ -255,7 +255,8 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     zeros = [0] * (3 - mesh.gdim)
     axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
     third = compat.reference_derivatives(motion, 3)
-    terms: list[dict[tuple[int, int], Expr]] = [{}, {}]  # of flat cells constant: the monomials last
+    # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C
+    terms: list[dict[tuple[int, int], Expr]] = [{}, {}]
     for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
         which = [0] * p + [1] * q
         cubic = ufl.as_vector([third[(m, *which)] for m in range(3, 6)])
@@ -266,8 +267,10 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
                 for power, factor in zip((*QUADRATIC, (p, q)), factors, strict=True):
                     if factor:
                         own[power] = own.get(power, 0) + factor * size
-    # as products: a power of 3 is a call in C
-    covariant = [sum(prod([X[0]] * r + [X[1]] * s) * f for (r, s), f in own.items()) for own in terms]
+    covariant = [
+        sum(prod([X[0]] * r + [X[1]] * s) * factor for (r, s), factor in own.items())
+        for own in terms
+    ]
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 
 

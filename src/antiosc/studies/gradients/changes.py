@@ -35,6 +35,9 @@ TURNING = ("beta", "loads", "q", "v", "B")
 #: Options of `simulate` that its error control reads.
 LIMITS = ("max_contacts", "max_steps")
 
+#: A run, a goal and its derivatives by all numbers of the march.
+Taken = tuple[Recorded, Seeds, Slopes]
+
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
     """Change of the goal from one set of bodies to another, to first order.
@@ -140,6 +143,13 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
         return pose(model, **{n: v for n, v in options.items() if n not in LIMITS})
     scene = hit.assembly.scene
     return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
+
+
+def changed_model(
+    hit: History, taken: Taken, name: str, before: AntiOscillators, after: AntiOscillators
+) -> float:
+    """Change of the goal from one model of the body `name` to another, to first order."""
+    return changed(*taken, *(assembly_with(hit, name, each) for each in (before, after)))
 
 
 def as_it_is(model: AntiOscillators) -> AntiOscillators:

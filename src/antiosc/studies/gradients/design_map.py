@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 #: Units of what a map is by.
 BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
-#: Degree of the quadrature of energies in cells: that of the strains of cubics, which gives those of
-#: their motions to some 1e-4.
+#: Degree of the quadrature of energies in cells: that of the strains of cubics, with which
+#: those of their motions are off by some 1e-4.
 DEGREE = 4
 #: Share of the principal shapes that are left out, of the sum of all: shares of either sign cancel.
 LEFT_OUT = 1e-6

@@ -20,7 +20,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
 from antiosc.studies.gradients.at_rest import through_start
-from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
+from antiosc.studies.gradients.changes import Taken, as_it_is, bar, changed_model, compared_runs
 from antiosc.studies.gradients.coupled import by_coupled, first_order_weights
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 GRAZING = 1e-6
 #: Relative change of a law's parameter by which the damping factor of its restitution is derived.
 CHANGE = 1e-6
-
-#: A run, a goal and its derivatives by all numbers of the march.
-Taken = tuple[Recorded, Seeds, engine.Slopes]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,18 +209,14 @@ def _of_part(
     from antiosc.results.fields import shapes_of  # loads dolfinx
     from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
 
-    def change(which: int, *ends: AntiOscillators) -> float:
-        before, after = (assembly_with(hit, name, each) for each in ends)
-        return changed(*taken[which], before=before, after=after)
-
     bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
         shapes_of(part, hit, name, SAME_PART)
         to: dict[int, Callable[..., float]] = {}
         for which, body in enumerate(bodies):
             if body.shapes is not None and taken[which][0].coupled(name):
-                to[which] = lambda *ends, which=which, body=body: change(
-                    which, *(held(body, each) for each in ends)
+                to[which] = lambda *ends, which=which, body=body: changed_model(
+                    hit, taken[which], name, *(held(body, each) for each in ends)
                 )
             elif body.shapes is not None:
                 to[which] = part_chain(*taken[which], name=name).change
@@ -233,8 +226,8 @@ def _of_part(
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
     changes = [
-        lambda *ends, which=which: change(which, *map(models[which], ends))
-        for which in range(len(taken))
+        lambda *ends, own=own, turned=turned: changed_model(hit, own, name, *map(turned, ends))
+        for own, turned in zip(taken, models, strict=True)
     ]
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
@@ -267,15 +260,11 @@ def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
 def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
-
-    def change(name: str, *ends: AntiOscillators) -> float:
-        before, after = (assembly_with(hit, name, each) for each in ends)
-        return changed(found, wanted, slopes, before, after)
-
     for name in found.parts:
         if found.coupled(name):
             closing = _closing(found, found.parts[name])
-            own = by_coupled(found, slopes, name, closing, partial(change, name))
+            change = partial(changed_model, hit, (found, wanted, slopes), name)
+            own = by_coupled(found, slopes, name, closing, change)
             if own:
                 result[name] = own
             continue
