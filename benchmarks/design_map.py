@@ -86,15 +86,15 @@ def smooth(part: Any, count: int) -> np.ndarray:
 
 def least(part: ao.Structure, hit: ao.History, by: str) -> tuple[float, int]:
     """Seconds of CPU of a map, the least of some, and its cells."""
-    checked, spent = design_map.shapes_of, []
-    design_map.shapes_of = lambda *_: None
+    checked, spent = design_map.checked_shapes, []
+    design_map.checked_shapes = lambda *_: None
     try:
         for _ in range(REPEATS):  # kernels are compiled in the first
             began = time.process_time()
             map_ = ao.design_map(part, hit, "peak_force", by=by)
             spent.append(time.process_time() - began)
     finally:
-        design_map.shapes_of = checked
+        design_map.checked_shapes = checked
     return min(spent), map_.slopes.size
 
 

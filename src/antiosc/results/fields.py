@@ -21,6 +21,7 @@ from antiosc.fem.fields.series import Frames, listing, write_frames
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.modal import combined
 from antiosc.results.saved_fields import SavedFields
 from antiosc.simulation.histories.body_motion import (
     Motions,
@@ -187,16 +188,15 @@ def nodal_motion(
     return found
 
 
-def shapes_of(
-    structure: Structure,
-    history: Motions,
-    body: str,
-    limits: tuple[float, float] = ANOTHER,
-) -> Array:
-    """Shapes of the body on the rows of this rank, columns side by side.
+def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side."""
+    return np.column_stack(checked_shapes(structure, history, body, ANOTHER))
 
-    `limits`: ratios as of `ANOTHER`.
-    """
+
+def checked_shapes(
+    structure: Structure, history: Motions, body: str, limits: tuple[float, float]
+) -> tuple[Array, ...]:
+    """Blocks of the shapes of the body, which are those of the structure within these ratios."""
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
@@ -209,10 +209,9 @@ def shapes_of(
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    shapes = np.column_stack(own.basis)
     factors, count = of_unit_energies(own)
     for x, matrix, what, limit in zip(
-        factors @ shapes.T, (structure.K, structure.M), ("stiff", "heavy"), limits, strict=True
+        combined(own.basis, factors), (structure.K, structure.M), ("stiff", "heavy"), limits, strict=True
     ):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
@@ -220,4 +219,4 @@ def shapes_of(
                 f"the structure is {ratio:.4g} times as {what} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
-    return shapes
+    return own.basis

@@ -24,7 +24,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
-from antiosc.results.fields import shapes_of
+from antiosc.results.fields import checked_shapes
 from antiosc.studies.gradients.goals import Sampled
 from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
 from antiosc.studies.gradients.of_part import CHANGE, SAME_PART, Chain, site_of, values_of
@@ -119,7 +119,7 @@ def design_map(
     meshed = on_mesh(part)
     found, wanted, slopes = derived(hit, goal, contact, time)
     name = model_name(found)
-    shapes_of(part, hit, name, SAME_PART)
+    checked_shapes(part, hit, name, SAME_PART)
     to = part_chain(found, wanted, slopes, name)
     upper, lower = (_form(part, meshed, by, s) for s in (1, -1))
     total = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)

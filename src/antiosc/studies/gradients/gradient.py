@@ -206,12 +206,12 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
-    from antiosc.results.fields import shapes_of  # loads dolfinx
+    from antiosc.results.fields import checked_shapes  # loads dolfinx
     from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
 
     bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
-        shapes_of(part, hit, name, SAME_PART)
+        checked_shapes(part, hit, name, SAME_PART)
         to: dict[int, Callable[..., float]] = {}
         for which, body in enumerate(bodies):
             if body.shapes is not None and taken[which][0].coupled(name):
