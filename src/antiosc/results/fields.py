@@ -210,9 +210,8 @@ def checked_shapes(
             "was extracted from another structure."
         )
     factors, count = of_unit_energies(own)
-    for x, matrix, what, limit in zip(
-        combined(own.basis, factors), (structure.K, structure.M), ("stiff", "heavy"), limits, strict=True
-    ):
+    of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
+    for x, (matrix, what, limit) in zip(combined(own.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
