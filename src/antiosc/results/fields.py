@@ -215,7 +215,7 @@ def checked_shapes(
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.4g} times as {what} on the shapes of the model as the"
+                f"the structure is {ratio:.6g} times as {what} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
     return own.basis
