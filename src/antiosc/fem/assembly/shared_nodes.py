@@ -34,7 +34,9 @@ class SharedNodes(Joint):
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
-        ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
+        ordered = sorted(
+            layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
+        )
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
         _check_places(layout, cells)
         return [
@@ -88,13 +90,6 @@ class _Cells:
                 return None
         common = set.intersection(*(self.around.get(n, set()) for n in numbers))
         return min(common) if common else None
-
-
-def _degree(member: Member) -> int:
-    """Polynomial degree of the displacements."""
-    space = member.part.form.space
-    (path, *_) = member.part.form.components.values()
-    return int(compat.subspace(space, path).element.basix_element.degree)
 
 
 def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
