@@ -86,7 +86,6 @@ class Margin(Brief):
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
-        used = f"{self.exposure:.3g} of the strength ({name})"
         if self.criterion == "yield":
             used = (
                 f"the largest von Mises stress, {engineering(self.value, 'Pa')} {where}, is "

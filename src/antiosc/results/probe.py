@@ -8,7 +8,6 @@ from it, and accelerations, need more anti-oscillators than the force (docs/resu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import cast
@@ -21,9 +20,10 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
+from antiosc.fem.elements.beam import Beam
 from antiosc.fem.fields import source
 from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.recovery.place import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site.named_points import motions_without_mesh, point_of
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
@@ -164,18 +164,15 @@ def _over_time(columns: Array, factors: Array) -> Array:
 def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
     """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
-    sections = [one.section for one in materials if hasattr(one, "section")]
-    sections = [one for one in sections if hasattr(one, "outline")]  # of beams, not of sheets
-    if not sections or there.fibre is not None:
+    beams = [one for one in materials if isinstance(one, Beam)]
+    if not beams or there.fibre is not None:
         return [there]
-    if not min(len(one.outline) for one in sections):
-        said = (
-            "a section given by A and I has no outline: the von Mises stress is that of its"
-            " centroid, without bending; give fibre=(y, z) or Section(…, outline=[(y, z), …])."
-        )
-        on_root(structure.comm, partial(warn, said, AccuracyWarning))
-        return [there]
-    return [replace(there, fibre=k) for k in range(max(len(one.outline) for one in sections))]
+    on_edge = on_outlines(beams, there)
+    if on_edge:
+        return on_edge
+    said = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."
+    on_root(structure.comm, partial(warn, said, AccuracyWarning))
+    return [there]
 
 
 @collective(history=counted)

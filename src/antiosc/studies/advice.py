@@ -17,9 +17,10 @@ does not matter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
+from antiosc.fem.structure.structure import Structure
 from antiosc.models.resolved import strip, thickness_shear
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
@@ -80,22 +82,14 @@ class Advice(Given):
         )
 
 
-class Part(Protocol):
-    """Anything that has dimensions and material constants, such as a Structure."""
-
-    @property
-    def dimensions(self) -> tuple[float, float, float]:
-        """Length, width and thickness, m."""
-        ...
-
-    def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]); InputError for a material with directions."""
-        ...
-
-
 @checks.within_range
 def advise(
-    part: Any, impactor: Any, *, E: float | None = None, nu: float = 0.3, rho: float | None = None
+    part: Sequence[float] | Structure,
+    impactor: Any,
+    *,
+    E: float | None = None,
+    nu: float = 0.3,
+    rho: float | None = None,
 ) -> Advice:
     """The simplest sufficient element family for `impactor` on `part`, and its element size.
 
@@ -160,10 +154,10 @@ def advise(
 
 
 def _measures(
-    part: Any, E: float | None, nu: float, rho: float | None
+    part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
     """Length ≥ width, thickness, and (E, nu, rho)."""
-    if hasattr(part, "dimensions") and hasattr(part, "constants"):
+    if isinstance(part, Structure):
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
     else:

@@ -20,7 +20,15 @@ from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree
 from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import NodeTensors, Origin, Place, layers_of, strength_of
+from antiosc.fem.recovery.place import (
+    NO_OUTLINE,
+    NodeTensors,
+    Origin,
+    Place,
+    layers_of,
+    on_outlines,
+    strength_of,
+)
 from antiosc.fem.recovery.points import PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
@@ -203,13 +211,10 @@ def _requests(
         own = [n for n in every if stacks[n] > (ply.layer or 0)]
         return [(ply, own)] if own else []
     if part.kind.name == "beam" and places[0].fibre is None:
-        outlines = [len(beam.section.outline) for beam, _ in part.parts]
-        if not min(outlines):
-            raise InputError(
-                "a section given by A and I has no outline: give fibre=(y, z), the distances of "
-                "the point from its centroid, or Section(…, outline=[(y, z), …])."
-            )
-        return [(replace(places[0], fibre=k), every) for k in range(max(outlines))]
+        on_edge = on_outlines([beam for beam, _ in part.parts], places[0])
+        if not on_edge:
+            raise InputError(f"{NO_OUTLINE}.")
+        return [(place, every) for place in on_edge]
     return [(place, every) for place in (places if part.kind.sheet else places[:1])]
 
 

@@ -12,6 +12,13 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
+from antiosc.fem.elements.beam import Beam
+
+#: What is said of beams on whose outline a stress is asked.
+NO_OUTLINE = (
+    "a section given by A and I has no outline; give fibre=(y, z), the distances of the point from"
+    " its centroid, or Section(…, outline=[(y, z), …])"
+)
 
 SURFACES = ("top", "bottom", "middle")
 
@@ -43,6 +50,12 @@ class Place:
         if isinstance(self.surface, str):
             return self
         return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
+
+
+def on_outlines(beams: Sequence[Beam], place: Place) -> list[Place]:
+    """The place at each point of the outlines of the sections; none where one has no outline."""
+    sizes = [len(beam.section.outline) for beam in beams]
+    return [replace(place, fibre=k) for k in range(max(sizes))] if min(sizes) else []
 
 
 class Origin(NamedTuple):
