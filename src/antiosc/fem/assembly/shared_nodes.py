@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
+from antiosc.fem.assembly.between_nodes import Nodes, between_nodes
 from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.mesh import projected
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.io.neutral import Term
 
 #: Nodes with one number lie in one place, up to this share of the size of the assembly.
 SAME_PLACE = 1e-6
