@@ -23,7 +23,8 @@ from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform.mpi import on_root
-from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
+from antiosc.fem.structure.dissipation import Dissipation
+from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.meshed import Member
 from antiosc.models.motion import Inertia
 

@@ -25,10 +25,10 @@ from antiosc.fem.structure.attachments import (
     Attachment,
     Matrices,
     add_at_points,
-    add_beams,
     attachments_of,
 )
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.stiffeners import add_beams
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 
 
