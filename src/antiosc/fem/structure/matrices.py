@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar, TypedDict
 
 import numpy as np
 
@@ -23,6 +23,13 @@ from antiosc.models.motion import Inertia
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
 CLOSER = 6
+
+
+class Plausibility(TypedDict, total=False):
+    """Sentences on what is implausible of a part, and its fastest wave along bars, m/s."""
+
+    doubts: list[str]
+    wave_speed: float
 
 
 @dataclass(eq=False)
@@ -52,8 +59,8 @@ class StructureMatrices:
         return False
 
     @property
-    def plausibility(self) -> dict[str, Any]:
-        """What an extraction hands on for the plausibility of blows: "doubts", "wave_speed"."""
+    def plausibility(self) -> Plausibility:
+        """What an extraction hands on for the plausibility of blows."""
         return {}
 
     @property
