@@ -73,9 +73,11 @@ def test_no_mode_of_a_pair_is_missed(n):
         np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)
 
 
-def test_shapes_that_the_library_takes_for_converged_are_searched_again(monkeypatch):
-    """As SLEPc gives them where equal parts end its Krylov space, in Debian 13's version."""
+@pytest.mark.parametrize("most", [eigenmodes.DENSE_MANY, 0])
+def test_shapes_that_the_library_takes_for_converged_are_found_again(monkeypatch, most):
+    """As SLEPc gives them where equal parts end its Krylov space: by LAPACK, or beside others."""
     structure, spoilt = bar(), []
+    monkeypatch.setattr(eigenmodes, "DENSE_MANY", most)
 
     def spoiling(search):
         values, shapes = eigensolvers.lowest(search)
