@@ -333,6 +333,6 @@ def refuse_dampers(structure: Structure, what: str) -> None:
     """InputError for a structure with dampers, which `what` does not take."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
-            f"{what} does not take dampers, nor materials with loss= or prony=: leave them out, or "
-            "use extract."
+            f"{what} does not take dampers, nor materials with loss= or prony=: leave them out;"
+            " extract takes them, without damping=."
         )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from ctypes import addressof
+from math import isfinite, isnan
 from typing import Any
 
 from antiosc.base import march
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AntioscError, InputError
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
 
@@ -30,40 +32,66 @@ class OwnLaw:
         self.kernel = march.UserLaw(None, self.size, law.rate_dependent, *functions)
 
     def _force(self, _: Any, delta: float, rate: float, state: Any, out: Any) -> int:
-        try:
+        def values() -> Iterator[float]:
             now = tuple(state[: self.size])
-            out[0] = self.law.force(delta, rate, now)
-            out[1], out[2] = self.law.tangent(delta, rate, now)
-        except BaseException as error:  # it is raised once the march has returned
-            self.error = error
-        return int(self.error is not None)
+            yield self.law.force(delta, rate, now)
+            yield from self.law.tangent(delta, rate, now)
+
+        return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
     def _touch(self, _: Any, speed: float, first: int, state: Any, origin: Any) -> int:
-        try:
-            before = None if first else tuple(state[: self.size])
-            self._keep(self.law.touch(speed, before), state, origin)
-        except BaseException as error:
-            self.error = error
-        return int(self.error is not None)
+        before = None if first else tuple(state[: self.size])
+        return self._state(f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, before)
 
     def _advance(self, _: Any, delta: float, rate: float, state: Any, origin: Any) -> int:
-        try:
-            self._keep(self.law.advance(delta, rate, tuple(state[: self.size])), state, origin)
-        except BaseException as error:
-            self.error = error
-        return int(self.error is not None)
+        where = f"advance at {delta:g} m and {rate:g} m/s"
+        now = tuple(state[: self.size])
+        return self._state(where, state, origin, self.law.advance, delta, rate, now)
 
     def _work(self, _: Any, speed: float, delta: float, work: Any) -> int:
+        def values() -> Iterator[float]:
+            yield self.law.potential(delta, self.law.touch(speed))
+
+        return self._filled(f"potential at {delta:g} m", values, work)
+
+    def _state(
+        self,
+        where: str,
+        state: Any,
+        origin: Any,
+        new: Callable[..., tuple[float, ...]],
+        *arguments: object,
+    ) -> int:
+        """1 if the new state, or its origin, fails; else 0 and both are stored."""
+        found: list[float] = []
+
+        def values() -> Iterator[float]:
+            found.extend(new(*arguments))
+            yield from found
+
+        failed = self._filled(where, values, state, lambda x: not isnan(x))
+        return failed or self._filled(where, lambda: iter([self.law.origin(tuple(found))]), origin)
+
+    def _filled(
+        self,
+        where: str,
+        values: Callable[[], Iterator[float]],
+        out: Any,
+        sound: Callable[[float], bool] = isfinite,
+    ) -> int:
+        """0 if the law's values were stored in `out`; 1 if it failed: the march returns at once."""
         try:
-            work[0] = self.law.potential(delta, self.law.touch(speed))
-        except BaseException as error:
+            for i, value in enumerate(values()):
+                if not sound(value):
+                    raise ValueError(f"it returns {value}")
+                out[i] = value
+        except Exception as error:
+            told = f"{type(self.law).__name__}: {where} failed, {type(error).__name__}: {error}."
+            self.error = error if isinstance(error, AntioscError) else InputError(told)
+            self.error.__cause__ = None if self.error is error else error
+        except BaseException as error:  # Ctrl-C: raised once the march has returned
             self.error = error
         return int(self.error is not None)
-
-    def _keep(self, new: tuple[float, ...], state: Any, origin: Any) -> None:
-        for i, value in enumerate(new):
-            state[i] = value
-        origin[0] = self.law.origin(new)
 
 
 def packed(law: ContactLaw) -> tuple[march.Law, Any]:
