@@ -11,8 +11,8 @@ import numpy as np
 
 from antiosc.app import cli
 from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.run import COMMANDS, Results, results
-from antiosc.app.scene_file.scene import compiled
+from antiosc.app.scene_file.run import Results, results
+from antiosc.app.scene_file.scene import STUDIES, compiled
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"
@@ -197,7 +197,7 @@ def numbers(folder: Path) -> dict[str, Any]:
 
 def objects(path: Path, command: str = "run") -> Results:
     """What a scene makes when it runs."""
-    return results(compiled(read(path)), COMMANDS[command])
+    return results(compiled(read(path)), STUDIES[command].makes)
 
 
 def table(path) -> dict[str, np.ndarray]:

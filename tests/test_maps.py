@@ -145,21 +145,26 @@ def test_curved_patch_carries_a_unit_force():
     assert (found.share > 0.99).sum() > 30
 
 
-@pytest.mark.slow
-def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
+def sheet(cell="quadrilateral") -> ao.Structure:
+    """A sheet of two thicknesses."""
     groups = {
         "left": (1, lambda x: np.isclose(x[0], 0)),
         "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
         "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
     }
-    shell = ao.Structure(
-        parts.plate((6, 4), groups=groups),
+    return ao.Structure(
+        parts.plate((6, 4), cell=cell, groups=groups),
         {
             "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
             "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
         },
         [ao.Support("left")],
     )
+
+
+@pytest.mark.slow
+def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
+    shell = sheet()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = ao.impact_map(shell, direction=(0, 0, -1))
@@ -177,19 +182,7 @@ def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_given_points_of_a_sheet(cell):
-    groups = {
-        "left": (1, lambda x: np.isclose(x[0], 0)),
-        "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
-        "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
-    }
-    shell = ao.Structure(
-        parts.plate((6, 4), cell=cell, groups=groups),
-        {
-            "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
-            "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
-        },
-        [ao.Support("left")],
-    )
+    shell = sheet(cell)
     points = [(0.053, 0.021), (0.147, 0.034), (0.081, 0.042)]
     result = ao.impact_map(shell, points, direction=(0, 0, -1), accuracy=1e9)
     np.testing.assert_allclose(result.points[:, :2], points, atol=1e-12)

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -263,18 +264,13 @@ def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
-def test_an_fmu_is_built_from_its_sources(struck_sources, tmp_path):
-    listed = [each.attrib["name"] for each in struck_sources.description.iter("File")]
-    folder = struck_sources.folder / "sources"
+@pytest.mark.parametrize("fmi", [2])
+def test_an_fmu_is_built_from_its_sources(struck, tmp_path):
+    listed = [each.attrib["name"] for each in struck.description.iter("File")]
+    folder = struck.folder / "sources"
     build = ["cc", "-std=c99", "-shared", "-fPIC", "-o", str(tmp_path / "own.so"), *listed, "-lm"]
     subprocess.run(build, cwd=folder, check=True)
     assert (tmp_path / "own.so").stat().st_size > 0
-
-
-@pytest.fixture
-def struck_sources(model, tmp_path):
-    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION)
-    return Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
 
 
 def stiffness(m0, k0, m, k, x):
@@ -327,3 +323,10 @@ def test_what_cannot_be_exported_is_told_and_nothing_written(model, tmp_path, na
     with pytest.raises(ao.InputError, match=word):
         ao.export(tmp_path / name, model, *given)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_for_modelica_is_masses_on_springs(model, tmp_path):
+    with pytest.raises(ao.InputError, match="AntiOscillators"):
+        ao.export(tmp_path / "ball.mo", BALL)
+    with pytest.warns(ao.AccuracyWarning, match="damping"):
+        ao.export(tmp_path / "damped.mo", replace(model, damping=ao.Damping(0.01)))

@@ -217,15 +217,16 @@ def test_unsound_measurements_are_refused(change):
         ao.FRF(**(sound | change))
 
 
-def test_more_lines_than_can_be_fitted_are_refused():
-    many = ao.FRF(np.arange(1.0, 100_002.0), np.ones(100_001) + 0j, "mobility")
-    with pytest.raises(ao.InputError, match="band"):
-        ao.from_frf(many)
-
-
-def test_magnitudes_are_refused():
-    with pytest.raises(ao.InputError, match="imaginary"):
-        ao.from_frf(ao.FRF(F, np.abs(part()[:, 0, 0]), "receptance"))
+@pytest.mark.parametrize(
+    ("f", "values", "word"),
+    [
+        (np.arange(1.0, 100_002.0), np.ones(100_001) + 0j, "band"),
+        (F, np.abs(part()[:, 0, 0]), "imaginary"),
+    ],
+)
+def test_measurements_that_cannot_be_fitted_are_refused(f, values, word):
+    with pytest.raises(ao.InputError, match=word):
+        ao.from_frf(ao.FRF(f, values, "receptance"))
 
 
 def test_what_no_part_can_be_is_refused():

@@ -112,6 +112,8 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
         ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
         ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
         ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
+        ("point = [1.0, 0, 0]\npart", 'point = "second:rihgt"\npart', "'right'"),
+        ("[parts.first.material]", "[parts.first.material.bar]", "the group"),
     ],
 )
 def test_mistakes_in_an_assembly(tmp_path, capsys, old, new, held):

@@ -78,6 +78,14 @@ def test_materials_and_points_are_drawn(tmp_path):
     assert len(set(many.values["peak_force"])) == 2
 
 
+def test_a_mistake_of_the_scene_is_told_once(tmp_path, capsys):
+    text = BEAM.replace("mass = 0.05", "mass = -0.05") + DRAWN
+    assert antiosc("check", written(tmp_path, text)) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    line = next(i for i, text in enumerate(text.splitlines(), 1) if "-0.05" in text)
+    assert f":{line}: " in told
+
+
 @pytest.mark.parametrize(
     ("drawn", "held"),
     [

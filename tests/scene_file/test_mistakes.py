@@ -11,25 +11,17 @@ from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems
 from scene_files import BEAM, BRACKET, SCENES, antiosc, written
 
-#: line of BEAM that is replaced -> its replacement, and a word of the one sentence.
+#: line of BEAM that is replaced -> its replacement, and a word of the one sentence; further
+#: mistakes stand in MANY.
 ONE = {
-    "a section that does not exist": ("[extract]", "[extrakt]", "[extract]"),
-    "a key that does not exist": ("stiffness = 5e8", "stifness = 5e8", "'stiffness'"),
     "a key of another kind": ("velocity = 1.0", "radius = 1.0", "'radius'"),
-    "a kind that does not exist": ('kind = "Hertz"', 'kind = "Herz"', "'Hertz'"),
     "a kind that is no text": ('kind = "Hertz"', "kind = 3", "kind"),
     "a text for a number": ("mass = 0.05", 'mass = "heavy"', "number"),
-    "a number with a unit": ("mass = 0.05", 'mass = "50 g"', "SI"),
     "a truth value for a number": ("mass = 0.05", "mass = true", "number"),
     "a list for a number": ("mass = 0.05", "mass = [1]", "number"),
     "a date for a number": ("mass = 0.05", "mass = 2020-01-01", "number"),
-    "a value out of range": ("mass = 0.05", "mass = -0.05", "kg"),
     "a number that is not finite": ("mass = 0.05", "mass = nan", "finite"),
-    "a fraction for a whole number": ("n = 6", "n = 2.5", "whole"),
     "a whole number out of range": ("n = 6", "n = -1", "-1"),
-    "a value of a function out of range": ("duration = 2e-3", "duration = 0", "> 0"),
-    "a method that does not exist": (
-        "duration = 2e-3", 'duration = 2e-3\nmethod = "exakt"', "'exact'"),
     "a choice that does not exist": ("n = 6", 'n = 6\nmethod = "krilov"', "'krylov'"),
     "a file that does not exist": ("beam_K.mtx", "baem_K.mtx", "'beam_K.mtx'"),
     "a file that is a folder": ("beam_K.mtx", "", "regular"),

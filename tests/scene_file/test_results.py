@@ -16,7 +16,6 @@ import antiosc as ao
 from antiosc.app.new.template import write
 from antiosc.app.report import output, pictures, results as told
 from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.document import Problems, SceneFileError
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
@@ -171,18 +170,6 @@ def test_files_have_no_nan(tmp_path):
     assert [read[key] for key in "abc5"] == [None, [1.0, None], None, [1]]
     output.write_table(tmp_path / "t.csv", {"x, y": [0.1, math.nan], "n": np.array([1, 2])})
     assert (tmp_path / "t.csv").read_text() == '"x, y",n\n0.1,1\n,2\n'
-
-
-def test_mistakes_are_told_by_their_lines():
-    found = Problems("s", "\n\nb = 1\n\n\n\n[a]")
-    found.raise_if_any()
-    for place, sentence in ((("a", "x"), "first"), (("b",), "  second\n one"), ((), "third")):
-        found.add(place, sentence)
-    found.add(("a",), "first")
-    with pytest.raises(SceneFileError) as caught:
-        found.raise_if_any()
-    assert str(caught.value) == "s:1: third\ns:3: second one\ns:7: first"
-    assert str(found.error(("b",), "while it ran")) == "s:3: while it ran"
 
 
 def test_names_with_control_characters_are_refused(tmp_path):

@@ -217,15 +217,6 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
 
 
-@pytest.mark.slow
-@pytest.mark.fem
-def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
-    pytest.importorskip("dolfinx")
-    for name, part in {"a": SCENES / "bar.inp", "b": SCENES.parents[1] / "meshes/beam.msh"}.items():
-        assert antiosc("new", tmp_path / f"{name}.toml", part) == 0
-        assert antiosc("check", tmp_path / f"{name}.toml") == 0
-
-
 @pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])

@@ -92,18 +92,10 @@ WRONG = {
     "probes": (MODEL + HIT + '[probes.a]\npoint = [0, 0, 0]\n', [(12, "simulation")]),
     "probes without": (DECK + SITE + '[probes.a]\npoint = [0, 0, 0]\n', [(6, "simulation")]),
     "sweep": (BODIES + '[sweep]\nimpactor.mass = [1.0]\n', [(13, "varies")]),
-    "sweep law": (
-        MODEL + HIT + '[sweep]\ncontact.stiffness = [1e8, 2e8]\n'
-        'impactor.velocity = [1.0, 2.0, 3.0]\n', [(12, "contact.stiffness")]),
     "sweep kind": (
         MODEL + HIT.replace('"Hertz"\nstiffness = 5e8', '"impactor.hertz"') + '[sweep]\n'
         'contact.stiffness = [1e8]\nsimulate.n = [1]\n',
         [(7, "number"), (7, "number"), (13, "duration")]),
-    "sweep section": (
-        MODEL + HIT + '[sweep]\nextract.n = [1]\nmodel = 3\n'
-        'simulate.method = ["exact"]\nimpactor.mass = []\n',
-        [(13, "extract"), (14, "lists"), (15, "simulate"), (16, "sweep.impactor.mass")]),
-    "empty sweep": (MODEL + HIT + '[sweep]\n', [(12, "holds")]),
     "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "Anti-oscillators")]),
     "parts": (
         '[parts.a]\nsource = 3\n[parts]\nb = 2\n' + SITE,

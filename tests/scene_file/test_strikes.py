@@ -24,7 +24,10 @@ def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
         return found.arguments
 
     assert struck(STRIKE)["source"].name == "Structure"
-    given = struck(STRIKE.replace("order = 1\n", "").replace("[structure]\n", ""))
+    meshed = STRIKE.replace("order = 1\n", "").replace("[structure]\n", "")
+    assert antiosc("check", written(tmp_path, meshed.replace('"clamp"', '"klamp"'))) == 1
+    assert "did you mean 'clamp'" in capsys.readouterr().err
+    given = struck(meshed)
     assert given["source"] == f"{MESHES}/bracket.msh"
     assert given["material"].name == "Solid"
     assert [one.arguments["where"] for one in given["supports"]] == ["clamp"]

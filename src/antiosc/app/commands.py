@@ -15,30 +15,11 @@ from antiosc.app.report import output, report, results
 from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.scene import Compiled, compiled
+from antiosc.app.scene_file.scene import STUDIES, Compiled, compiled
 from antiosc.app.scene_file.schema import schema
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.progress import say
-
-#: Command -> the object of the scene that it is for, and what a scene without it lacks.
-STUDIES = {
-    "run": (
-        "simulation",
-        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
-        " [find]",
-    ),
-    "sweep": (
-        "batch",
-        "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
-    ),
-    "monte-carlo": (
-        "sample",
-        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
-        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
-    ),
-    "map": ("map", "no [map]; with that line alone all of the surface is struck"),
-}
 
 
 def guarded(options: Namespace) -> int:
@@ -113,9 +94,9 @@ def _schema(_options: Namespace) -> int:
 def _study(options: Namespace) -> int:
     """Forecast, or compute, print and write what `antiosc run`, `sweep` or `map` does."""
     scene = compiled(read(options.file))
-    wanted, lacking = STUDIES[options.command]
-    if getattr(scene, wanted) is None:
-        raise InputError(f"{options.file} has {lacking}.")
+    study = STUDIES[options.command]
+    if getattr(scene, study.result) is None:
+        raise InputError(f"{options.file} has {study.lacking}.")
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
     if options.dry_run:
@@ -128,7 +109,7 @@ def _study(options: Namespace) -> int:
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else output.folder(target)
-    found = run.results(scene, run.COMMANDS[options.command])
+    found = run.results(scene, study.makes)
     say(results.text(found))
     written = [] if folder is None else output.write(found, folder)
     if page is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -57,7 +57,7 @@ class SurfaceMap(Protocol):
     @property
     def alone(self) -> IntArray: ...
     @property
-    def info(self) -> dict[str, object]: ...
+    def info(self) -> Mapping[str, object]: ...
     @property
     def doubtful(self) -> BoolArray: ...
 

@@ -20,7 +20,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
-from antiosc.fem.elements.beam import Beam
+from antiosc.fem.elements.sections import Section
 from antiosc.fem.fields import source
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.recovery.place import NO_OUTLINE, Place, on_outlines, place
@@ -164,10 +164,11 @@ def _over_time(columns: Array, factors: Array) -> Array:
 def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
     """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
-    beams = [one for one in materials if isinstance(one, Beam)]
-    if not beams or there.fibre is not None:
+    sections = [getattr(material, "section", None) for material in materials]
+    of_beams = [section for section in sections if isinstance(section, Section)]
+    if not of_beams or there.fibre is not None:
         return [there]
-    on_edge = on_outlines(beams, there)
+    on_edge = on_outlines(of_beams, there)
     if on_edge:
         return on_edge
     said = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."

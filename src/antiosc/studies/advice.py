@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.resolved import strip, thickness_shear
+from antiosc.simulation.bodies.impactors import RigidMass, Sphere
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.
@@ -85,7 +85,7 @@ class Advice(Given):
 @checks.within_range
 def advise(
     part: Sequence[float] | Structure,
-    impactor: Any,
+    impactor: RigidMass | Sphere,
     *,
     E: float | None = None,
     nu: float = 0.3,
@@ -98,7 +98,7 @@ def advise(
     part : sequence of 3 floats, or Structure
         Length, width and thickness of the bounding box, m, with the impact along the thickness; or
         a structure, from which the dimensions and the material are taken.
-    impactor : Sphere
+    impactor : Sphere, or RigidMass with a tip
         Or any object with a mass, a velocity and a method `hertz(E, nu)`.
     E, nu, rho : float
         Of the part's material; needed with bare dimensions.

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from antiosc.fem.structure.structure import Structure
 FREE_MODES = 20
 #: Frequency of the last free mode over the band.
 ABOVE = 1.5
+
+#: What names the sites of a map: surfaces, or points (P, 2 or 3).
+Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +55,7 @@ class FreeSites:
 def free_sites(
     structure: Structure,
     matrices: MeshedParts,
-    where: Any,
+    where: Where,
     direction: Sequence[float] | None,
     radius: float | None,
     modes: int | None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,15 @@ from antiosc.results.pictures import plot_map
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class MapInfo(TypedDict, total=False):
+    """The structure in words, its free modes, the dimension of its cells, and seconds by step."""
+
+    structure: str
+    free_modes: int
+    cell_dimension: int
+    seconds: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,7 +62,7 @@ class ImpactMap(Brief):
         each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
         no material has a yield_strength.
     stress_points : (P, 3) where that is [m].
-    info : free modes, seconds, …; JSON values.
+    info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None.
     """
 
@@ -76,7 +85,7 @@ class ImpactMap(Brief):
     peak_stress: Array | None = None
     exposure: Array | None = None
     stress_points: Array | None = None
-    info: dict[str, Any] = field(default_factory=dict)
+    info: MapInfo = field(default_factory=lambda: MapInfo())
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     impactor: LinearBody | None = None
     contact: ContactLaw | None = None

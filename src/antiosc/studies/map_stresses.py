@@ -60,7 +60,7 @@ def largest_stresses(
 
     InputError for parts whose stress is not known: beams whose section has no outline.
     """
-    places = _places(structure)
+    places = sides(structure)
     modes = _recovered(structure, seen.phi, places)
     slow = seen.b / (seen.omega**2 + structure.shift)
     found: list[tuple[float, Array, float]] = []
@@ -79,7 +79,7 @@ def largest_stresses(
     return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
 
 
-def _places(structure: Structure) -> list[Place]:
+def sides(structure: Structure) -> list[Place]:
     """Both sides of sheets; of other parts the one place that there is."""
     members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
     sheets = any(member.part.kind.sheet for member, _ in members)

@@ -44,7 +44,7 @@ from antiosc.simulation.histories.body_motion import peak_deflections
 from antiosc.simulation.problem.two_bodies import impact_band
 from antiosc.simulation.simulate import MAX_STEPS, impact
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
-from antiosc.studies.map_results import ImpactMap
+from antiosc.studies.map_results import ImpactMap, MapInfo
 from antiosc.studies.map_stresses import largest_stresses
 
 #: The band where neither it nor a blow is given, over the last free mode.
@@ -167,12 +167,12 @@ def impact_map(
         "models": reduced - moved,
         "direct": extracted - reduced,
     }
-    info = {
-        "structure": structure.describe(),
-        "free_modes": len(omega),
-        "cell_dimension": found.dimension,
-        "seconds": {**structure.seconds, **seconds},
-    }
+    info = MapInfo(
+        structure=structure.describe(),
+        free_modes=len(omega),
+        cell_dimension=found.dimension,
+        seconds={**structure.seconds, **seconds},
+    )
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
@@ -323,7 +323,7 @@ def _struck(
     return replace(
         result,
         **found,
-        info={**result.info, "seconds": seconds},
+        info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
         duration=duration,

@@ -13,13 +13,13 @@ finer than it must be.
 from __future__ import annotations
 
 import logging
+import math
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias, TypedDict
 
 import numpy as np
 
@@ -30,9 +30,11 @@ from antiosc.base.memory import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
+from antiosc.fem.extraction.extract import extract
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import collective, on_root
@@ -42,23 +44,13 @@ from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
+from antiosc.simulation.bodies.impactors import RigidMass, Sphere
 from antiosc.simulation.errors.error_budget import SAFETY, SHELL, amplitudes
-from antiosc.simulation.histories.error_bars import ErrorBudget
+from antiosc.simulation.errors.truncation import truncation_error
+from antiosc.simulation.histories.error_bars import ErrorBudget, differences, floored
 from antiosc.simulation.histories.history import History, with_model
 from antiosc.simulation.simulate import simulate
 from antiosc.studies.advice import advise
-from antiosc.studies.strike_answers import (
-    FIRST_N,
-    MORE_ON_LINES,
-    MOST_N,
-    TRUNCATION_SHARE,
-    Answer,
-    answered,
-    changed_since,
-    compared,
-    next_n,
-    record,
-)
 
 #: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
 AIM = 0.8
@@ -78,8 +70,29 @@ SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
 #: and this power; by dimension.
 FACTOR_BYTES, FACTOR_POWER = {1: 200.0, 2: 400.0, 3: 240.0}, {1: 1.0, 2: 1.1, 3: 4 / 3}
+#: Shares of the tolerance for the truncation and for the time steps.
+TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
+#: Least truncation error that a number of anti-oscillators is chosen for.
+LEAST_TRUNCATION = 1e-7
+#: Bounds of the tolerance of the time integration.
+FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
+#: First and largest number of anti-oscillators.
+FIRST_N, MOST_N = 20, 300
+#: Growth of that number from one mesh of lines to the next.
+MORE_ON_LINES = 1.5
+#: Least and largest power of that number by which the truncation error is taken to fall.
+RATES = (0.5, 3.0)
+#: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
+#: of the bars of both, and least one of their dofs, for which they are compared: another mesh with
+#: as many dofs shows no convergence.
+LEAST_SHARE, CLOSER, FINER = 0.6, 0.8, 1.5
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
+
+#: The impact on a model, to a tolerance.
+Run = Callable[[AntiOscillators, float], History]
+#: Of all cells, or of groups of them.
+Material: TypeAlias = Family | Mapping[str, Family]
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +107,7 @@ def strike(
     duration: float,
     *,
     tol: float,
-    material: Any = None,
+    material: Family | Mapping[str, Family] | None = None,
     supports: Sequence[Support] = (),
     order: int = 2,
     limit: float | None = None,
@@ -145,7 +158,7 @@ def strike(
     if limit is not None:
         limit = checks.positive("limit", limit, "s")
     checks.instance("site", site, Site, "a Site(point, direction)")
-    _check_source(source, material, supports)
+    material = _material_of(source, material, supports)
 
     def run(model: AntiOscillators, error: float) -> History:
         return simulate(
@@ -188,11 +201,14 @@ def strike(
         mesh = place.finer(mesh, ratio)
 
 
-def _check_source(source: Any, material: Any, supports: Any) -> None:
+def _material_of(
+    source: object, material: Material | None, supports: Sequence[Support]
+) -> Material:
+    """The material, {} of a Structure; InputError for one that is missing, or that is too much."""
     if isinstance(source, Structure):
         if material is not None or len(supports):
             raise InputError("a Structure has its own material and supports: leave them out.")
-        return
+        return {}
     if not isinstance(source, str | Path | Mesh):
         raise InputError(
             "source must be a file with a geometry or a mesh, a Mesh or a Structure; got "
@@ -200,10 +216,11 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
         )
     if material is None or (isinstance(material, Mapping) and not material):
         raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
+    return material
 
 
 def _begin(
-    place: Source, site: Site, impactor: Any, material: Any, order: int
+    place: Source, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
     """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
@@ -213,7 +230,7 @@ def _begin(
     contact = _contact_radius(impactor, solids[0], thickness)
     if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
         half = thickness / 2
-        site = replace(site, radius=min(sqrt(contact * half), half) if contact else half / 1.5)
+        site = replace(site, radius=min(math.sqrt(contact * half), half) if contact else half / 1.5)
     refine: list[tuple[Sequence[float], float]] = []
     struck = site.radius is not None or isinstance(solids[0], Beam)
     if struck and site.point is not None and not isinstance(site.point, str):
@@ -221,20 +238,152 @@ def _begin(
     return site, place.first(FIRST_SIZE * order * thickness, refine)
 
 
-def _sheets(materials: Sequence[Any]) -> bool:
+def _sheets(materials: Sequence[object]) -> bool:
     """Whether a part of these materials is a shell; beams may stiffen it."""
     return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
 
 
-def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
+def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
     """Of Hertz's contact at its peak [m]; 0 where the impactor does not tell its shape."""
-    if not isinstance(material, Solid):
+    if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
         return 0.0
     E, nu, rho = material.constants()
     try:
         return advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
     except InputError:
         return 0.0
+
+
+# -- the answer of one mesh, and what the mesh before tells of it
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One structure's answer: the run of the raw model; the one that is answered, of the corrected
+    model (of shells the raw one), with its budget; and what they took."""
+
+    structure: Structure
+    raw: History
+    hit: History
+    budget: ErrorBudget
+    n: int
+    seconds: float
+
+
+def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
+    """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
+    started = time.perf_counter()
+    accuracy = float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+    most = min(MOST_N, structure.dofs - 1)
+    n = min(n, most)
+    while True:
+        model = extract(structure, site, n=n, error="estimate")
+        hit = run(model, accuracy)
+        budget = hit.error_budget
+        left = max(bar.truncation for bar in budget.values())
+        if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
+            break
+        n = int(np.clip(_enough(model, run, left, tol), n + n // 2, min(3 * n, most)))
+    if model.strain_misfit is not None:  # a shell's corrected model is not always nearer
+        seconds = time.perf_counter() - started
+        return Answer(structure, hit, hit, budget, n, seconds)
+    soft = run(model.corrected(), accuracy)
+    seconds = time.perf_counter() - started
+    return Answer(structure, hit, soft, budget.of_corrected(soft), n, seconds)
+
+
+def compared(answer: Answer, before: Answer | None) -> Answer:
+    """The answer with a smaller bar of the mesh if the mesh before shows that it may be smaller.
+
+    The corrected models of both meshes differ by Δ, their bars of the mesh are b and b' < b. If the
+    errors of both are the same share of their bars, this share is at most Δ / (b - b'). Twice that,
+    and at least `LEAST_SHARE`, is taken.
+    """
+    if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
+        return answer
+    old, new = (max(bar.mesh for bar in each.budget.values()) for each in (before, answer))
+    if new > CLOSER * old or answer.structure.dofs < FINER * before.structure.dofs:
+        return answer
+    changed = max(differences(before.hit, answer.hit).values())
+    share = float(np.clip(2 * changed / (old - new), LEAST_SHARE, 1.0))
+    bars = {name: replace(bar, mesh=share * bar.mesh) for name, bar in answer.budget.items()}
+    return replace(answer, budget=replace(answer.budget, bars=bars))
+
+
+def changed_since(answer: Answer, before: Answer | None) -> Answer:
+    """The answer of a mesh of lines, whose bars are at least the change from the mesh before.
+
+    That had lines twice as long and fewer anti-oscillators: the change is more than the error that
+    is left if this falls at all with the size, whatever the estimates of both meshes say.
+    """
+    if before is None:
+        return answer
+    changed = floored(differences(before.hit, answer.hit))
+    bars = {
+        name: replace(bar, mesh=max(bar.mesh, changed[name])) for name, bar in answer.budget.items()
+    }
+    return replace(answer, budget=replace(answer.budget, bars=bars))
+
+
+def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
+    """Largest error of the truncation for which no further anti-oscillators are extracted now.
+
+    Where a finer mesh is needed in any case it must not exceed the mesh's share, for then it says
+    as well where this mesh should be finer.
+    """
+    share = TRUNCATION_SHARE * tol
+    left = 1 - 1 / budget.safety
+    meets = all(left * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values())
+    return share if meets else max(share, left * max(bar.mesh for bar in budget.values()))
+
+
+def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
+    """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
+    error = max(bar.truncation for bar in answer.budget.values())
+    enough = _enough(answer.raw.model, run, error, tol)
+    return int(np.clip(enough, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
+
+
+def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
+    """Number of anti-oscillators whose truncation error is its share of the tolerance.
+
+    It is extrapolated from the error of `model` and that of half as many anti-oscillators.
+    """
+    share = max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)
+    half = model.n // 2
+    if half < 1:
+        return FIRST_N
+    omega = float(model.omega[half])
+    coarser = truncation_error(model.truncated(half), run, next_omega=omega, tol=0.1 * share).worst
+    error = max(error, 0.1 * share)
+    rate = np.clip(math.log(max(coarser, error) / error) / math.log(model.n / half), *RATES)
+    return math.ceil(model.n * (error / share) ** (1 / rate))
+
+
+class MeshRecord(TypedDict):
+    """What is kept of one mesh: its size, `n`, seconds, bars of mesh and all, peak force [N]."""
+
+    dofs: int
+    n: int
+    seconds: float
+    mesh: float
+    total: float
+    peak_force: float
+
+
+def record(answer: Answer) -> MeshRecord:
+    """What is kept of one mesh, JSON values."""
+    return MeshRecord(
+        dofs=answer.structure.dofs,
+        n=answer.n,
+        seconds=answer.seconds,
+        mesh=max(bar.mesh for bar in answer.budget.values()),
+        total=answer.budget.worst,
+        peak_force=answer.hit.peak_force,
+    )
+
+
+# -- the next mesh
 
 
 def _next(
@@ -245,16 +394,16 @@ def _next(
     limit: float | None,
     started: float,
     meshes: int,
-) -> tuple[Any, str]:
+) -> tuple[Array, str]:
     """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
     room = _room(answer.budget, tol)
     if min(room.values()) < LEAST_ROOM * tol:
-        return None, (
+        return np.ones(0), (
             "A finer mesh does not help: the shares of time steps and patch take the tolerance "
             "alone; change the radius of the site."
         )
     if answer.n >= MOST_N:
-        return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
+        return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
     usual = _usual(answer)
     goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
@@ -312,11 +461,11 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     return room
 
 
-def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: str) -> History:
+def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
     """The history, with its budget and the story of its meshes."""
     hit, budget = answer.hit, answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
-    dofs = ", ".join(str(record["dofs"]) for record in records)
+    dofs = ", ".join(str(one["dofs"]) for one in records)
     story = f"Meshes of {dofs} dofs; bar {100 * budget.worst:.2g} % for tol = {100 * tol:g} %."
     if budget.worst > tol and not told:
         share = max(bar.model for bar in budget.values())

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from antiosc import __version__
-from antiosc.app.exports.fmu import identifier
+from antiosc.app.exports.fmu import identifier, sources
 from antiosc.app.exports.run_data import RunData
-from antiosc.app.exports.sources import sources
 from antiosc.base import files
 
 _ORDER = ("antiosc_march.h", "export/antiosc_model.h", "internal.h")

@@ -9,8 +9,9 @@ from pathlib import Path
 from antiosc.app.exports import c_file, fmu, modelica, mujoco
 from antiosc.app.exports.run_data import RunData, of_model, of_scene
 from antiosc.base import checks
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
 from antiosc.simulation.problem.scene_parts import Contact, SceneParts
@@ -18,8 +19,10 @@ from antiosc.simulation.scene import Scene
 
 #: By the ending: what writes an impact or a port.
 _RUNS: dict[str, Callable[..., None]] = {".fmu": fmu.write, ".c": c_file.write}
-#: By the ending: what writes a model, and its impact where that is given.
+#: By the ending: what writes a model as masses on springs, and its impact where that is given.
 _MODELS: dict[str, Callable[..., None]] = {".xml": mujoco.write, ".mo": modelica.write}
+#: Residual mass over m_st below which the highest anti-oscillator enlarges it, of such a model.
+_SMALLEST = 1e-6
 
 
 def export(
@@ -84,7 +87,7 @@ def export(
             raise InputError(
                 f"a file {ending} holds one model; a Scene can be an .fmu or a .c file."
             )
-        _MODELS[ending](target, source, impactor, contact, duration)
+        _MODELS[ending](target, _chain(source, ending), impactor, contact, duration)
         return
     data = _run_data(source, scene, duration, checks.tolerance(tol))
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
@@ -125,6 +128,22 @@ def _scene(
         gravity=gravity,
         motion={} if motion == 0 else {"structure": motion},
     )
+
+
+def _chain(model: object, ending: str) -> AntiOscillators:
+    """The model with a residual mass > 0; InputError for one that is no chain of springs."""
+    if not isinstance(model, AntiOscillators) or model.sites:
+        raise InputError(
+            f"a file {ending} holds AntiOscillators of one site; got {type(model).__name__}"
+            f"{' of several sites' if isinstance(model, AntiOscillators) else ''}."
+        )
+    if model.damping is not None:
+        warn(f"the damping of the model is left out of the file {ending}.", AccuracyWarning)
+    while model.n and model.m0 <= _SMALLEST * model.m_st:
+        model = model.truncated(model.n - 1)  # its mass joins m0
+    if model.m0 <= 0:
+        raise InputError(f"a file {ending} needs a residual mass m0 > 0; got m0 = {model.m0:g} kg.")
+    return model
 
 
 def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:

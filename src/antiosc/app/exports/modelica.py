@@ -6,10 +6,10 @@ from pathlib import Path
 
 from antiosc import __version__
 from antiosc.app.exports.fmu import identifier
-from antiosc.app.exports.springs import chain
 from antiosc.base import files
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
 
 _TEXT = """\
 model {name} "Structure struck at one site, as anti-oscillators (antiosc {version})"
@@ -48,7 +48,7 @@ _SUPPORT = """\
 
 def write(
     path: Path,
-    model: object,
+    body: AntiOscillators,
     impactor: object = None,
     contact: ContactLaw | None = None,
     duration: float | None = None,
@@ -59,7 +59,6 @@ def write(
             "a file .mo holds a model with a flange: connect the striker and its contact there, or"
             " export an .fmu with the contact law inside."
         )
-    body = chain(model, path.suffix)
     supported = body.k0 > 0
     text = _TEXT.format(
         name=identifier(path.stem), version=__version__, n=body.n, m0=float(body.m0),

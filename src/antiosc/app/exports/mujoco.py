@@ -12,7 +12,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from antiosc.app.exports.run_data import LASTING
-from antiosc.app.exports.springs import chain
 from antiosc.base import files
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Linear
@@ -28,13 +27,12 @@ _STEPS = 40  # of a step, in the shortest period
 
 def write(
     path: Path,
-    model: object,
+    body: AntiOscillators,
     impactor: object = None,
     contact: ContactLaw | None = None,
     duration: float | None = None,
 ) -> None:
     """Write the MJCF file of a model, with the striker and the contact if they are given."""
-    body = chain(model, path.suffix)
     axis = np.array([0.0, 0.0, -1.0]) if body.direction is None else np.asarray(body.direction)
     root = ET.Element("mujoco", model=path.stem)
     frequencies = [*body.omega[-1:].tolist(), ((body.k0 + body.k.sum()) / body.m0) ** 0.5]

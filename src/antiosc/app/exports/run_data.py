@@ -25,18 +25,14 @@ from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import SceneParts
 from antiosc.simulation.scene import exactly, start
 
-#: kinds of outputs, `axm_kind`
-FORCE, INDENTATION, PEAK, IMPULSE, DISPLACEMENT, VELOCITY = range(6)
-UNITS = {
-    FORCE: "N",
-    INDENTATION: "m",
-    PEAK: "N",
-    IMPULSE: "N.s",
-    DISPLACEMENT: "m",
-    VELOCITY: "m/s",
+#: Outputs of a contact and of a site: `axm_kind` -> name, unit.
+OF_CONTACT = {
+    0: ("force", "N"),
+    1: ("indentation", "m"),
+    2: ("peak_force", "N"),
+    3: ("impulse", "N.s"),
 }
-OF_CONTACT = {FORCE: "force", INDENTATION: "indentation", PEAK: "peak_force", IMPULSE: "impulse"}
-OF_SITE = {DISPLACEMENT: "displacement", VELOCITY: "velocity"}
+OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
 #: Expected contact times for which the step is chosen by default, how often that is doubled until
 #: the bodies part, and how much longer a run may be.
 LASTING, DOUBLED, LONGER = 20, 6, 1024
@@ -255,11 +251,11 @@ def _contact_outputs(
 ) -> tuple[NDArray[np.int32], list[Variable]]:
     specs, variables = [], []
     for c, (a, b) in enumerate(contacts):
-        for kind, name in OF_CONTACT.items():
+        for kind, (name, unit) in OF_CONTACT.items():
             specs.append((kind, c))
             full = name if plain else f"{a},{b}.{name}"
             of = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
-            variables.append(Variable(full, UNITS[kind], of))
+            variables.append(Variable(full, unit, of))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 
@@ -267,9 +263,9 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     specs, variables = [], []
     for i, prefix in enumerate(names):
         of = f"the {prefix.rstrip('._')}" if prefix else "the site"
-        for kind, name in OF_SITE.items():
+        for kind, (name, unit) in OF_SITE.items():
             specs.append((kind, i))
-            variables.append(Variable(prefix + name, UNITS[kind], f"{name} of {of}"))
+            variables.append(Variable(prefix + name, unit, f"{name} of {of}"))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.errors.truncation import softest
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar
 from antiosc.simulation.histories.history import History, SceneHistory
 
 #: Relative error of the forces of the runs on the page, and of those that colour a map.
@@ -26,7 +25,7 @@ CURVE = 2000
 RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
-def of_history(hit: History, bars: Mapping[str, Any]) -> Data | None:
+def of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
     """The impact for the page; None for one that the page cannot repeat.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
@@ -106,7 +105,7 @@ def _ratio(model: LinearBody) -> float | None:
     return damping.ratio if plain and damping.alpha == damping.beta == 0 else None
 
 
-def _bars(hit: History, budget: Mapping[str, Any], local: float) -> Data:
+def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
     """Relative errors by quantity and cause, and the bodies whose impacts tell mesh and truncation.
 
     On the page the bar of such a cause grows as the difference that its body makes there.

@@ -15,12 +15,11 @@ from antiosc.app.page.assets import Data
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
-from antiosc.fem.recovery.place import place
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import shapes_of
 from antiosc.simulation.histories.history import History
+from antiosc.studies.map_stresses import sides
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.
 FIELDS, MISSED = (12, 8), 0.01
@@ -108,13 +107,11 @@ def _bars(points: Array, lines: IntArray, moved: Array) -> tuple[Array, IntArray
 
 def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
     """Stresses (P, 6, columns) at all points on rank 0, of sheets on both sides; None: unknown."""
-    members = with_parts(structure).fields(shapes[:, :0], None)
-    sheets = any(member.part.kind.sheet for member, _ in members)
     found = []
-    for side in ("top", "bottom") if sheets else ("top",):
+    for side in sides(structure):
         try:
             points, _, tensors = source(structure).tensors_at_nodes(
-                structure, shapes, "stress", [place(side, None, None, "global")]
+                structure, shapes, "stress", [side]
             )
         except InputError:  # a beam, whose section has no outline
             return None

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from antiosc.app.page import assets, blow
 from antiosc.app.page.assets import Data
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
+from antiosc.simulation.histories.error_bars import ErrorBar
 from antiosc.simulation.histories.history import History
 from antiosc.studies.map_results import ImpactMap
 
@@ -30,7 +31,9 @@ def of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
     return {"engine": assets.engine(), "blow": struck[0], "sites": struck[1]}
 
 
-def of_history(hit: History, structure: Structure | None, budget: Mapping[str, Any]) -> Data | None:
+def of_history(
+    hit: History, structure: Structure | None, budget: Mapping[str, ErrorBar]
+) -> Data | None:
     """The data of an impact, on every rank; None for one that the page cannot repeat."""
     own = blow.of_history(hit, budget)
     if own is None:

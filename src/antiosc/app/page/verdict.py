@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from antiosc.app.page.assets import Data
 from antiosc.base.engineering import engineering, percent, place, with_bar
 from antiosc.models.body import LinearBody, places_of
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar
 from antiosc.simulation.histories.history import History
 from antiosc.studies.map_results import ImpactMap, hardest
 
@@ -45,7 +45,7 @@ class Headline(NamedTuple):
 def of_history(
     hit: History,
     structure: Structure | None,
-    budget: Mapping[str, Any],
+    budget: Mapping[str, ErrorBar],
     fields: Mapping[str, PeakField],
     worst: Data | None,
 ) -> Headline:
@@ -162,7 +162,7 @@ def _absorbed(hit: History) -> str:
     )
 
 
-def _accuracy(budget: Mapping[str, Any]) -> str:
+def _accuracy(budget: Mapping[str, ErrorBar]) -> str:
     """What limits the accuracy, and what to do."""
     if not budget:
         return (

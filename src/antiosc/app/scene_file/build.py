@@ -94,7 +94,7 @@ class Call:
 
 
 #: Laws that bodies make: "ball.hertz" -> (its class and method, the ball).
-Methods = Mapping[str, tuple[str, Any]]
+Methods = Mapping[str, tuple[str, object]]
 
 
 def calls_in(value: object) -> Iterator[Call]:
@@ -144,13 +144,13 @@ class Evaluation:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self._made: dict[Call, Any] = {}
+        self._made: dict[Call, object] = {}
 
     def __call__(self, value: Any) -> Any:
         """A value with the objects of the calls in it."""
         return replaced(value, self._object)
 
-    def _object(self, call: Call) -> Any:
+    def _object(self, call: Call) -> object:
         if call.made is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
             text = DOING.get(call.name)
@@ -268,7 +268,7 @@ class Builder:
 
     def _function(
         self, makes: Sequence[str], table: Table, place: Place, methods: Methods
-    ) -> tuple[str, Any]:
+    ) -> tuple[str, object]:
         """(the callable, the object whose method it is)."""
         kinds = [*makes, *methods]
         chosen = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
@@ -283,7 +283,7 @@ class Builder:
 
     def _values(
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
-    ) -> tuple[dict[str, Any], bool]:
+    ) -> tuple[dict[str, object], bool]:
         """The sound values of a table, and whether all are sound and there."""
         found, whole = {}, True
         for key, value in table.items():
@@ -351,7 +351,7 @@ class Builder:
 
     # -- values
 
-    def value(self, parameter: Parameter, value: object, place: Place) -> Any:
+    def value(self, parameter: Parameter, value: object, place: Place) -> object:
         """A value as an argument; raises Mistake after noting what is wrong."""
         converted = self._converted(parameter.kinds, value, place, parameter.about)
         if parameter.check is not None and not isinstance(converted, Call):
@@ -361,7 +361,7 @@ class Builder:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted
 
-    def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> Any:
+    def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> object:
         fitting = [kind for kind in kinds if kind.fits(value)]
         for kind in [kind for kind in fitting if kind.holds(value)] or fitting:
             return self._of_kind(kind, value, place, about)
@@ -378,7 +378,7 @@ class Builder:
         what = f"{label(place)} must be {words(kinds)}{_about(about)}"
         self._wrong(place, f"{what}; got {got}{hint}")
 
-    def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> Any:
+    def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> object:
         if isinstance(value, list) and len(value) > LONGEST_LIST:
             self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
         if kind.name == "path":
@@ -388,7 +388,7 @@ class Builder:
             pairs = enumerate(zip(kind.each or (items,) * len(value), value, strict=True))
             return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
         if kind.name == "table":
-            nodes = kind.options == (int,)
+            nodes = kind.kind is int
             for key in value if nodes else ():
                 if not re.fullmatch(r"\d{1,15}", key):
                     told = f"{label(place)} has node numbers as keys; got {key!r}."
@@ -398,7 +398,7 @@ class Builder:
                 for key, one in value.items()
             }
         if kind.name == "object":
-            made = self.call(constructors_of(kind.options[0]), value, place)
+            made = self.call(constructors_of(kind.kind), value, place)
             if made is None:
                 raise Mistake
             return made

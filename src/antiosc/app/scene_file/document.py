@@ -37,21 +37,36 @@ class SceneFileError(InputError):
 
 @dataclass
 class Problems:
-    """The mistakes found so far in a file of this name and text, and where they are."""
+    """The mistakes found so far in a file of this name and text, and where they are.
+
+    `origins`: of a scene with other values in it, their places -> where the file has these values.
+    """
 
     name: str
     text: str
     found: dict[tuple[Place, str], None] = field(default_factory=dict)
+    origins: Mapping[Place, Place] = field(default_factory=dict)
 
     def add(self, place: Place, sentence: str) -> None:
         """Note a mistake at a place of the file; SceneFileError once there are MOST_FOUND."""
-        self.found[place, " ".join(sentence.split())] = None
+        sentence = " ".join(sentence.split())
+        if self.origins and (place, sentence) in self.found:
+            return  # the scene has it whatever the values are
+        self.found[self._origin(place), sentence] = None
         if len(self.found) >= MOST_FOUND:
             self.raise_if_any()
 
     def error(self, place: Place, sentence: str) -> SceneFileError:
         """An error of this one mistake, which was found while the scene runs."""
-        return SceneFileError(f"{self.name}:{lines_of(self.text, [place])[0]}: {sentence}")
+        line = lines_of(self.text, [self._origin(place)])[0]
+        return SceneFileError(f"{self.name}:{line}: {sentence}")
+
+    def _origin(self, place: Place) -> Place:
+        """Where the file has the value at a place, or the first of the other values."""
+        for own, origin in self.origins.items():
+            if place[: len(own)] == own or own[: len(place)] == place:
+                return origin
+        return next(iter(self.origins.values()), place)
 
     def raise_if_any(self) -> None:
         """SceneFileError with all of them, in the order of the file."""

@@ -18,18 +18,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Command -> the objects that it makes.
-COMMANDS = {
-    "run": (
-        *("structure", "model", "impactor", "contact", "history", "probes", "stresses"),
-        *("fall", "peaks", "worst", "found"),
-    ),
-    "sweep": ("structure", "model", "impactor", "batch"),
-    "map": ("structure", "impactor", "contact", "map"),
-    "monte-carlo": ("structure", "impactor", "sample"),
-    "dry run": ("structure", "impactor", "contact"),
-}
-
 
 @dataclass(kw_only=True)
 class Results(Objects[Any]):

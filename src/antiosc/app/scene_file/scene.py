@@ -10,7 +10,7 @@ import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,11 @@ from antiosc.app.scene_file.schema import (
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.contact.base import ContactLaw
+from antiosc.simulation.histories.history import History
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.results.peaks import PeakField
 
 T = TypeVar("T")
 #: Even times over a run at which its probes are taken, beside those of the run.
@@ -92,9 +97,50 @@ class Compiled(Objects[Call | None]):
 
     def does(self) -> list[str]:
         """The commands that this scene is for."""
-        there = {"run": self.simulation, "sweep": self.batch, "map": self.map}
-        there["monte-carlo"] = self.sample
-        return [f"antiosc {name}" for name, call in there.items() if call is not None]
+        there = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
+        return [f"antiosc {name}" for name in there]
+
+
+class Study(NamedTuple):
+    """A command that computes.
+
+    Attributes
+    ----------
+    result : the object of the scene that it is for.
+    lacking : what a scene without it has.
+    makes : the objects that it makes, in their order.
+    """
+
+    result: str
+    lacking: str
+    makes: tuple[str, ...]
+
+
+STUDIES = {
+    "run": Study(
+        "simulation",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
+        " [find]",
+        ("structure", "model", "impactor", "contact", "history", "probes", "stresses", "fall",
+         "peaks", "worst", "found"),
+    ),
+    "sweep": Study(
+        "batch",
+        "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
+        ("structure", "model", "impactor", "batch"),
+    ),
+    "map": Study(
+        "map",
+        "no [map]; with that line alone all of the surface is struck",
+        ("structure", "impactor", "contact", "map"),
+    ),
+    "monte-carlo": Study(
+        "sample",
+        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
+        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
+        ("structure", "impactor", "sample"),
+    ),
+}  # fmt: skip
 
 
 # -- which sections go together
@@ -253,7 +299,7 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
     return build.call(SECTIONS["structure"], options, (*place, at), given)
 
 
-def _supported(build: Builder, data: Table, place: Place) -> dict[str, Any]:
+def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
     """The arguments `supports` and `attached`, where there are any."""
     fixed = ("all", "x", "y", "z", "rx", "ry", "rz")
     for i, table in enumerate(build.part("supports", list, data)):
@@ -265,7 +311,7 @@ def _supported(build: Builder, data: Table, place: Place) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value}
 
 
-def _material(build: Builder, data: Table, place: Place) -> Any:
+def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
     """One material, or a table of them by groups of cells."""
     table, at = data.get("material"), (*place, "material")
     section = SECTIONS["material"]
@@ -275,7 +321,8 @@ def _material(build: Builder, data: Table, place: Place) -> Any:
         return None
     if table and all(isinstance(each, dict) for each in table.values()):
         made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
-        return made if None not in made.values() else None
+        sound = {group: call for group, call in made.items() if call is not None}
+        return sound if len(sound) == len(made) else None
     return build.call(section, table, at)
 
 
@@ -309,7 +356,7 @@ def _assembly(build: Builder) -> Call | None:
     for name in placed:
         build.names("part", name, parts, ("at", name))
     more = {"at": placed, "points": points, **_supported(build, build.data, ())}
-    given: dict[str, Any] = {"parts": parts if None not in parts.values() else None}
+    given: dict[str, object] = {"parts": parts if None not in parts.values() else None}
     given |= {"joints": joints} | {name: value for name, value in more.items() if value}
     return build.table("assembly", always=True, given=given)
 
@@ -330,7 +377,7 @@ def model(build: Builder, structure: Call | None) -> Call | None:
     if several and "contacts" not in build.data and "simulate" in build.data:
         told = "[simulate] takes one site, and there are several: give [[contacts]] between"
         build.note(("sites",), f'{told} "structure:SITE" and [bodies.NAME].')
-    site: Any = sites if several else next(iter(sites.values()), None)
+    site = sites if several else next(iter(sites.values()), None)
     return build.table("extract", always=True, given={"structure": structure, "site": site})
 
 
@@ -345,7 +392,7 @@ def pair(build: Builder, found: Objects[Call | None]) -> None:
 
 
 def _single(build: Builder, found: Compiled) -> None:
-    both: dict[str, Any] = {"impactor": found.impactor, "contact": found.contact}
+    both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
     for name in both:
         if name not in build.data:
             build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
@@ -369,14 +416,14 @@ def _single(build: Builder, found: Compiled) -> None:
 def _find(build: Builder, found: Compiled) -> None:
     pair(build, found)
     sensors = list(build.named("sensors").values())
-    given: dict[str, Any] = {"structure": found.structure, "sensors": sensors}
+    given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
     both = {"impactor": found.impactor, "contact": found.contact}
     given |= {name: call for name, call in both.items() if name in build.data}
     found.found = build.table("find", given=given)
     found.impactor = found.contact = None  # of the one that is looked for
 
 
-def own_laws(variable: str, table: Any, body: Call | None) -> Methods:
+def own_laws(variable: str, table: object, body: Call | None) -> Methods:
     """Contact laws that a body makes itself: "impactor.hertz" -> ("Sphere.hertz", the body).
 
     Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
@@ -412,18 +459,18 @@ def _several(build: Builder, found: Compiled) -> None:
     named, tables = build.named("bodies"), build.part("bodies")
     if STRUCTURE in tables and own:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
-    methods: dict[str, tuple[str, Any]] = {}
+    methods: dict[str, tuple[str, object]] = {}
     for name, table in tables.items():
         methods |= own_laws(name, table, named.get(name))
     ends = _Ends(build, {**own, **dict.fromkeys(tables), **named, **own})
     bodies = {**own, **named}
-    given: dict[str, Any] = {"bodies": bodies if None not in bodies.values() else None}
+    given: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
     given["contacts"] = _contacts(build, methods, ends)
     for i, table in enumerate(build.part("loads", list)):
         ends.check(table, "end", ("loads", i))
     for name in build.part("motion"):
         build.names("body", name, ends.bodies, ("motion", name))
-    more: dict[str, Any] = {"loads": build.listed("loads"), "base": build.table("base")}
+    more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
     more |= {"motion": build.named("motion")}
     given |= {name: one for name, one in more.items() if one}
     found.scene = build.table("scene", always=True, given=given)
@@ -462,7 +509,7 @@ class _Ends:
     build: Builder
     bodies: Mapping[str, Call | None]
 
-    def check(self, table: Any, key: str, place: Place) -> None:
+    def check(self, table: object, key: str, place: Place) -> None:
         """Note an end of a table that names no body, or no site of it."""
         end = table.get(key) if isinstance(table, dict) else None
         if not isinstance(end, str):
@@ -487,7 +534,7 @@ class _Ends:
 # -- what a simulation is asked for
 
 
-def looked_at(history: Any) -> Array:
+def looked_at(history: History) -> Array:
     """Times [s] at which probes tell of a history: its own lie far apart in flights."""
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], LOOKS))
 
@@ -513,7 +560,7 @@ def _told(build: Builder, found: Compiled) -> None:
         found.stresses = Call(by_strengths, given)
 
 
-def by_strengths(structure: Any, history: Any) -> dict[str, Any]:
+def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
     """The fields of the criteria for which the materials have strengths; {} without any."""
     with finite_element_packages():
         from antiosc.results.margin import criteria_of

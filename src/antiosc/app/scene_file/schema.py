@@ -55,13 +55,15 @@ class Kind:
     Attributes
     ----------
     name : one of those above, or "choice", "list", "table".
-    options : texts of a choice; of an object its class; of a table the type of its keys.
+    options : texts of a choice.
+    kind : class of an object; type of a table's keys.
     items : kinds of the entries of a list or table.
     each : kinds of every entry of a list of fixed length, in order.
     """
 
     name: str
-    options: tuple[Any, ...] = ()
+    options: tuple[str, ...] = ()
+    kind: type = object
     items: tuple[Kind, ...] = ()
     each: tuple[tuple[Kind, ...], ...] = ()
 
@@ -116,20 +118,8 @@ def plural(kinds: Sequence[Kind]) -> str:
     return " or ".join(dict.fromkeys(kind.many for kind in kinds))
 
 
-class _Unknown(type):
-    """The class of what stands for a name that is imported for type checkers only."""
-
-    def __getattr__(cls, name: str) -> type:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return cls
-
-    def __getitem__(cls, _: object) -> type:
-        return cls
-
-
-class Unknown(metaclass=_Unknown):
-    """A type that no file can hold."""
+class Unknown:
+    """Stands for a name that is imported for type checkers only: a type that no file can hold."""
 
 
 class _Names(dict[str, object]):
@@ -147,7 +137,7 @@ _PLAIN: dict[object, Kind] = {
 _LISTS = (collections.abc.Sequence, collections.abc.Iterable, list, tuple, set)
 
 
-def kinds_of(annotation: Any) -> tuple[Kind, ...]:
+def kinds_of(annotation: object) -> tuple[Kind, ...]:
     """The kinds of an annotation; () if no file can hold it: None, functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return kinds_of(annotation.type)
@@ -168,10 +158,10 @@ def kinds_of(annotation: Any) -> tuple[Kind, ...]:
     if origin in _LISTS:
         return (Kind("list", items=kinds_of(arguments[0]) or (DATA,)),)
     if origin in (collections.abc.Mapping, dict):
-        return (Kind("table", options=(arguments[0],), items=kinds_of(arguments[1])),)
+        return (Kind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
     known = _PLAIN.get(origin or annotation)
     if known is None and isinstance(annotation, type) and annotation.__module__[:8] == "antiosc.":
-        known = Kind("object", (annotation,))
+        known = Kind("object", kind=annotation)
     return () if known is None else (known,)
 
 
@@ -229,7 +219,7 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
     ).parameters.items():
         full, kinds = f"{function}.{name}", kinds_of(given.annotation)
         if full in OBJECTS:
-            kinds = (Kind("object", (resolved(OBJECTS[full]),)),)
+            kinds = (Kind("object", kind=resolved(OBJECTS[full])),)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if withheld and name in WITHHELD:
@@ -571,6 +561,6 @@ def _kind(kind: Kind) -> dict[str, object]:
         return _many(_any(kind.items))
     if kind.name == "choice":
         return {"enum": list(kind.options)}
-    if kind.name == "object" and (makes := constructors_of(kind.options[0])):
+    if kind.name == "object" and (makes := constructors_of(kind.kind)):
         return _one_of(makes, methods="Hertz" in makes)
     return dict(_KINDS[kind.name][3])

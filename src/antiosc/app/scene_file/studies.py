@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Any
 
 import antiosc
 from antiosc.app.scene_file.build import Builder, Call, Evaluation
-from antiosc.app.scene_file.document import Place, Problems, SceneFileError, Table, label, listed
+from antiosc.app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc.app.scene_file.scene import Compiled, Objects, model, pair, source, structure
 from antiosc.app.scene_file.schema import (
     DATA,
@@ -43,37 +43,8 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
             yield (*place, key), value
 
 
-@dataclass
-class _Elsewhere(Problems):
-    """Mistakes at places whose values come from elsewhere in the file; others are known already."""
-
-    main: Problems = field(default_factory=lambda: Problems("", ""))
-    places: Mapping[Place, Place] = field(default_factory=dict)
-
-    def add(self, place: Place, sentence: str) -> None:
-        """Note it at the place of the value, in the section that varies it."""
-        if (place, " ".join(sentence.split())) not in self.main.found:
-            self.main.add(self._origin(place), sentence)
-
-    def error(self, place: Place, sentence: str) -> SceneFileError:
-        """An error of this one mistake, which was found while the scene runs."""
-        return super().error(self._origin(place), sentence)
-
-    def raise_if_any(self) -> None:
-        """SceneFileError with all mistakes of the scene."""
-        self.main.raise_if_any()
-
-    def _origin(self, place: Place) -> Place:
-        within = (
-            origin
-            for own, origin in self.places.items()
-            if place[: len(own)] == own or own[: len(place)] == place
-        )
-        return next(within, next(iter(self.places.values()), place))
-
-
 def variant(
-    build: Builder, values: Mapping[Place, Any], origins: Mapping[Place, Place], main: Problems
+    build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
     """The scene with these values; its mistakes are noted in `main` at `origins` in the file."""
     data = dict(build.data)
@@ -84,8 +55,7 @@ def variant(
             table[key] = dict(own) if isinstance(own, dict) else {}
             table = table[key]
         table[str(place[-1])] = value
-    problems = _Elsewhere(main.name, main.text, main=main, places=origins)
-    return Builder(replace(build.document, data=data, problems=problems))
+    return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
 
 
 def _pair(build: Builder) -> Objects[Call | None]:
@@ -98,7 +68,7 @@ def _pair(build: Builder) -> Objects[Call | None]:
 # -- [sweep]
 
 
-def varied(build: Builder | Compiled) -> dict[Place, Any]:
+def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
     """The lists of [sweep] by their places in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
@@ -151,7 +121,7 @@ def _of_batch() -> list[str]:
 
 
 def _batch(
-    build: Builder, found: Compiled, lists: Mapping[Place, list[Any]], count: int
+    build: Builder, found: Compiled, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
@@ -161,8 +131,8 @@ def _batch(
         build.note(("simulate", lost[0]), f"{told}; it takes {listed(taken)}.")
         return None
     swept = {place[0] for place in lists}
-    rows: list[tuple[Any, ...]] = []
-    times: dict[str, list[Any]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
+    rows: list[tuple[Call | None, ...]] = []
+    times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
         values = {place: each[i] for place, each in lists.items()}
         origins = {place: ("sweep", *place, i) for place in lists}
@@ -192,7 +162,7 @@ def _model(build: Builder) -> Call | None:
     """A call that makes the model of a variant without shapes, and keeps nothing else of it."""
     made = model(build, structure(build))
 
-    def alone() -> Any:
+    def alone() -> object:
         return replace(Evaluation(build.document)(made), shapes=None, hidden=None)
 
     return None if made is None else Call(alone, {})
@@ -223,9 +193,9 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
         return None
     names = {label(place): place for place in inputs}
     run = partial(_run, build, names, found.history.arguments["duration"])
-    given: dict[str, Any] = {"run": Call(run, {"models": models})}
-    given["inputs"] = {label(place): law for place, law in inputs.items()}
-    given["inputs"] |= {POINT: point} if POINT in table else {}
+    laws = {label(place): law for place, law in inputs.items()}
+    laws |= {POINT: point} if POINT in table else {}
+    given = {"run": Call(run, {"models": models}), "inputs": laws}
     return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), given)
 
 
@@ -247,7 +217,7 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
     return found
 
 
-def _surface(build: Builder, structure: Call | None, table: Any) -> Call | None:
+def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
     """The map of the points that are drawn."""
     if structure is None or source(build) not in ("geometry", "deck", "parts"):
         build.note(("monte_carlo", POINT), "points are drawn on a structure with a mesh.")
@@ -264,7 +234,7 @@ def _nearby(build: Builder, found: Compiled, inputs: Mapping[Place, Call | None]
         return None
     names = {label(place): place for place in inputs}
 
-    def made(**values: float) -> Any:
+    def made(**values: float) -> object:
         other = _drawn(build, {names[name]: value for name, value in values.items()})
         call = structure(other)
         other.document.problems.raise_if_any()
@@ -284,11 +254,13 @@ def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
     return variant(build, values, origins, Problems(known.name, known.text))
 
 
-def _run(build: Builder, places: Mapping[str, Place], duration: float, models: Any) -> Any:
+def _run(
+    build: Builder, places: Mapping[str, Place], duration: float, models: Any
+) -> Callable[..., tuple[object, ...]]:
     """The function of the inputs, as impactor.velocity, that `monte_carlo` calls."""
     shared = [name for name, place in places.items() if place[0] not in VARIED]
 
-    def run(**values: Any) -> tuple[Any, ...]:
+    def run(**values: Any) -> tuple[object, ...]:
         own = {place: values[name] for name, place in places.items() if name not in shared}
         other = _drawn(build, own)
         found = _pair(other)
@@ -307,7 +279,7 @@ def _run(build: Builder, places: Mapping[str, Place], duration: float, models: A
 
 def surface(build: Builder, found: Compiled) -> Call | None:
     """The map of [map]."""
-    given: dict[str, Any] = {"structure": found.structure}
+    given: dict[str, object] = {"structure": found.structure}
     table = dict(build.part("map"))
     if "map" in build.data and {"impactor", "contact"} & set(build.data):
         given |= {"impactor": found.impactor, "contact": found.contact}

@@ -211,7 +211,7 @@ def _requests(
         own = [n for n in every if stacks[n] > (ply.layer or 0)]
         return [(ply, own)] if own else []
     if part.kind.name == "beam" and places[0].fibre is None:
-        on_edge = on_outlines([beam for beam, _ in part.parts], places[0])
+        on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
         if not on_edge:
             raise InputError(f"{NO_OUTLINE}.")
         return [(place, every) for place in on_edge]

@@ -12,8 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
-from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.sections import Layer
+from antiosc.fem.elements.sections import Layer, Section
 
 #: What is said of beams on whose outline a stress is asked.
 NO_OUTLINE = (
@@ -53,9 +52,9 @@ class Place:
         return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
 
 
-def on_outlines(beams: Sequence[Beam], place: Place) -> list[Place]:
+def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
     """The place at each point of the outlines of the sections; none where one has no outline."""
-    sizes = [len(beam.section.outline) for beam in beams]
+    sizes = [len(section.outline) for section in sections]
     return [replace(place, fibre=k) for k in range(max(sizes))] if min(sizes) else []
 
 

@@ -12,7 +12,6 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +35,7 @@ from antiosc.studies.find.scan import Scan, scan
 from antiosc.studies.find.search import POOR, most_probable
 from antiosc.studies.find.sensor import Sensor, of_shapes
 from antiosc.studies.find.surface import Surface
-from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
+from antiosc.studies.free_sites import ABOVE, FreeSites, Where, free_sites
 
 #: What may be unknown, besides the start.
 UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
@@ -174,7 +173,9 @@ def find_impact(
     return result
 
 
-def _names(unknown: Any, impactor: Any, contact: Any) -> list[str]:
+def _names(
+    unknown: Sequence[str], impactor: RigidMass | None, contact: ContactLaw | None
+) -> list[str]:
     """Checked names of the unknowns; InputError where a known value is missing."""
     if isinstance(unknown, str) or not isinstance(unknown, Sequence):
         raise InputError(
@@ -199,7 +200,7 @@ def _names(unknown: Any, impactor: Any, contact: Any) -> list[str]:
 def prepared(
     structure: Structure,
     sensors: Sequence[Sensor],
-    where: Any,
+    where: Where,
     direction: Sequence[float] | None,
     radius: float | None,
     modes: int | None,
@@ -244,7 +245,7 @@ def found_in(
     if impactor is not None:
         known |= {"mass": impactor.mass, "velocity": impactor.velocity}
     known = {name: value for name, value in known.items() if name not in unknown}
-    scanned = scan(data, omega, decay, monitored.rows, monitored.orders, seen.b, expected[0])
+    scanned = scan(model, expected[0])
     fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
     scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
     return _told(model, scanned, fits, unknown, scale)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -104,9 +103,9 @@ class Struck:
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
         radius = float(self.radius[blow.site])
         body = InModes(modes, float(local), None if np.isnan(radius) else radius)
-        law: Any = self.law
+        law = self.law
         if hasattr(law, "stiffness"):
-            law = replace(law, stiffness=blow.stiffness)
+            law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
         end = len(self.data.values) * self.data.dt - blow.start
         return impact(
             body,

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class FoundImpact(Brief):
     points: Array
     explained: Array
     others: Array
-    info: dict[str, Any] = field(default_factory=dict)
+    info: dict[str, object] = field(default_factory=dict)
 
     @property
     def peak_force(self) -> float:
@@ -107,7 +107,7 @@ class FoundImpact(Brief):
             rows.append((name, f"{value:.5g}{unit.get(name, '')}  {told}"))
         return [*rows, ("chi2", f"{self.chi2:.3g}")]
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """What was found, in SI units, with its bars, status and message."""
         names = ("place", "direction", "mass", "velocity", "stiffness", "start", "E", "peak_force")
         more = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")

@@ -6,10 +6,10 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.sparse
+from numpy.typing import ArrayLike
 from scipy import signal
 
 from antiosc.base import checks
@@ -66,7 +66,14 @@ class Recording:
         return np.asarray(self.filter @ (self.values / self.sigma))
 
 
-def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: float) -> Recording:
+def recording(
+    signals: ArrayLike | str | os.PathLike[str],
+    count: int,
+    rate: float | None,
+    noise: ArrayLike | None,
+    band: float | None,
+    most: float,
+) -> Recording:
     """Checked signals (n, m) of `count` sensors; InputError for others."""
     if isinstance(signals, str | os.PathLike):
         signals, rate = _read(checks.path("signals", signals), count, rate)
@@ -107,7 +114,7 @@ def recording(signals: Any, count: int, rate: Any, noise: Any, band: Any, most: 
     return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
 
 
-def _read(path: Path, count: int, rate: Any) -> tuple[Array, Any]:
+def _read(path: Path, count: int, rate: float | None) -> tuple[Array, float | None]:
     """The signals of a table, and their rate where its first column has the times."""
     check_readable(path, "the signals")
     values = rows_of(path)[1]

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import fft
 
 from antiosc.base._types import Array
-from antiosc.studies.find.recording import Recording
+from antiosc.studies.find.forward import Struck
 
 #: Durations of pulses: the shortest over the period of the band's top, the longest over the
 #: record; how many.
@@ -44,19 +44,10 @@ class Scan:
     amplitude: Array
 
 
-def scan(
-    data: Recording, omega: Array, decay: Array, rows: Array, orders: Array, b: Array, spread: float
-) -> Scan:
-    """The best pulses of all sites.
-
-    Parameters
-    ----------
-    omega, decay : (J,) of the free modes [rad/s], [1/s].
-    rows, orders : (m, J) and (m,) sensors in the modes, time derivative of each.
-    b : (P, J) sites in the modes.
-    spread : relative standard deviation of the frequencies.
-    """
-    n, T = len(data.values), len(data.values) * data.dt
+def scan(model: Struck, spread: float) -> Scan:
+    """The best pulses of all sites; `spread`: relative standard deviation of the frequencies."""
+    data, omega, decay, b = model.data, model.omega, model.decay, model.table[:, :-2]
+    n, T = len(data.values), data.duration
     size = fft.next_fast_len(2 * n, real=True)
     D = fft.rfft(data.values / data.sigma, size, axis=0)
     power = float(np.sum((data.values / data.sigma) ** 2))
@@ -71,8 +62,8 @@ def scan(
         fading = np.exp(-((spread * np.abs(lam.imag)[None] * data.time[:, None]) ** 2) / 2)
         Q = np.zeros((size // 2 + 1, len(lam)), dtype=complex)
         gram = np.zeros((WINDOWS, len(lam), len(lam)))
-        for s, order in enumerate(orders):
-            g = table[order] * fading * (rows[s] / data.sigma[s])
+        for s, order in enumerate(model.orders):
+            g = table[order] * fading * (model.rows[s] / data.sigma[s])
             Q += np.conj(fft.rfft(g, size, axis=0)) * D[:, s, None]
             first = 0
             for k, end in enumerate(ends):

@@ -106,15 +106,11 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
     exponent = model.exponent
     stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
     J, m = len(model.omega), len(model.rows)
-    guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0}
+    guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
     return Blow(
-        model.surface.points[i], i, mass, start=float(scanned.start[i]), lasting=T,
-        frequency=np.zeros(J), share=np.zeros((m, J)), **{**guess, **_without(known, "mass")},
+        model.surface.points[i], i, start=float(scanned.start[i]), lasting=T,
+        frequency=np.zeros(J), share=np.zeros((m, J)), **guess,
     )  # fmt: skip
-
-
-def _without(values: Mapping[str, float], name: str) -> dict[str, float]:
-    return {key: value for key, value in values.items() if key != name}
 
 
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,7 +118,7 @@ def compare(
         which = "computed" if not np.any(force > 0) else "measured"
         raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")
     at = np.linspace(time[0], time[-1], SAMPLES)
-    of: Any = getattr(hit, "force_at", None)
+    of = getattr(hit, "force_at", None)
     values = of(at) if of is not None else np.interp(at, time, force)
 
     def computed(times: Array) -> Array:
@@ -155,10 +156,10 @@ def compare(
     )
 
 
-def _history(measured: Any) -> tuple[Array, Array]:
+def _history(measured: object) -> tuple[Array, Array]:
     """Times and forces of a measurement."""
     if isinstance(measured, tuple | list) and len(measured) == 2:
-        given: Any = dict(zip(("time", "force"), measured, strict=True))
+        given: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")

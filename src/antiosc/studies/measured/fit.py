@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -116,12 +117,11 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
         if _slight(data, best.modes) or not (stands and seen):
             best = held
     bodies = [best.modes, *_other_tails(data, best)]
-    best = min(
-        (_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]), key=_cost
-    )
+    tried = [_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]]
+    best = min(tried, key=attrgetter("cost"))
     if hysteretic is None:
         other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
-        best = min(best, other, key=_cost)
+        best = min(best, other, key=attrgetter("cost"))
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
 
 
@@ -152,10 +152,6 @@ def unclear(data: Measured, modes: Modes) -> bool:
     else:
         alone = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
     return bool(abs(H[column] - alone) > NEITHER * abs(H[column]))
-
-
-def _cost(fit: Fit) -> float:
-    return fit.cost
 
 
 def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,7 +91,7 @@ class FRF(Brief):
                 f"a measurement needs {FEWEST_LINES} frequencies above 0 Hz or more; got"
                 f" {np.count_nonzero(seen)}."
             )
-        found: dict[str, Any] = {}
+        found: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
                 found[name] = checks.kept(checks.array(name, getattr(self, name), shape)[seen])
@@ -178,9 +178,13 @@ class FRF(Brief):
                 f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(part)} of the lines from"
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
-        cut: dict[str, Any] = {name: None for name in ("coherence", "sigma")}
-        cut |= {name: value[part] for name in cut if (value := getattr(self, name)) is not None}
-        return replace(self, frequency=f[part], values=self.values[part], **cut)
+        return replace(
+            self,
+            frequency=f[part],
+            values=self.values[part],
+            coherence=None if self.coherence is None else self.coherence[part],
+            sigma=None if self.sigma is None else self.sigma[part],
+        )
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
         """The responses without the mass of the sensor at the site: Z + w^2 m in place of Z.
@@ -240,7 +244,7 @@ def stated(quantity: Quantity | None) -> Quantity:
     return quantity
 
 
-def _names(name: str, given: Sequence[str] | Any) -> tuple[str, ...]:
+def _names(name: str, given: Sequence[str]) -> tuple[str, ...]:
     """Different names."""
     checks.instance(name, given, (list, tuple), "a list of names")
     found = tuple(checks.text(f"a name in {name}", each) for each in given)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
-from antiosc.models.modal import Damping
+from antiosc.models.modal import Damping, FreeModes
 from antiosc.models.model_info import MeasuredBand, ModelInfo
 from antiosc.studies.measured.fit import Fit, fitted, unclear, with_other_noise
 from antiosc.studies.measured.frf import FRF, POWER
@@ -210,7 +210,7 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
     checks.instance("above", above, AntiOscillators, "a model that extract returned")
     if above.sites != frf.sites:
         raise InputError(f"above has the sites {above.sites}, the measurement {frf.sites}.")
-    body: Any = above.site_modes() if above.sites else above.modal()
+    body: FreeModes = above.site_modes() if above.sites else above.modal()
     high = np.flatnonzero(body.omega > top)[:MOST_GIVEN]
     if not high.size:
         raise InputError(
@@ -226,15 +226,9 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
 def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
     """Bodies that the measurement does not tell from the best one, in free modes."""
     noisy = with_other_noise(data, fit)
-    rows = [_free_modes(one) for one in (*noisy, *fit.tails)]
-    return {
-        "top": float(data.w[-1]),
-        "draws": len(noisy),
-        "omega": [row[0] for row in rows],
-        "decay": [row[1] for row in rows],
-        "b": [row[2] for row in rows],
-        "r": [row[3] for row in rows],
-    }
+    rows = (_free_modes(one) for one in (*noisy, *fit.tails))
+    omega, decay, b, r = map(list, zip(*rows, strict=True))
+    return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
 
 
 def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
@@ -261,7 +255,7 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
     else:
         compliance = float(np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0])
         model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
-    body: Any = model.site_modes() if sites else model.modal()
+    body: FreeModes = model.site_modes() if sites else model.modal()
     elastic = body.omega[body.omega > 0]
     own = omega[omega > 0]
     ratios = [float(zeta[np.argmin(np.abs(np.log(own / w)))]) for w in elastic]

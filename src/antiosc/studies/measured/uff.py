@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -34,12 +34,18 @@ UNITS: dict[str, tuple[float, Quantity | None]] = {
 }
 
 
+#: An end of a function: entity, node, axis.
+End: TypeAlias = tuple[str, int, int]
+#: The fields of a data set, as pyuff returns them.
+DataSet: TypeAlias = Mapping[str, Any]
+
+
 @dataclass(frozen=True, eq=False)
 class Function:
-    """One function of a file; ends are (entity, node, axis) and the sign of the direction."""
+    """One function of a file, with the sign of its directions."""
 
-    response: tuple[str, int, int]
-    reference: tuple[str, int, int]
+    response: End
+    reference: End
     sign: int
     coherence: bool
     quantity: Quantity | None
@@ -82,7 +88,7 @@ def functions(path: Path) -> list[Function]:
     return found
 
 
-def _units(one: Mapping[str, Any]) -> float:
+def _units(one: DataSet) -> float:
     """Factor of m/N: data set 164 has the file's units per SI unit."""
     length, force = one.get("length"), one.get("force")
     if not (length and force and np.isfinite(length) and np.isfinite(force)):
@@ -90,11 +96,11 @@ def _units(one: Mapping[str, Any]) -> float:
     return abs(float(force) / float(length))
 
 
-def _wanted(one: Mapping[str, Any]) -> bool:
+def _wanted(one: DataSet) -> bool:
     return one.get("func_type") in (RESPONSE, COHERENCE)
 
 
-def _function(one: Mapping[str, Any], scale: float) -> Function:
+def _function(one: DataSet, scale: float) -> Function:
     try:
         count, values = int(one["num_pts"]), np.asarray(one["data"])
         f = np.asarray(one["x"], dtype=float)
@@ -132,7 +138,7 @@ def _function(one: Mapping[str, Any], scale: float) -> Function:
     )
 
 
-def _end(one: Mapping[str, Any], side: str) -> tuple[tuple[str, int, int], int]:
+def _end(one: DataSet, side: str) -> tuple[End, int]:
     """(entity, node, axis) and the sign of an end."""
     name = str(one.get(f"{side}_ent_name", "")).strip()
     node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
@@ -140,7 +146,7 @@ def _end(one: Mapping[str, Any], side: str) -> tuple[tuple[str, int, int], int]:
     return (name, node, abs(axis)), -1 if axis < 0 else 1
 
 
-def _label(given: Any) -> str:
+def _label(given: object) -> str:
     text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).lower().replace("²", "2")
     text = text.replace("/s/s", "/s2").replace("sec", "s")
     return "" if text in ("none", "unknown") else text
@@ -164,26 +170,29 @@ def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | Non
 
 def chosen(
     found: list[Function],
-    site: Any,
+    site: str | int | Mapping[str, str | int] | None,
     quantity: Quantity | None,
     unit: float | None,
     averages: int,
 ) -> FRF:
     """The responses between the sites that are asked for."""
     measured = [one for one in found if not one.coherence]
-    if site is None or (isinstance(site, str | int) and not isinstance(site, bool)):
-        end = _driving(measured) if site is None else _named(measured, site)
-        return _joined(found, {"": end}, quantity, unit, averages)
-    checks.instance("site", site, Mapping, "a name, a node, or a dict {name: name or node}")
-    if not site:
-        raise InputError("site names no site.")
-    ends = {
-        checks.text("the name of a site", name): _named(measured, one) for name, one in site.items()
-    }
+    if site is None:
+        ends = {"": _driving(measured)}
+    elif isinstance(site, str | int) and not isinstance(site, bool):
+        ends = {"": _named(measured, site)}
+    else:
+        told = "a name, a node, or a dict {name: name or node}"
+        named = checks.instance("site", site, Mapping, told).items()
+        if not named:
+            raise InputError("site names no site.")
+        ends = {
+            checks.text("the name of a site", name): _named(measured, one) for name, one in named
+        }
     return _joined(found, ends, quantity, unit, averages)
 
 
-def _driving(measured: list[Function]) -> tuple[str, int, int]:
+def _driving(measured: list[Function]) -> End:
     ends = {one.response for one in measured if one.response == one.reference}
     if len(ends) == 1:
         return ends.pop()
@@ -192,12 +201,12 @@ def _driving(measured: list[Function]) -> tuple[str, int, int]:
     raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
 
 
-def _in_words(end: tuple[str, int, int]) -> str:
+def _in_words(end: End) -> str:
     name, node, axis = end
     return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
 
-def _named(measured: list[Function], name: Any) -> tuple[str, int, int]:
+def _named(measured: list[Function], name: str | int) -> End:
     """The end of a name, a node, or a node and an axis."""
     wanted = str(name).strip().lower()
     ends = {end for one in measured for end in (one.response, one.reference)}
@@ -214,7 +223,7 @@ def _named(measured: list[Function], name: Any) -> tuple[str, int, int]:
 
 def _joined(
     found: list[Function],
-    ends: Mapping[str, tuple[str, int, int]],
+    ends: Mapping[str, End],
     quantity: Quantity | None,
     unit: float | None,
     averages: int,
@@ -222,7 +231,7 @@ def _joined(
     """The responses of all sites per force on those where all were measured."""
     if any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
-    pairs: dict[tuple[Any, Any, bool], Function] = {}
+    pairs: dict[tuple[End, End, bool], Function] = {}
     for one in found:
         key = (one.response, one.reference, one.coherence)
         if key in pairs and one.response in ends.values() and one.reference in ends.values():
@@ -250,27 +259,17 @@ def _joined(
             f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
             " m/(s^2 N)."
         )
-    factors = [[unit or one.factor or 1.0 for one in row] for row in parts]
     values = np.array(
-        [
-            [one.sign * by * one.values for one, by in zip(row, own, strict=True)]
-            for row, own in zip(parts, factors, strict=True)
-        ]
+        [[one.sign * (unit or one.factor or 1.0) * one.values for one in row] for row in parts]
     )
     gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
     known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
-    coherence = None
-    if len(known) == len(gamma):
-        coherence = np.reshape(known, values.shape)
+    coherence = np.reshape(known, values.shape) if len(known) == len(gamma) else None
     if list(ends) == [""]:
         coherence = None if coherence is None else coherence[0, 0]
-        return FRF(f, values[0, 0], given, coherence=coherence, averages=averages)
+        return FRF(f, values[0, 0], given, coherence, averages)
+    coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
     return FRF(
-        f,
-        np.moveaxis(values, 2, 0),
-        given,
-        coherence=None if coherence is None else np.moveaxis(coherence, 2, 0),
-        averages=averages,
-        sites=tuple(ends),
-        references=tuple(forced),
-    )
+        f, np.moveaxis(values, 2, 0), given, coherence, averages,
+        sites=tuple(ends), references=tuple(forced),
+    )  # fmt: skip
