@@ -268,12 +268,13 @@ def chart(table: list[dict[str, Any]], path: Path) -> None:
 
 def chart_contacts(rows: list[dict[str, Any]], path: Path) -> None:
     fig, axes = plotting.panels(1, 2, size=(8, 3.6))
-    for ax, key, name in zip(axes.flat, ("scene", "step"), ("a scene", "a step"), strict=True):
-        for n in dict.fromkeys(r["n"] for r in rows):
+    for ax, of, unit in zip(axes.flat, ("scene", "step"), ("ms", "µs"), strict=True):
+        for n in sorted({r["n"] for r in rows}):
             mine = [r for r in rows if r["n"] == n]
-            each = [1e3 * r["seconds"] / (r["steps"] if key == "step" else 1) for r in mine]
+            each = [1e3 * r["seconds"] if of == "scene" else 1e6 * r["seconds"] / r["steps"]
+                    for r in mine]  # fmt: skip
             ax.plot([r["contacts"] for r in mine], each, "o-", label=f"{n} modes")
-        ax.set(xlabel="contacts", ylabel=f"time of {name} (ms)", ylim=(0, None))
+        ax.set(xlabel="contacts", ylabel=f"time of a {of} ({unit})", ylim=(0, None))
     axes.flat[0].legend()
     plotting.save_figure(fig, path, dpi=120)
 

@@ -99,6 +99,31 @@ def api_pages() -> list[str]:
     return [path.read_text(encoding="utf-8") for path in sorted((HERE / "api").glob("*.md"))]
 
 
+def with_names(index: str) -> str:
+    """The index of the API with its table of all names, the page and first sentence of each."""
+    files = sorted((HERE / "api").glob("*.md"))
+    pages = {path.stem: path.read_text(encoding="utf-8") for path in files}
+    del pages["index"]
+    of = {name: page for page, text in pages.items() for name in api(listed_modules(text))}
+    rest = next(page for page, text in pages.items() if "%API rest" in text)
+    rows = [
+        f"| [`{name}`]({of.get(name, rest)}.md) | {first_sentence(name, module)} |"
+        for name, module in sorted(public_names().items(), key=lambda pair: pair[0].lower())
+    ]
+    return "\n".join([index.split("| name |")[0] + "| name | |", "|---|---|", *rows, ""])
+
+
+def first_sentence(name: str, module: str) -> str:
+    """Of the docstring of a public name."""
+    path = ROOT / "src" / module.replace(".", "/")
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    found = [node for node in tree.body if isinstance(node, kinds) and node.name == name]
+    text = next(filter(None, map(ast.get_docstring, reversed(found))), name)  # of a type: its name
+    return re.split(r"\n\n|(?<=\.)\s", text)[0].replace("\n", " ").replace("|", "\\|")
+
+
 def with_other_pages(index: str) -> str:
     """The index with %PAGES replaced by the pages of this folder that it does not list yet."""
     listed = set(re.findall(r"^[\w/]+$", index, re.MULTILINE))
@@ -257,3 +282,8 @@ def write(path: Path, text: str) -> None:
     """Write a page unless it stands there already, so that nothing is built in vain."""
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    of_api = HERE / "api/index.md"
+    write(of_api, with_names(of_api.read_text(encoding="utf-8")))

@@ -419,6 +419,7 @@ ENDS = {"a": ("part", (0.1, 0.1, 0.02)), "b": "hub"}
 
 OWN: dict[str, dict[str, Any]] = {
     "assemble": {"parts": lambda: {"part": part()}}, "Placement": {},
+    "box_mesh": {"lengths": (0.1, 0.05), "size": 0.05},
     "AnisotropicSolid": {"stiffness": 1e9 * np.eye(6)}, "AnisotropicSolid.orthotropic": WOOD,
     "Tie": {"a": "part:top", "b": "other:low"}, "Rigid": {"group": "part:top"},
     "Mean": {"group": "part:top", "point": "hub"},

@@ -31,6 +31,7 @@ DEAR = {
     *("Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"),
     *("assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"),
     *("write_report", "from_frf", "save_fields", "read_mesh", "read_model", "peak_field"),
+    "box_mesh",
     *("reactions", "strike", "export", "find_impact", "drop", "contact_at", "nearby", "design_map"),
     *("StructureModes.write", "History.to_dataframe"),
 }

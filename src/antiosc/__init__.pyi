@@ -104,6 +104,9 @@ from antiosc.fem.extraction.superposition import (
     full as full,
     superposition as superposition,
 )
+from antiosc.fem.mesh.boxes import (
+    box_mesh as box_mesh,
+)
 from antiosc.fem.mesh.mesh import (
     Mesh as Mesh,
 )

@@ -31,8 +31,8 @@ def test_force_and_motion_are_those_of_the_history():
     assert np.array_equal(line.get_xdata(), 1e6 * hit.time)
     assert np.array_equal(line.get_ydata(), hit.force)
     site, mass = plotting.plot_motion({"3 AO": hit}).lines
-    assert np.array_equal(site.get_ydata(), 1e3 * hit.displacement)
-    assert np.allclose(mass.get_ydata(), 1e3 * hit.impactor_displacement, atol=1e-12)
+    assert np.array_equal(site.get_ydata(), 1e6 * hit.displacement)  # µm: 5.8 at most
+    assert np.allclose(mass.get_ydata(), 1e6 * hit.impactor_displacement, atol=1e-12)
 
 
 def test_the_motions_of_a_scene_meet_at_the_touch_under_the_names_of_its_bodies():
@@ -42,16 +42,16 @@ def test_the_motions_of_a_scene_meet_at_the_touch_under_the_names_of_its_bodies(
     hit = scene.run(4e-3)
     (ax,) = hit.plot().axes[1:]
     beam, stop = ax.lines
-    assert np.allclose(stop.get_ydata(), -0.2)
+    assert np.allclose(stop.get_ydata(), -200.0)  # µm
     low, high = ax.get_ylim()
-    assert low < -0.2 < high
+    assert low < -200.0 < high
     assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == [
         "beam, at the site",
         "stop",
     ]
     touch = hit.contacts[0][0]
     assert np.interp(1e3 * touch, beam.get_xdata(), beam.get_ydata()) == pytest.approx(
-        -0.2, rel=1e-2
+        -200.0, rel=1e-2
     )
     assert np.diff(beam.get_xdata()).max() < 0.1  # nodes in flights, too
     ax = plotting.plot_force({"a": hit, "b": hit})

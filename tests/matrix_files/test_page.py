@@ -22,10 +22,12 @@ def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
     rows = np.column_stack([labels, points])
     np.savetxt(tmp_path / "dofs.txt", rows, fmt=["%d", "%d", "%g", "%g", "%g"])
     monkeypatch.chdir(tmp_path)
-    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    program = "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S))
     found: dict = {}
     exec(compile(program, str(PAGE), "exec"), found)
     assert "given matrices, 5 nodes, 15 dofs" in capsys.readouterr().out
+    struck = found["blow"]
+    assert struck.impulse == pytest.approx(0.1 * (1.0 - struck.impactor_velocity[-1]), rel=1e-6)
     b = np.eye(len(K))[5]
     assert abs(found["model"].k0 * (b @ np.linalg.solve(K, b)) - 1) < 1e-9
     assert found["tip"].shape == (len(found["hit"].time), 3)

@@ -9,7 +9,7 @@ import pytest
 import antiosc as ao
 from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems
-from scene_files import BEAM, BRACKET, SCENES, antiosc, written
+from scene_files import BEAM, BRACKET, HIT, LAW, MASS, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and a word of the one sentence; further
 #: mistakes stand in MANY.
@@ -141,6 +141,26 @@ TWENTY = {
     34: "'tip'", 36: "shape", 37: "'ball'", 40: "'duration'", 41: "tol", 42: "'eksact'",
     44: "svg", 45: "true",
 }  # fmt: skip
+
+
+def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
+    """Units of a material, an impactor that flies away, a map without points."""
+    heavy = BRACKET.replace("rho = 2700", "rho = 2.7e-9")
+    ((line, sentence),) = sentences(written(tmp_path, heavy + HIT), capsys)
+    assert line == 1 + heavy.splitlines().index("[material]")
+    assert "rho=2700" in sentence
+    empty = BRACKET + MASS + LAW + "[map]\nwhere = []\nduration = 1e-3\n"
+    ((line, sentence),) = sentences(written(tmp_path, empty), capsys)
+    assert line == 1 + empty.splitlines().index("where = []")
+    assert "one point" in sentence
+    for scene, count in (
+        (BEAM.replace("velocity = 1.0", "velocity = -2.0"), 1),
+        (BEAM.replace("velocity = 1.0", "velocity = -2.0") + "gravity = -9.81\n", 0),
+        (BEAM, 0),
+        (BRACKET.replace("E = 70e9", "E = 7e8").replace("rho = 2700", "rho = 1e6") + HIT, 1),
+    ):
+        assert antiosc("check", written(tmp_path, scene)) == 0
+        assert capsys.readouterr().out.count("warning: ") == count
 
 
 def test_twenty_mistakes_are_all_told_at_once(tmp_path, capsys):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import isfinite, sqrt
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -51,6 +51,7 @@ UNITS = (
 )
 
 
+@runtime_checkable
 class Material(Protocol):
     """What is asked of a material here."""
 

@@ -17,6 +17,7 @@ from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.placement import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
+from refusals import refused
 from sheets import sheet
 
 pytestmark = pytest.mark.fem
@@ -59,6 +60,8 @@ ENDS = {
     "volume": ("cut:all", (0.5, 1.0, 1.5), "all"),
     "inside": (("block", placed(0.3, 0.7, 2.2)), placed(0.3, 0.7, 2.2), "none"),
     "inside a tetrahedron": (("cut", (0.3, 0.7, 2.2)), (0.3, 0.7, 2.2), "none"),
+    "around a point": (("block", placed(0.9, 1.1, 3.0), 1.2), placed(0.9, 1.1, 3.0), "all"),
+    "around a point of a rod": (("rod", placed(0.4, 0.0, 0.0), 0.3), placed(0.4, 0.0, 0.0), "all"),
     "end of a rod": ("rod:end", placed(1.0, 0.0, 0.0), "all"),
     "a whole rod": ("rod:all", placed(0.5, 0.0, 0.0), "all"),
     "on a rod": (("rod", placed(0.4, 0.0, 0.0)), placed(0.4, 0.0, 0.0), "all"),
@@ -155,3 +158,18 @@ def test_skew_is_the_cross_product():
     a, b = RNG.normal(size=(2, 6, 3))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b))
     np.testing.assert_allclose(skew(a[0]) @ b[0], np.cross(a[0], b[0]))
+
+
+@pytest.mark.slow
+def test_an_end_with_a_radius_is_the_mean_over_a_disc(layout):
+    """u_z = x² + y² on a face: r²/2 at the middle of a disc; faces too large are refused."""
+    member = layout.members["cut"]
+    radius, field = 0.4, np.zeros(layout.count)
+    x = member.nodes - [0.5, 1.0, 3.0]
+    field[layout.dofs(member, np.arange(len(x)), "z")] = x[:, 0] ** 2 + x[:, 1] ** 2
+    found = motion(layout, ("cut", (0.5, 1.0, 3.0), radius))
+    assert (found.displacements @ field)[2] == pytest.approx(radius**2 / 2, rel=0.1)
+    with refused(None, "refine", ao.InputError):
+        motion(layout, ("cut", (0.5, 1.0, 3.0), 0.01))
+    with refused(None, "radius", ao.InputError):
+        ao.Weld(("cut", (0.5, 1.0, 3.0), -1.0), "hub")

@@ -31,6 +31,7 @@ from antiosc.base.errors import (
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh.mesh import Mesh
+    from antiosc.fem.mesh.surface import Faces
 
 #: Arguments of `read_mesh` besides the file.
 Read: TypeAlias = dict[str, Any]
@@ -196,6 +197,7 @@ def look_at_deck(path: Path) -> Look:
 
 
 def _seen(mesh: Mesh, read: Read) -> Look:
+    from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -210,11 +212,12 @@ def _seen(mesh: Mesh, read: Read) -> Look:
     else:
         held, plane = _plane(x, low, high, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
-    faces, of_cells = _faces(mesh, nodes)
+    outer = Faces(mesh, mesh.tdim < 3)
+    faces = outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
     if family == "Beam":
         point, direction, radius = *_on_lines(x, nodes, held, struck), None
     else:
-        point, direction, inscribed, edge = _on_faces(x, faces, of_cells, held, struck, size)
+        point, direction, inscribed, edge = _on_faces(x, faces, outer, held, struck, size)
         radius = _radius(inscribed, edge, float((high - low).max()), "size" in read)
         radius = radius if family == "Solid" else None
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
@@ -251,27 +254,8 @@ def _plane(
     return np.zeros(len(x), dtype=bool), None
 
 
-def _faces(mesh: Mesh, nodes: IntArray) -> tuple[IntArray, Array]:
-    """Corners (F, k) of outer faces and the middles (F, 3) of their cells; of sheets and lines the
-    corners of the cells alone."""
-    from antiosc.fem.platform import compat
-    from antiosc.results.saved_fields import FACES
-
-    order = np.argsort(compat.node_order(mesh.cell, nodes.shape[1], "vtk"))
-    cells, middle = nodes[:, order], mesh.dolfinx.geometry.x[nodes].mean(axis=1)
-    kind = {"interval": "line", "quadrilateral": "quad", "tetrahedron": "tetra"}
-    listed = FACES.get(kind.get(mesh.cell, mesh.cell), [[0, 1]])
-    faces = np.vstack([cells[:, face] for face in listed])
-    if mesh.tdim < 3:
-        return faces, middle[:0]
-    ends = np.sort(faces, axis=1)
-    _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
-    outer = first[count == 1]
-    return faces[outer], middle[outer % len(cells)]
-
-
 def _on_faces(
-    x: Array, faces: IntArray, of_cells: Array, held: BoolArray, struck: IntArray, size: float
+    x: Array, faces: IntArray, outer: Faces, held: BoolArray, struck: IntArray, size: float
 ) -> tuple[Array, Array, float, float]:
     """Point, direction into the part, distance from the edge of its side, length of its edges.
 
@@ -279,11 +263,10 @@ def _on_faces(
     """
     corners = x[faces]
     middle = corners.mean(axis=1)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
-    normal /= np.maximum(area, np.finfo(float).tiny)[:, None]
-    outward = np.einsum("fi,fi->f", normal, middle - of_cells) if len(of_cells) else normal @ UP
-    normal *= np.where(outward < 0, -1.0, 1.0)[:, None]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area, normal = np.linalg.norm(sides, axis=1), outer.normals
+    if outer.sheet:
+        normal = normal * np.where(normal @ UP < 0, -1.0, 1.0)[:, None]
     side, edge_points = _sides(x, faces, normal)
     far = _from_supports(x, held, middle)
     total = np.bincount(side, area)

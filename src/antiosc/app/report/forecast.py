@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
-from antiosc.app.report.results import lines
+from antiosc.app.report.results import advice_of, lines
 from antiosc.app.scene_file.document import Table
 from antiosc.app.scene_file.outline import outlines
 from antiosc.app.scene_file.run import Results, results
@@ -17,7 +17,6 @@ from antiosc.base.memory import free_memory
 from antiosc.simulation.integrators.comparison import FIRST
 from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL
-from antiosc.studies.advice import advise
 from antiosc.studies.drops.body import MODES
 from antiosc.studies.drops.drop import GRAVITY
 
@@ -30,7 +29,8 @@ def text(scene: Compiled) -> str:
     found = results(scene, ("structure", "impactor", "contact"))
     rows: list[tuple[str, str]] = []
     if found.structure is not None:
-        rows += _of_structure(found)
+        dofs = f"{found.structure.dofs}"
+        rows += [*advice_of(found), ("dofs", dofs), ("factor", _factor(found.structure))]
     rows += [(f"box of {one.name}", one.text()) for one in outlines(scene)]
     rows += _of_model(scene, found)
     if scene.fall is not None:
@@ -39,18 +39,6 @@ def text(scene: Compiled) -> str:
         rows += _of_impact(scene, found)
     rows += [("warning", sentence) for sentence in found.warnings]
     return lines(rows)
-
-
-def _of_structure(found: Results) -> list[tuple[str, str]]:
-    structure = found.structure
-    rows = [("structure", structure.describe()), ("dofs", f"{structure.dofs}")]
-    if hasattr(found.impactor, "hertz"):
-        try:
-            advice: object = advise(structure, found.impactor)
-        except AntioscError as error:
-            advice = f"no advice: {error}"
-        rows.append(("advised family", str(advice)))
-    return [*rows, ("factor", _factor(structure))]
 
 
 def _factor(structure: Structure) -> str:

@@ -351,7 +351,7 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
     about = "Force (N) over time; an estimated error of 0.5 % or more is drawn as a band."
     shown = [chart("Contact force", about, several if contacts else partial(plot_force, hit))]
     if not contacts:
-        about = "Displacements (mm) of the site and of the impactor over time."
+        about = "Displacements of the site and of the impactor over time."
         shown.append(chart("Displacements", about, partial(plot_motion, hit)))
     energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGIES]
     about = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."

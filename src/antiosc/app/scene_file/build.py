@@ -35,7 +35,7 @@ from antiosc.app.scene_file.schema import (
     resolved,
     words,
 )
-from antiosc.base import checks, progress
+from antiosc.base import checks, plausible, progress
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -336,6 +336,8 @@ class Builder:
             try:
                 with warnings_to(told.append) if whole else without_warnings():
                     made = call.make(**arguments)
+                    if whole and isinstance(made, plausible.Material):
+                        plausible.tell([plausible.of_material(made)])
                 self.told += [one for one in told if one not in self.told]
                 return replace(call, made=made) if whole else None
             except Exception as error:

@@ -398,6 +398,7 @@ def _single(build: Builder, found: Compiled) -> None:
             build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
     if "strike" not in build.data:
         found.history = build.table("simulate", given={"model": found.model, **both})
+        _tell_opening(build, found)
         return
     sites = list(build.named("sites").values())
     if len(build.part("sites")) != 1:
@@ -411,6 +412,20 @@ def _single(build: Builder, found: Compiled) -> None:
         both["material"] = _material(build, build.data, ())
         both |= _supported(build, build.data, ())
     found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+
+
+#: Keys of [simulate] that may close a gap which the impactor opens.
+_CLOSING = {"initial_velocity", "gravity"}
+
+
+def _tell_opening(build: Builder, found: Compiled) -> None:
+    """Warn of an impactor that flies away from the structure."""
+    speed = getattr(getattr(found.impactor, "made", None), "velocity", 0.0)
+    if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
+        build.told.append(
+            f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
+            f"touched: a positive one leads along the direction of the site; give {-speed:g}."
+        )
 
 
 def _find(build: Builder, found: Compiled) -> None:

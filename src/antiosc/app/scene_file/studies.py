@@ -281,6 +281,8 @@ def surface(build: Builder, found: Compiled) -> Call | None:
     """The map of [map]."""
     given: dict[str, object] = {"structure": found.structure}
     table = dict(build.part("map"))
+    if table.get("where") == []:
+        build.note(("map", "where"), "map.where: a map needs at least one point or group.")
     if "map" in build.data and {"impactor", "contact"} & set(build.data):
         given |= {"impactor": found.impactor, "contact": found.contact}
         if "duration" in build.part("simulate"):

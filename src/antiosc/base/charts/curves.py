@@ -124,26 +124,30 @@ def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None)
     named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
     factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
-    seen: list[Array] = []
-    for (name, hit), width in zip(named.items(), widths(named), strict=True):
-        own, other = (name, None) if name else _names(hit)
-        (line,) = ax.plot(factor * hit.time, 1e3 * hit.displacement, lw=width, label=own)
-        color = line.get_color() if name else "C1"
-        dashes = {"ls": "--", "lw": width, "color": color}
-        beside = 1e3 * (hit.displacement + hit.indentation)
-        ax.plot(factor * hit.time, beside, label=other, **dashes)
+    besides = [hit.displacement + hit.indentation for hit in named.values()]
+    seen = [hit.displacement for hit in named.values()]
+    for hit, beside in zip(named.values(), besides, strict=True):
         first, last = _contact_span(hit)
         during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
-        seen += [1e3 * hit.displacement, beside[during]]
+        seen.append(beside[during])
+    shown = np.concatenate(seen)
+    long, length = prefixed(float(np.abs(shown).max(initial=0.0)) or 1e-3, "m")
+    for (name, hit), beside, width in zip(named.items(), besides, widths(named), strict=True):
+        own, other = (name, None) if name else _names(hit)
+        (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=own)
+        dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
+        ax.plot(factor * hit.time, long * beside, label=other, **dashes)
         if len(named) == 1 and hit.contacts:
             spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
             whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
-    ax.set_ylim(*with_room(np.concatenate(seen), 0.08, 0.08))
+    if all(named):
+        ax.set_title("dashed: what strikes", loc="right", fontsize="small")
+    ax.set_ylim(*with_room(long * shown, 0.08, 0.08))
     ends = [factor * hit.time[-1] for hit in named.values()]
     ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
     ax.set_xlabel(f"time ({unit})")
-    ax.set_ylabel("displacement (mm)")
+    ax.set_ylabel(f"displacement ({length})")
     return legend(ax)
 
 

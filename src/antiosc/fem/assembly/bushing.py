@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import coordinates, instance, positive, shown
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import End, Motion, end_text, motion
+from antiosc.fem.assembly.ends import End, Motion, end_text, motion, tell_gap
 from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
@@ -162,6 +162,7 @@ class Bolt(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
+        tell_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:
@@ -173,7 +174,7 @@ class Bolt(Between):
             if not one.turns(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
-                    "one: give a group of faces."
+                    'one: give a group of faces, or a radius, ("part", point, radius).'
                 )
         axis = line / length
         middle = (ends[0].point + ends[1].point) / 2

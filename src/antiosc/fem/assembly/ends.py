@@ -1,27 +1,28 @@
 """What a joint holds on to: a group of a part, a point of a part, or a reference point.
 
-An end is "part:group", a pair ("part", point), or the name of a reference point. Its motion at a
-point is a set of linear functionals of u: of one node those of the node, of a group of several the
-mean displacement and the mean rotation, by which a force spreads over the group without stiffening
-it. The mean rotation is that of the rigid motion closest to the motion of the group.
+An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
+Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
+of several, or of the surface within the radius, the mean displacement and the mean rotation, by
+which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
+closest to the motion of the group.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, in_words, shown
+from antiosc.base.checks import array, in_words, positive, shown
 from antiosc.base.declared import checked_by
-from antiosc.base.errors import InputError, known
+from antiosc.base.errors import InputError, known, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
-from antiosc.fem.mesh.entities import Quadrature
+from antiosc.fem.mesh.entities import Quadrature, quadrature
 from antiosc.fem.structure.attachments import NEAR
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.placement import in_space, skew
@@ -33,8 +34,11 @@ COLLINEAR = 1e-12
 #: Share of a direction that may be missing in what an end has of it: rounding.
 MISSING_SHARE = 1e-6
 
-#: "part:group" or the name of a reference point, or ("part", point)
-End: TypeAlias = str | tuple[str, tuple[float, ...]]
+#: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
+CUT_DEGREE, CUT_POINTS = 16, 12
+
+#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
+End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +99,14 @@ def checked_end(name: str, end: object) -> End:
     """An end in the form that is stored, or InputError."""
     if isinstance(end, str) and end:
         return end
-    if isinstance(end, tuple | list) and len(end) == 2 and isinstance(end[0], str) and end[0]:
+    if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
         point = array(f"the point of {name}", end[1], None)
         if point.shape in ((2,), (3,)):
-            return end[0], tuple(point.tolist())
+            own = end[0], tuple(point.tolist())
+            return own if len(end) == 2 else (*own, positive(f"the radius of {name}", end[2], "m"))
     raise InputError(
-        f'{name} must be "part:group", a pair ("part", point) or the name of a reference point; '
-        f"got {shown(end)}."
+        f'{name} must be "part:group", ("part", point), ("part", point, radius) or the name of a '
+        f"reference point; got {shown(end)}."
     )
 
 
@@ -112,7 +117,7 @@ def end_text(end: End) -> str:
     """An end in words."""
     if isinstance(end, str):
         return repr(end)
-    return f"{end[0]!r} at {in_words(end[1])}"
+    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {in_words(end[1])}"
 
 
 def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
@@ -172,6 +177,20 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
     return mean(layout, member, member.points_of(group))
 
 
+def tell_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
+    """Warn of a joint that spans more than the smaller of the parts that it joins measures."""
+    gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
+    names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
+    sizes = [layout.members[one].part.mesh.extent() for one in names if one in layout.members]
+    if gap > min(sizes, default=np.inf):
+        a, b = (end_text(end) for end, _ in ends)
+        warn(
+            f"{label} spans {gap:.3g} m from {a} to {b}, and the smaller part measures "
+            f"{min(sizes):.3g} m: check the ends and at=, in m, or model what lies between as a "
+            "part."
+        )
+
+
 def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:
     """The motion of a site or a node of a superelement, by its name or its place."""
     if isinstance(end, str):
@@ -207,8 +226,10 @@ def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
     return Motion(displacements, rotations, _rotation_space(layout, member), member.nodes[nodes[0]])
 
 
-def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
-    """The motion of a part at a point."""
+def _of_point(
+    layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
+) -> Motion:
+    """The motion of a part at a point, or of its surface around it."""
     end = (part, point)
     member = _member(layout, part, end)
     nearest = member.closest(in_space(point)[None])
@@ -218,9 +239,27 @@ def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
             f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
             f"point is {in_words(place)}."
         )
+    if radius is not None:
+        return mean(layout, member, _around(member, end, place, radius)).at(place)
     displacements = layout.at_points(member, nearest.cell, nearest.X, DISPLACEMENTS)
     rotations = layout.at_points(member, nearest.cell, nearest.X, ROTATIONS)
     return Motion(displacements, rotations, _rotation_space(layout, member), place)
+
+
+def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
+    """Points of the surface of a part, of sheets and beams themselves, in a ball."""
+    faces, own = member.part.faces, member.at.own(place[None])[0]
+    close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
+    whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
+    inside = np.flatnonzero(np.linalg.norm(whole.x - own, axis=1) <= radius)
+    if len(inside) < CUT_POINTS:
+        raise InputError(
+            f"the elements at {end_text(end)} are too large for this radius, up to "
+            f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
+            "the radius."
+        )
+    part = Quadrature(*(getattr(whole, one.name)[inside] for one in fields(Quadrature)))
+    return replace(part, x=member.at.placed(part.x))
 
 
 def _rotation_space(layout: Layout, member: Member) -> Array:

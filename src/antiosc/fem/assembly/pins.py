@@ -13,7 +13,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import coordinates, number, shown, store
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
+from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion, tell_gap
 from antiosc.fem.assembly.joint import NAME, Between, Held, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
@@ -33,6 +33,7 @@ class _Pin(Between):
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         ends = motion(layout, self.a), motion(layout, self.b)
+        tell_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
         a, b = (
             carried(layout, label, end, one, x)
@@ -68,8 +69,9 @@ class Weld(_Pin):
     Parameters
     ----------
     a, b : ends
-        "part:group" (of several nodes: their mean motion), ("part", (x, y, z)), or the name of a
-        reference point.
+        "part:group" (of several nodes: their mean motion), ("part", (x, y, z)), ("part", (x, y, z),
+        radius): the mean motion of the surface within the radius of a point, as under a screw's
+        head, or the name of a reference point.
     point : sequence of floats, optional
         Where they are joined, m; default: the point, or the centroid, of `a`. Ends that lie
         elsewhere are connected to it rigidly.
@@ -180,8 +182,8 @@ def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Mo
             if direction @ one.rotation_space @ direction < HAS_ROTATION * (direction @ direction):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
-                    "solid, or a straight row of them, does not rotate; give a group of faces, or "
-                    "use a Ball."
+                    "solid, or a straight row of them, does not rotate; give a group of faces, a "
+                    'radius, ("part", point, radius), or use a Ball.'
                 )
 
 

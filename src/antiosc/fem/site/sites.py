@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, floor, log10
+from math import acos, ceil, degrees, floor, log10
 
 import numpy as np
 import scipy.sparse
@@ -196,6 +196,11 @@ ON_SHEET = 1e-6
 WHOLE_PATCH, PARTLY = 0.9, 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 ROUNDING = 1e-6
+#: Cells of a sheet may be so many times the radius: its compliance is then up to 3 % too low. Of
+#: cells beyond the second times the thickness bending hides that.
+COARSE_SHEET, THIN = 8.0, 4.0
+#: Cosine of the angle to the normal below which a blow goes along the surface.
+ALONG_SURFACE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,15 +331,35 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"radius={rounded_up(size):g} (the element there measures {size:.2g} m; its radius "
             "should not be smaller).",
         )
-    coarse = sites.size > (1 + ROUNDING) * sites.radii
-    if coarse.any() and kind.outside:
+    times = 1.0 if kind.outside else COARSE_SHEET
+    coarse = sites.size > (1 + ROUNDING) * times * sites.radii
+    if kind.sheet and coarse.any() and sites.contact is not None:
+        thickness = np.array([material.patch_radius for material, _ in structure.parts])
+        coarse &= sites.size < THIN * thickness[sites.contact.label]
+    if coarse.any():
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
+        what, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
         _warn(
             structure,
-            f"the facets at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
-            f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
-            f"refine=[(point, {sites.radii[i]:g})] or take radius={rounded_up(sites.size[i]):g}.",
+            f"the {what} at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
+            f"{rule}the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry "
+            f"with refine=[(point, {times * sites.radii[i]:g})] or take "
+            f"radius={rounded_up(sites.size[i] / times):g}.",
         )
+    if sites.contact is not None and mesh.gdim == 3:  # plane parts are loaded in shear, too
+        cosines = np.abs(np.einsum("pd,pd->p", sites.directions, sites.contact.normals))
+        on_face = np.isfinite(sites.contact.depth) & (sites.share >= WHOLE_PATCH)
+        along = on_face & (cosines < ALONG_SURFACE)
+        if along.any():
+            i = int(np.argmax(along))
+            normal = ", ".join(f"{c:.3g}" for c in sites.contact.normals[i].round(9) + 0.0)
+            _warn(
+                structure,
+                f"the direction of the site{_at(along)} lies along the surface, "
+                f"{90 - degrees(acos(cosines[i])):.2g}° from it: an impactor slides there and does "
+                "not strike; give the direction in which it flies, against the normal "
+                f"({normal}).",
+            )
     cut = _cut(sites)
     if cut.any():
         _warn(

@@ -176,8 +176,9 @@ class History(HistoryResults):
         The speed of separation at the contact point after the last release, divided by the speed of
         approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
         supported structure has no rigid-body motion at its site; the coefficient is then the
-        rebound speed of the impactor over its speed of approach. None without a contact, if the
-        bodies are in contact at the end, or if they did not approach each other.
+        rebound speed of the impactor over its speed of approach. Negative: after the last release
+        these motions still approach, and the bodies will touch again; lengthen the duration. None
+        without a contact, if the bodies are in contact at the end, or if they did not approach.
         """
         return self._contact.restitution
 
