@@ -540,6 +540,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
     "ReducedMatrices.save": {"path": "reduced.op4"}, "ModalBody": {"r": 1e-9},
     "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
+    "SiteModes.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
     "ModalBody.field": {"coordinates": [0.1, 0.2, 0.3]},
     "AntiOscillators.load": {"path": saved}, "History.load": {"path": saved_history},

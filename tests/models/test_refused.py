@@ -181,6 +181,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: SITES.coordinates(np.ones(3), np.ones(2)), "shape"),
     (lambda: SITES.coordinates(np.ones(2), np.ones(3)), "shape"),
     (lambda: SITES.field(np.ones(3)), "coordinates"),
+    (lambda: SITES.rigid_motion(1.0), "has 2: give"),
     (lambda: struck(Foreign(velocity="fast")), "velocity of impactor"),
     (lambda: struck(Foreign(gap=-1e-3)), "gap of impactor"),
     (lambda: struck(Foreign(local_compliance=-1e-9)), "local_compliance of impactor"),

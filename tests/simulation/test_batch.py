@@ -9,68 +9,15 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.march.step_control import Refinement
-from scenes import case_two, random_model
-
-
-def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None:
-    for i, hit in enumerate(alone):
-        assert batch.step[i] == pytest.approx(hit.step, rel=1e-9)
-        assert batch.contacts[i] == len(hit.contacts)
-        assert batch.status[i] == hit.status
-        for name in ("peak_force", "impulse", "contact_time"):
-            assert getattr(batch, name)[i] == pytest.approx(getattr(hit, name), rel=rel, abs=1e-300)
-        if hit.restitution is None:
-            assert np.isnan(batch.restitution[i])
-        else:
-            assert batch.restitution[i] == pytest.approx(hit.restitution, rel=rel, abs=rel)
-        time, force = batch.force[i]
-        there = np.interp(time, hit.time, hit.force)
-        assert force == pytest.approx(there, abs=1e-6 * hit.peak_force)
-
-
-def test_over_models_obstacles_gravity_and_damping(rng):
-    models = []
-    for n in (1, 3, 8):
-        base = random_model(rng, n, supported=False)
-        models += [
-            base,
-            ao.AntiOscillators(
-                0.0,
-                0.0,
-                base.m,
-                base.omega,
-                participation=base.participation,
-                damping=ao.Damping(0.02, alpha=1.0),
-            ),
-        ]
-    speeds = rng.uniform(0.1, 2, len(models))
-    batch = ao.simulate_many(
-        models, ao.Obstacle(), ao.Hertz(1e8), 8e-3, initial_velocity=speeds, gravity=-9.81
-    )
-    alone = [
-        ao.simulate(m, ao.Obstacle(), ao.Hertz(1e8), 8e-3, initial_velocity=v, gravity=-9.81)
-        for m, v in zip(models, speeds, strict=True)
-    ]
-    compare(batch, alone, rel=1e-8)
-
-
-def test_many_impacts_of_one_scene():
-    """Chatter: scenes with tens of contacts beside scenes with one and with none."""
-    model = ao.AntiOscillators(m0=1e-2, k0=1e4, m=[1.0], omega=[300.0])
-    impactors = [ao.RigidMass(10.0, 1.0), ao.RigidMass(0.001, 0.1), ao.RigidMass(1.0, -1.0)]
-    batch = ao.simulate_many(model, impactors, ao.Hertz(1e11), 5e-3, step=1e-6)
-    alone = [ao.simulate(model, i, ao.Hertz(1e11), 5e-3, step=1e-6) for i in impactors]
-    compare(batch, alone, rel=1e-6)
-    assert batch.contacts[0] > 5
-    assert batch.contacts[2] == 0
+from scenes import case_two
 
 
 def test_patch_compliance_and_its_limit():
     model = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
     impactors = ao.sweep(ao.RigidMass, mass=0.01, velocity=[0.1, 0.2])
     batch = ao.simulate_many(model, impactors, ao.Hertz(1e9), 2e-3)
-    compare(batch, [ao.simulate(model, i, ao.Hertz(1e9), 2e-3) for i in impactors])
+    alone = [ao.simulate(model, i, ao.Hertz(1e9), 2e-3).peak_force for i in impactors]
+    assert batch.peak_force.tolist() == alone
     hard = ao.RigidMass(1.0, 30.0)
     with pytest.raises(ao.AccuracyError) as alone:
         ao.simulate(model, hard, ao.Hertz(1e9), 1e-2)
@@ -166,18 +113,6 @@ def test_a_sweep_keeps_what_an_executor_has_made():
     assert again[1].mass == 2.0
     with pytest.raises(ao.AntioscError, match="shutdown"):
         ao.simulate_many(case_two(2)[0], masses, ao.Hertz(1e9), 1e-3, executor=closed_pool())
-
-
-class TestRefinement:
-    """The control of the step, on sequences whose errors are known."""
-
-    def test_aims_at_the_tolerance(self):
-        control, h = Refinement(1e-4), 1.0
-        while not control.reached:
-            finer = h / 2**control.halvings
-            control.update(h**2 - finer**2, 0.0)
-            h = finer
-        assert 0.3e-4 < h**2 <= 1e-4
 
 
 def test_a_batch_does_not_depend_on_those_before():

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
+from antiosc.simulation.integrators.comparison import Settings
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_states import forces, located, states
@@ -69,7 +70,7 @@ def solve(made: Assembly, duration: float) -> Run:
 
 
 def at(made: Assembly, run: Run, t: Array) -> tuple[Array, Array]:
-    return states(run, made.system, made.load, *located(run, t))
+    return states(run, made.system, *located(run, t))
 
 
 def cut(made: Assembly, whole: Run, share: float) -> tuple[float, Assembly]:
@@ -102,7 +103,7 @@ def test_a_cut_contact_keeps_its_damping_by_other_methods() -> None:
     made = scene(LAWS["Hunt-Crossley"])
     whole = solve(made, DURATION)
     t, rest = cut(made, whole, 0.5)
-    given = rest, DURATION - t, 1e-3, "newmark", 2e-7, 100, 100_000
-    hit, _ = solved(ao.SceneHistory, *given)
+    settings = Settings(1e-3, "newmark", 2e-7, 100, 100_000)
+    hit, _ = solved(ao.SceneHistory, rest, DURATION - t, settings)
     parted = at(made, whole, np.array([DURATION]))[1]
     np.testing.assert_allclose(hit.run.states[-1, 1], parted[0], atol=2e-3 * abs(parted).max())

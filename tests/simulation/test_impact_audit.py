@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from march_audit import motion
 
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -48,26 +47,6 @@ every = pytest.mark.parametrize(
         if method != "DOP853" or law in ("hertz", "laminate")
     ],
 )
-
-
-@pytest.mark.sample
-@every
-def test_motion_between_the_nodes_follows_from_the_force(law: str, method: str) -> None:
-    """From each node on, under the parabola of force and gravity; at the nodes of the method."""
-    hit = impact(law, method)
-    p, t = hit.assembly.system, hit.time
-    h = np.diff(t)[:, None]
-    q, v = hit.states(t[:-1])
-    assert np.all(h > 0)
-    since = 0.4 * h
-    ends = [hit.force_at((t[:-1, None] + share * h)[:, 0]) for share in (0.0, 0.5, 0.999999)]
-    f0, f1, f2 = (each[:, None] for each in ends)
-    force = [f0, (4 * f1 - 3 * f0 - f2) / h, 4 * (f0 - 2 * f1 + f2) / h**2]
-    push = np.stack([-each * p.beta[0] for each in force])
-    push[0] += p.loads[0]
-    expected = motion(p.omega, p.decay, since, q, v, push)
-    for mine, exact in zip(hit.states(t[:-1] + since[:, 0]), expected, strict=True):
-        np.testing.assert_allclose(mine, exact, rtol=0, atol=1e-6 * np.abs(exact).max())
 
 
 @every

@@ -133,17 +133,6 @@ def test_exact_takes_steps_of_many_periods():
     assert np.all(np.isfinite(a.displacement))
 
 
-def test_short_sub_impacts_are_resolved_whatever_the_step():
-    """A contact shorter than the step is done again with smaller ones, not missed."""
-    from scenes import hertz_impact, rigid
-
-    peak, time = hertz_impact(1.0, 1.0, 1e9)
-    wall = rigid(1e12)
-    hit = ao.simulate(wall, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 10 * time, step=2 * time)
-    assert hit.peak_force == pytest.approx(peak, rel=0.05)
-    assert hit.contact_time == pytest.approx(time, rel=0.02)
-
-
 class TestResponses:
     """The closed forms against the matrix exponential."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def drawn(rng: np.random.Generator, law: ao.ContactLaw) -> tuple:
         ao.Sphere(0.01, 2e11, 0.3, mass=mass, velocity=speed),
         ao.Impactor(other, speed),
     )
-    options = {"gap": float(rng.choice([0.0, 1e-5])), "gravity": 0.0}
+    options = {"gap": float(rng.choice([0.0, 1e-5])), "gravity": 0.0, "initial_velocity": 0.0}
     if model.participation is not None:
         options["gravity"] = float(rng.choice([0.0, 9.81]))
     return model, kinds[rng.integers(3)], law, float(10 ** rng.uniform(-3.5, -2)), options
@@ -56,13 +57,16 @@ def alone(model, impactor, law, duration, options, **limits) -> tuple[ao.History
 def test_a_batch_is_what_simulate_gives_to_the_last_bit(rng, monkeypatch):
     """All laws, struck by each kind of impactor, and limits that some runs reach."""
     scenes = [drawn(rng, law) for law in LAWS.values() for _ in range(2)]
+    falling = {"gap": 0.0, "gravity": -9.81, "initial_velocity": 1.3}
+    body = replace(random_model(rng, 8, supported=False), damping=ao.Damping(0.02, alpha=1.0))
+    scenes.append((body, ao.Obstacle(), ao.Hertz(1e8), 8e-3, falling))
     limits = {"max_contacts": 2, "max_steps": 700}
     apart = []
     monkeypatch.setattr(
         batches, "_alone", lambda *given, real=batches._alone: apart.append(0) or real(*given)
     )
     models, strikers, laws, durations, options = zip(*scenes, strict=True)
-    columns = {name: [each[name] for each in options] for name in ("gap", "gravity")}
+    columns = {name: [each[name] for each in options] for name in falling}
     rows = map(list, (models, strikers, laws, durations))
     many = ao.simulate_many(*rows, **columns, **limits)
     assert len(apart) < 3

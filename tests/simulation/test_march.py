@@ -85,27 +85,6 @@ def test_slopes_of_responses(ratio: float, t: float) -> None:
         assert np.all(off <= 1e-7 * np.abs(expected) + 1e-9 * scale + loss), (k, off / scale)
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
-def test_responses_are_those_of_the_equation_of_motion(ratio: float) -> None:
-    """Against its power series and the roots of its characteristic polynomial."""
-    omega = np.array([1e-3, 0.3, 2.0, 7.0, 40.0])
-    decay, t = ratio * omega, np.array([[1e-6], [0.04], [1.3]])
-    P, W, S, J0, J1, J2 = march.responses(omega, decay, t)
-    none, one = np.zeros_like(P), np.ones_like(P)
-    still = [none, none, none]
-    moved = motion(omega, decay, t, one, none, still), motion(omega, decay, t, none, one, still)
-    tight = {"rtol": 1e-7 if 0.99 < ratio < 1.2 else 1e-9, "atol": 1e-13}
-    np.testing.assert_allclose(P, moved[0][0], **tight)
-    np.testing.assert_allclose(S, moved[1][0], **tight)
-    np.testing.assert_allclose(W, moved[1][1], **tight)
-    np.testing.assert_allclose(-(omega**2) * S, moved[0][1], **tight)
-    for k, J in enumerate((J0, J1, J2)):
-        push = [one * (k == n) for n in range(3)]
-        scale = t ** (k + 2)
-        found = motion(omega, decay, t, none, none, push)[0]
-        np.testing.assert_allclose(J / scale, found / scale, rtol=1e-6, atol=1e-9)
-
-
 def test_a_crossing_is_that_of_the_polynomial() -> None:
     parts, p = built(), np.polynomial.Polynomial([1.0, 2.0, -7.0, 3.0, -1.0, 0.5])
     d, h, at = p.deriv(), 0.3, 0.28

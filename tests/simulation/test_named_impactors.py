@@ -69,30 +69,3 @@ def test_a_sphere_takes_mass_or_density_and_is_replaced():
     for arguments in ({}, {"rho": 7850.0, "mass": 0.1}):
         with pytest.raises(ao.InputError, match="rho or mass"):
             ao.Sphere(0.01, 210e9, 0.3, **arguments)
-
-
-@pytest.mark.parametrize(
-    ("name", "energy", "mass", "radius"),
-    [*((f"IK0{k}", e, 0.25, 10) for k, e in enumerate((0.14, 0.2, 0.35, 0.5, 0.7, 1.0), 1)),
-     ("IK07", 2.0, 0.5, 25), ("IK08", 5.0, 1.7, 25), ("IK09", 10.0, 5.0, 50),
-     ("IK10", 20.0, 5.0, 50), ("IK11", 50.0, 10.0, 50)],
-)  # fmt: skip
-def test_hammers_are_those_of_the_standard(name, energy, mass, radius):
-    """IEC 60068-2-75: energy [J], mass [kg], radius of the tip [mm]; polyamide up to 1 J."""
-    known, hammer = ao.IMPACTORS[name], ao.named_impactor(name)
-    assert (known.mass, hammer.mass) == (mass, mass)
-    assert 0.5 * mass * known.speed**2 == pytest.approx(energy, rel=1e-12)
-    assert known.tip_radius == hammer.tip_radius == pytest.approx(radius / 1e3)
-    assert known.steel == (energy > 1)
-    assert (hammer.E, hammer.nu) == ((210e9, 0.3) if energy > 1 else (None, None))
-    assert bool(known.note) == (energy <= 1)
-
-
-def test_headforms_and_hail_are_those_of_their_sources():
-    child, hail = (ao.named_impactor(name) for name in ("child headform", "hail 45 mm"))
-    assert (child.mass, child.velocity) == (3.5, pytest.approx(9.722, abs=1e-3))
-    assert 0.5 * hail.mass * hail.velocity**2 == pytest.approx(20.6, abs=0.1)
-    small = ao.named_impactor("hail 25 mm", 20.0)
-    assert small.mass == pytest.approx(917 * np.pi / 6 * 0.025**3, rel=5e-3)  # it is ice
-    with pytest.raises(ao.InputError, match="velocity"):
-        ao.named_impactor("adult headform")

@@ -142,7 +142,7 @@ def _named(mesh: Any) -> Iterator[tuple[tuple[int, int], str]]:
             yield (int(pair[0]), int(pair[1])), name
 
 
-def _by_value(values: Any) -> Iterator[tuple[int, IntArray]]:
+def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
     """(value, rows that have it), ascending; one sort for all of them."""
     order = np.argsort(values, kind="stable")
     found, first = np.unique(values[order], return_index=True)

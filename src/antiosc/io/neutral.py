@@ -216,7 +216,7 @@ def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
     return mesh
 
 
-def _check_indices(rows: NDArray[Any], most: int, what: str) -> None:
+def _check_indices(rows: IntArray, most: int, what: str) -> None:
     if rows.dtype != np.int64:
         raise ValueError(f"{what} by {rows.dtype}")
     if rows.size and not (rows.min() >= 0 and rows.max() < most):

@@ -226,7 +226,6 @@ class AntiOscillators(Brief, Parameters):
         sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
         """
         size = self.lead + self.n
-        body = self.site_modes() if self.sites else self.modal()
         x = checks.array("coordinates", coordinates, None)
         hidden = self.hidden_count
         if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
@@ -235,7 +234,7 @@ class AntiOscillators(Brief, Parameters):
                 f" with the hidden motions; got shape {x.shape}."
             )
         at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
-        return body.field(np.concatenate((x, at_rest), axis=-1))
+        return self.free_modes.field(np.concatenate((x, at_rest), axis=-1))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Dynamic stiffness and masses as a matplotlib figure; see `plotting.plot_model`.
@@ -258,7 +257,8 @@ class AntiOscillators(Brief, Parameters):
         """
         if self.sites:
             raise InputError(several_contact_points("this model", self.sites))
-        return self._modal
+        assert isinstance(self.free_modes, ModalBody)
+        return self.free_modes
 
     def site_modes(self) -> SiteModes:
         """A model of several sites in its free modes, as a scene takes it.
@@ -268,15 +268,13 @@ class AntiOscillators(Brief, Parameters):
         """
         if not self.sites:
             raise InputError("this model has one site: modal() is its form in free modes.")
-        return self._site_modes
+        assert isinstance(self.free_modes, SiteModes)
+        return self.free_modes
 
     @cached_property
-    def _site_modes(self) -> SiteModes:
-        return reduced_modes.site_modes(self)
-
-    @cached_property
-    def _modal(self) -> ModalBody:
-        return reduced_modes.modal(self)
+    def free_modes(self) -> ModalBody | SiteModes:
+        """The model in its free modes: `modal()` of one site, `site_modes()` of several."""
+        return reduced_modes.site_modes(self) if self.sites else reduced_modes.modal(self)
 
     def to_matrices(
         self,

@@ -8,7 +8,7 @@ nothing (`checked_body`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
@@ -94,7 +94,7 @@ class _Foreign(Body):
         return self._body.modal()
 
 
-def checked_body(name: str, body: Any) -> Body:
+def checked_body(name: str, body: object) -> Body:
     """`body` as a `Body` of one contact point, a foreign one with the defaults.
 
     InputError for one without a modal() method, and for one with several contact points.
@@ -103,7 +103,7 @@ def checked_body(name: str, body: Any) -> Body:
         if body.sites:
             raise InputError(several_contact_points(name, body.sites))
         return body
-    if not isinstance(body, type) and callable(getattr(body, "modal", None)):
+    if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
         return _Foreign(name, body)
     raise InputError(
         f"{name} must have a modal() method, as the model that extract(part, site) makes, a "

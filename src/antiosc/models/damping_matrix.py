@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,7 +91,7 @@ class DampingMatrix(Brief):
             total = total + G * (s * tau / (1 + s * tau))
         return np.asarray(total)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Arguments of `of_factors` as JSON values, and the number of coordinates."""
         return {
             "n": self.n,

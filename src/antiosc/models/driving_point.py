@@ -7,7 +7,6 @@ meaningless. Z is therefore compared at complex frequencies with 1 % damping, ω
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +27,7 @@ AT_ONCE = 500
 UNSTRAINED = 1e-10
 
 
-Stiffness = Callable[[Any], Numbers]
+Stiffness = Callable[[ComplexArray], Numbers]
 
 
 def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:

@@ -25,12 +25,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 
-from antiosc.base._types import Array, ComplexArray, Numbers
+from antiosc.base._types import Array, BoolArray, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError
 from antiosc.models.damping_matrix import DampingMatrix, along, of_factors
 
@@ -160,7 +159,7 @@ class SideBySide:
         return q, v, brake
 
     @property
-    def undamped(self) -> Any:
+    def undamped(self) -> BoolArray:
         """Which free modes (J,) have no damping."""
         own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f, _ in self.parts]
         return np.concatenate(own)
@@ -277,7 +276,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     return w, d, S[: 2 * k], JS, brake
 
 
-def _groups(poles: Any) -> list[list[int]]:
+def _groups(poles: Numbers) -> list[list[int]]:
     """Indices of equal poles; real and complex ones apart."""
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():

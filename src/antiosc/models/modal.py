@@ -86,7 +86,7 @@ class Damping(Given):
         index = np.clip(np.arange(omega.size) - rigid, 0, ratios.size - 1)
         return np.asarray(ratios[index] * omega + self.alpha / 2 + self.beta * omega**2 / 2)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Constructor arguments as JSON values."""
         return {
             "ratio": np.asarray(self.ratio, dtype=float).tolist(),
@@ -105,12 +105,14 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 class FreeModes(Brief):
     """What bodies in free modes with one contact point (`ModalBody`) and with several share.
 
-    Arrays of the contact points have an axis for them where there are several.
+    The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
+    `axes` are those of P >= 1 columns of any body.
     """
 
     omega: Array
     b: Array
     r: Any
+    weight: Array | None
     decay: Array | None
     shape: Array | None
     residual: Array | None
@@ -166,21 +168,46 @@ class FreeModes(Brief):
         """Number of own coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns in the modes."""
+        return self.b if self.b.ndim > 1 else self.b[:, None]
+
+    @property
+    def R(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return np.asarray(self.r) if self.b.ndim > 1 else np.array([[self.r]])
+
+    @property
+    def columns(self) -> dict[str, tuple[int, ...]]:
+        """Columns of each contact point; the one of a `ModalBody` has the name ""."""
+        return {"": (0,)}
+
+    @property
+    def axes(self) -> Array | None:
+        """Unit vectors (P, 3) of the columns; None: unknown."""
+        raise NotImplementedError
+
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Own coordinates (..., C) for modal ones (..., J), contact forces (...,) or (..., P)."""
+        """Own coordinates (..., C) for modal ones (..., J) and forces (..., P) on the columns.
+
+        Of one contact point the forces may be (...,) too, or one number for all.
+        """
         q = checks.array("q", q, None)
         force = checks.array("force", force, None)
-        size, *points = self.b.shape
-        shapes = [(*q.shape[:-1], *points), *([] if points else [()])]
-        if q.ndim == 0 or q.shape[-1] != size or force.shape not in shapes:
+        size, points = self.B.shape
+        wanted = (*q.shape[:-1], points)
+        if self.b.ndim == 1 and force.shape in ((), q.shape[:-1]) and q.ndim:
+            force = np.broadcast_to(force, q.shape[:-1])[..., None]
+        if q.ndim == 0 or q.shape[-1] != size or force.shape != wanted:
             raise InputError(
-                f"q must have shape (..., {size}) and force shape (...,"
-                f"{''.join(f' {p}' for p in points)}); got {q.shape} and {force.shape}."
+                f"q must have shape (..., {size}) and force shape (..., {points}); got {q.shape}"
+                f" and {force.shape}."
             )
         x = q if self.shape is None else q @ self.shape.T
-        if self.residual is None or (self.shape is None and not points):
+        if self.residual is None or (self.shape is None and self.b.ndim == 1):
             return x
-        return np.asarray(x + np.tensordot(force, self.residual.T, axes=len(points)))
+        return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
         """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
@@ -199,14 +226,82 @@ class FreeModes(Brief):
         """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         first = self.first_order
-        if first is not None:
-            H = first.receptance(self.b.reshape(len(self.b), -1), w[..., 0])
-            return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r)
-        loss = 0.0 if self.decay is None else 2j * self.decay * w
-        modal = 1 / (self.omega**2 - w**2 + loss)
-        b = self.b.reshape(len(self.b), -1)
-        H = (b.T * modal[..., np.newaxis, :]) @ b
+        if first is None:
+            loss = 0.0 if self.decay is None else 2j * self.decay * w
+            modal = 1 / (self.omega**2 - w**2 + loss)
+            H = np.asarray((self.B.T * modal[..., np.newaxis, :]) @ self.B, dtype=complex)
+        else:
+            H = first.receptance(self.B, w[..., 0])
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
+
+    @cached_property
+    def _rigid_along(self) -> tuple[Array, float]:
+        """Displacements (J,) of the one column in the rigid-body modes, and their mobility."""
+        along = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        return along, float(along @ along)
+
+    def rigid_motion(self, velocity: float | Motion) -> Array:
+        """Modal velocities (J,) of a rigid-body motion.
+
+        Parameters
+        ----------
+        velocity : float or Motion
+            A number is the velocity of the one column along the impact direction [m/s]. If the
+            body is free in this direction, the whole body translates. If supports restrain it, or
+            if `inertia` is unknown, the motion is the rigid-body motion of least kinetic energy
+            with this velocity of the contact point, phi_CR of the article.
+
+        Raises
+        ------
+        InputError
+            For a body without such a rigid-body motion.
+        """
+        if isinstance(velocity, Motion):
+            return self._moving(velocity)
+        velocity = checks.number("velocity", velocity, "m/s")
+        if velocity == 0.0:
+            return np.zeros(self.omega.size)
+        if self.B.shape[1] != 1:
+            raise InputError(
+                f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
+                " a Motion(velocity=(...), spin=(...))."
+            )
+        along, mobility = self._rigid_along
+        if mobility == 0.0:
+            raise InputError(
+                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
+                f" rigid-body motion at its contact point; use 0 or free its supports."
+            )
+        if self.inertia is not None and self.axes is not None:
+            translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
+            start, left = self._projected(self.inertia, translation)
+            if left <= MISSED_ENERGY:
+                return start
+        return np.asarray(velocity * along / mobility)
+
+    def _moving(self, motion: Motion) -> Array:
+        if self.inertia is None:
+            raise InputError(
+                "the model of this body has no rigid-body inertia (the body is supported, or the "
+                "model was made by hand or from matrices): give its velocity as a number, along "
+                "the direction of impact."
+            )
+        start, left = self._projected(self.inertia, motion.at(self.inertia))
+        if left > MISSED_ENERGY:
+            raise InputError(
+                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
+                f"{motion} lies outside the rigid-body motions that the supports permit; give a "
+                "motion that they permit."
+            )
+        return start
+
+    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
+        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
+        start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
+        whole = float(motion @ inertia.matrix @ motion)
+        if not np.any(motion):
+            return start, 0.0
+        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -253,6 +348,11 @@ class ModalBody(FreeModes):
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
 
+    @property
+    def axes(self) -> Array | None:
+        """The direction, (1, 3)."""
+        return None if self.direction is None else self.direction[None]
+
     @cached_property
     def mobility(self) -> float:
         """Inverse [1/kg] of the effective mass of the slowest motion at the contact point."""
@@ -268,70 +368,6 @@ class ModalBody(FreeModes):
         """Frequencies, decays, and displacements that close a contact, of the modes (3, J)."""
         decay = np.zeros(self.omega.size) if self.decay is None else self.decay
         return np.array([self.omega, decay, -self.b])
-
-    @cached_property
-    def _rigid_along(self) -> tuple[Array, float]:
-        """Displacements (J,) of the contact point in the rigid-body modes, and their mobility."""
-        along = np.where(self.omega == 0, self.b, 0.0)
-        return along, float(along @ along)
-
-    def rigid_motion(self, velocity: float | Motion) -> Array:
-        """Modal velocities (J,) of a rigid-body motion.
-
-        Parameters
-        ----------
-        velocity : float or Motion
-            A number is the velocity of the contact point along the impact direction [m/s]. If the
-            body is free in this direction, the whole body translates. If supports restrain it, or
-            if `inertia` is unknown, the motion is the rigid-body motion of least kinetic energy
-            with this velocity of the contact point, phi_CR of the article.
-
-        Raises
-        ------
-        InputError
-            For a body without such a rigid-body motion.
-        """
-        if isinstance(velocity, Motion):
-            return self._moving(velocity)
-        velocity = checks.number("velocity", velocity, "m/s")
-        if velocity == 0.0:
-            return np.zeros(self.omega.size)
-        along, mobility = self._rigid_along
-        if mobility == 0.0:
-            raise InputError(
-                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
-                f" rigid-body motion at its contact point; use 0 or free its supports."
-            )
-        if self.inertia is not None and self.direction is not None:
-            translation = np.concatenate((velocity * self.direction, np.zeros(3)))
-            start, left = self._projected(self.inertia, translation)
-            if left <= MISSED_ENERGY:
-                return start
-        return np.asarray(velocity * along / mobility)
-
-    def _moving(self, motion: Motion) -> Array:
-        if self.inertia is None:
-            raise InputError(
-                "the model of this body has no rigid-body inertia (the body is supported, or the "
-                "model was made by hand or from matrices): give its velocity as a number, along "
-                "the direction of impact."
-            )
-        start, left = self._projected(self.inertia, motion.at(self.inertia))
-        if left > MISSED_ENERGY:
-            raise InputError(
-                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
-                f"{motion} lies outside the rigid-body motions that the supports permit; give a "
-                "motion that they permit."
-            )
-        return start
-
-    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
-        start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
-        whole = float(motion @ inertia.matrix @ motion)
-        if not np.any(motion):
-            return start, 0.0
-        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
 def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:

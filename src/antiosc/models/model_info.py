@@ -130,7 +130,7 @@ class ModelInfo(Brief):
     measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
     wave_speed: float | None = None
-    strike: Sequence[Mapping[str, Any]] | None = None
+    strike: Sequence[Mapping[str, object]] | None = None
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -170,7 +170,7 @@ class ModelInfo(Brief):
     def __getitem__(self, name: str) -> Any:
         return self.as_dict()[name]
 
-    def get(self, name: str, default: Any = None) -> Any:
+    def get(self, name: str, default: object = None) -> Any:
         """`info[name]`, or `default` where nothing is known."""
         return self.as_dict().get(name, default)
 

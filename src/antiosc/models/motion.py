@@ -170,3 +170,11 @@ def unit_vector(name: str, value: object) -> Array:
     if length == 0:
         raise InputError(f"{name} must not be the zero vector.")
     return checks.kept(vector / length)
+
+
+def unit_vectors(name: str, vectors: Array) -> Array:
+    """Rows of `vectors` (n, 3) scaled to length 1; InputError for a zero one."""
+    length = np.linalg.norm(vectors, axis=1)
+    if np.any(length == 0):
+        raise InputError(f"{name} must not be a zero vector.")
+    return np.asarray(vectors / length[:, None])

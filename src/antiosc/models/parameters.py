@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
@@ -15,9 +16,11 @@ from antiosc.models.body import Body
 from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import Damping
 from antiosc.models.model_info import ModelInfo
-from antiosc.models.motion import Inertia, unit_vector
-from antiosc.models.site_modes import columns_of_sites, unit_vectors
+from antiosc.models.motion import Inertia, unit_vector, unit_vectors
+from antiosc.models.site_modes import columns_of_sites
 
+#: Parameters by name, as they are stored.
+Stored = dict[str, object]
 #: m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 MASS_ROUNDING = 1e-12
 #: Parameters that only a model of several sites has.
@@ -110,7 +113,7 @@ class Parameters(Body):
         return tuple(found)
 
 
-def checked_at_one_site(model: Parameters) -> dict[str, Any]:
+def checked_at_one_site(model: Parameters) -> Stored:
     """The parameters of one site as they are stored; InputError for those outside their range.
 
     They are sorted by frequency.
@@ -142,7 +145,7 @@ def checked_at_one_site(model: Parameters) -> dict[str, Any]:
             "stiffness; give it one."
         )
     columns = np.concatenate(([0], 1 + order))
-    found: dict[str, Any] = {
+    found: Stored = {
         "m0": m0,
         "k0": k0,
         "m": checks.kept(m[order]),
@@ -151,11 +154,6 @@ def checked_at_one_site(model: Parameters) -> dict[str, Any]:
     }
     if model.radius is not None:
         found["radius"] = checks.positive("radius", model.radius, "m")
-    if model.participation is not None:
-        p = checks.array("participation", model.participation, columns.shape)
-        found["participation"] = checks.kept(p[columns])
-    if model.direction is not None:
-        found["direction"] = unit_vector("direction", model.direction)
     if model.strain_error is not None:
         own = checked_error("strain_error", model.strain_error, columns.size)
         found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
@@ -164,7 +162,7 @@ def checked_at_one_site(model: Parameters) -> dict[str, Any]:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
         work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
         found["strain_misfit"] = checks.kept(work[np.ix_(columns, columns)])
-    return found | in_space(model, columns)
+    return found | _directed(model, columns, (), ()) | in_space(model, columns)
 
 
 def checked_error(name: str, given: Array, size: int) -> Array:
@@ -188,7 +186,7 @@ def checked_symmetric(name: str, given: Array, size: int) -> Array:
     return checks.kept((E + E.T) / 2)
 
 
-def checked_at_sites(model: Parameters) -> dict[str, Any]:
+def checked_at_sites(model: Parameters) -> Stored:
     """The parameters of several sites as they are stored; InputError for those outside their range.
 
     They are sorted by frequency.
@@ -241,7 +239,7 @@ def checked_at_sites(model: Parameters) -> dict[str, Any]:
         "rigid": checks.kept(rigid),
         "slide": checks.kept(slide),
         **_of_sites(model, len(columns)),
-        **_directed(model, rows, len(dependence)),
+        **_directed(model, rows, (len(dependence),), (3,)),
         **in_space(model, rows, slide.shape[1]),
     }
 
@@ -259,7 +257,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
-def _of_sites(model: Parameters, count: int) -> dict[str, Any]:
+def _of_sites(model: Parameters, count: int) -> Stored:
     """What each site has of its own: the compliance and the radius of its patch."""
     local = checks.array("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
@@ -272,14 +270,17 @@ def _of_sites(model: Parameters, count: int) -> dict[str, Any]:
     return {"local_compliance": checks.kept(local), "radius": radius}
 
 
-def _directed(model: Parameters, rows: Index, columns: int) -> dict[str, Any]:
-    """The directions of the columns, and the weights of the shapes, sorted by `rows`."""
-    found: dict[str, Any] = {}
+def _directed(
+    model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
+) -> Stored:
+    """The directions (*columns, 3), and the weights (., *axes) of the shapes, sorted by `rows`."""
+    found: Stored = {}
     if model.direction is not None:
-        directions = checks.array("direction", model.direction, (columns, 3))
-        found["direction"] = checks.kept(unit_vectors("direction", directions))
+        directions = checks.array("direction", model.direction, (*columns, 3))
+        unit = unit_vectors if columns else unit_vector
+        found["direction"] = checks.kept(unit("direction", directions))
     if model.participation is not None:
-        weight = checks.array("participation", model.participation, (rows.size, 3))
+        weight = checks.array("participation", model.participation, (rows.size, *axes))
         found["participation"] = checks.kept(weight[rows])
     return found
 
@@ -304,13 +305,13 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def in_space(model: Parameters, rows: Index, slides: int | None = None) -> dict[str, Any]:
+def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
     """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
 
     `rows` sorts the shapes; the momenta of the hidden motions follow theirs. `slides` is the number
     of hidden motions where the momenta do not tell it.
     """
-    found: dict[str, Any] = {}
+    found: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
         shapes = checks.array("shapes", model.shapes, (None, rows.size))
@@ -334,7 +335,7 @@ def in_space(model: Parameters, rows: Index, slides: int | None = None) -> dict[
     return found
 
 
-def checked_size(model: Parameters, damping: DampingMatrix, given: Any) -> DampingMatrix:
+def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
     """The damping of a model sorted as its frequencies, which were given in another order."""
     lead, hidden = model.lead, model.hidden_count
     size = lead + model.n + hidden

@@ -14,7 +14,6 @@ modes are what they should be, a residual compliance without inertia.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -74,7 +73,8 @@ def _coupled(model: Parameters) -> ModalBody:
     own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), found.omega))
     body = _in_space(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
-    return replace(body, **damping_of(model, omega, own))
+    decay, damping = damping_of(model, omega, own)
+    return replace(body, decay=decay, damping=damping)
 
 
 def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
@@ -92,27 +92,32 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
     if hidden:
         shape = np.roll(block_diag(shape, own), hidden, axis=1)
         amplitude = block_diag(amplitude, own)
-    inertia, basis = model.inertia, None
+    inertia = model.inertia
     if inertia is not None:
         inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
         if model.direction is not None:
             pull = inertia.momentum[:, :3] @ model.direction
             weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
-    if model.shapes is not None and not (hidden and model.hidden is None):
-        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
     return ModalBody(
         omega=omega,
         b=b,
         r=float(residual[0]),
-        **damping_of(model, omega, None),
+        decay=damping_of(model, omega, None)[0],
         weight=weight,
         shape=shape,
         residual=residual,
-        basis=basis,  # type: ignore[arg-type]
+        basis=_basis(model),
         amplitude=amplitude,
         direction=model.direction,
         inertia=inertia,
     )
+
+
+def _basis(model: Parameters) -> tuple[Array, ...] | None:
+    """The shapes, then the hidden motions; None where one of them is not known."""
+    blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
+    known = tuple(block for block in blocks if block is not None)
+    return known if len(known) == len(blocks) else None
 
 
 def _relative(n: int) -> Array:
@@ -135,26 +140,26 @@ def site_modes(model: Parameters) -> SiteModes:
     b = seen.T @ model.dependence.T
     residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
-    inertia = weight = basis = None
+    inertia = weight = None
     if model.inertia is not None:
         inertia = model.inertia.along(shape.T @ model.inertia.momentum)
     elif model.participation is not None:
         weight = shape[: len(model.participation)].T @ model.participation
-    if model.shapes is not None and not (hidden and model.hidden is None):
-        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+    decay, damping = damping_of(model, omega, shape)
     return SiteModes(
         omega=omega,
         b=b,
         sites=model.columns,
         r=(r + r.T) / 2,
         directions=model.direction,
-        **damping_of(model, omega, shape),
+        decay=decay,
+        damping=damping,
         inertia=inertia,
         weight=weight,
         shape=shape,
         residual=residual,
-        basis=basis,  # type: ignore[arg-type]
+        basis=_basis(model),
         local_compliance={name: value for name, value in local.items() if value},
     )
 
@@ -172,14 +177,14 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
     return reduced_modes(k0, m0, P, model.omega, rigid)
 
 
-def damping_of(model: Parameters, omega: Array, shape: Array | None) -> dict[str, Any]:
-    """The decay or the damping of the modes (size, J) in u, eta and the hidden motions."""
+def damping_of(
+    model: Parameters, omega: Array, shape: Array | None
+) -> tuple[Array | None, DampingMatrix | None]:
+    """The decay, or the damping, of the modes (size, J) in u, eta and the hidden motions."""
     damping = model.damping
-    if damping is None:
-        return {"decay": None}
     if isinstance(damping, DampingMatrix):
-        return {} if shape is None else {"damping": along(damping, shape)}
-    return {"decay": damping.decay(omega)}
+        return None, None if shape is None else along(damping, shape)
+    return None if damping is None else damping.decay(omega), None
 
 
 @dataclass(frozen=True)

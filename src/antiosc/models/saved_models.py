@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -18,43 +19,40 @@ from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
 
+#: Arrays of a file -> their unit and meaning.
 _ARRAYS = {
-    "m0": "kg",
-    "k0": "N/m",
-    "m": "kg",
-    "omega": "rad/s",
-    "participation": "kg",
-    "direction": "1",
-    "P": "kg^1/2",
-    "dependence": "1",
-    "rigid": "kg^-1/2",
-    "slide": "kg^-1/2",
-    "strain_error": "N/m",
-    "strain_misfit": "N/m",
+    "m0": ("kg", "residual mass, Article eq. (15)"),
+    "k0": ("N/m", "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode"),
+    "m": ("kg", "masses of the anti-oscillators, Article eq. (12)"),
+    "omega": ("rad/s", "antiresonant circular frequencies, ascending"),
+    "participation": (
+        "kg", "generalised mass of a unit uniform acceleration along the impact direction"),
+    "direction": ("1", "unit vector of the impact in the axes of the mesh"),
+    "P": (
+        "kg^1/2", "inertias of the constraint modes of unit mass at several sites; m_i = P_i P_i'"),
+    "dependence": ("1", "displacements of all columns per unit ones of the independent columns"),
+    "rigid": ("kg^-1/2", "displacements of several sites in the rigid-body modes of unit mass"),
+    "slide": ("kg^-1/2", "the same in the hidden rigid-body motions"),
+    "strain_error": (
+        "N/m", "energies of the errors of the strains of phi_st and psi_i: the mesh's error"),
+    "strain_misfit": (
+        "N/m", "work of section forces on what interpolation changes in the strains"),
+}  # fmt: skip
+_INERTIA = {
+    "inertia.point": ("m", "reference point of all moments"),
+    "inertia.matrix": (
+        "kg, kg m, kg m^2", "momentum and angular momentum of the whole body's six rigid motions"),
+    "inertia.momentum": (
+        "kg, kg m", "those of phi_st, psi_i and the hidden rigid-body motions"),
+}  # fmt: skip
+#: What stands in the header, likewise.
+_SCALARS = {
+    "local_compliance": ("m/N", "half-space compliance of the patch, contained in 1/k0"),
+    "radius": ("m", "radius of the patch over which the site's displacement is averaged"),
 }
-_INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
-_SCALARS = {"local_compliance": "m/N", "radius": "m"}
+_EVERY = {**_ARRAYS, **_INERTIA, **_SCALARS}
 #: version of the files of models of several sites; those of one site are of version 1
 _SEVERAL = 2
-_MEANING = {
-    "m0": "residual mass, Article eq. (15)",
-    "k0": "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode",
-    "m": "masses of the anti-oscillators, Article eq. (12)",
-    "omega": "antiresonant circular frequencies, ascending",
-    "participation": "generalised mass of a unit uniform acceleration along the impact direction",
-    "direction": "unit vector of the impact in the axes of the mesh",
-    "inertia.point": "reference point of all moments",
-    "inertia.matrix": "momentum and angular momentum of the whole body's six rigid motions",
-    "inertia.momentum": "those of phi_st, psi_i and the hidden rigid-body motions",
-    "P": "inertias of the constraint modes of unit mass at several sites; m_i = P_i P_i'",
-    "dependence": "displacements of all columns per unit ones of the independent columns",
-    "rigid": "displacements of several sites in the rigid-body modes of unit mass",
-    "slide": "the same in the hidden rigid-body motions",
-    "strain_error": "energies of the errors of the strains of phi_st and psi_i: the mesh's error",
-    "strain_misfit": "work of section forces on what interpolation changes in the strains",
-    "local_compliance": "half-space compliance of the patch, contained in 1/k0",
-    "radius": "radius of the patch over which the site's displacement is averaged",
-}
 
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:
@@ -65,16 +63,13 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
         for name in _ARRAYS
         if getattr(model, name) is not None and not (several and name == "m")
     }
-    units = {**_ARRAYS, **_SCALARS}
     if model.inertia is not None:
-        for name, unit in _INERTIA.items():
-            arrays[f"inertia.{name}"] = getattr(model.inertia, name)
-            units[f"inertia.{name}"] = unit
+        arrays |= {name: attrgetter(name)(model) for name in _INERTIA}
     header = {
         "format": model_file.FORMAT,
         "version": _SEVERAL if several else 1,
-        "units": units,
-        "meaning": _MEANING,
+        "units": {name: unit for name, (unit, _) in _EVERY.items()},
+        "meaning": {name: meaning for name, (_, meaning) in _EVERY.items()},
         **{name: _plain(getattr(model, name)) for name in _SCALARS},
         "damping": None if model.damping is None else model.damping.as_dict(),
         "info": model.info.as_dict(),
@@ -120,21 +115,18 @@ def _damping(given: dict[str, Any] | None) -> Damping | DampingMatrix | None:
         return Damping(**given)
     size = int(given["n"])
 
-    def factor(rows: Any) -> Array:
+    def factor(rows: ArrayLike) -> Array:
         return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
     return of_factors(factor(given["factor"]), branches)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A number, or those of several sites, as JSON values."""
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
+def _inertia(arrays: model_file.Arrays) -> Inertia | None:
     """The inertia in a model file, if it holds one."""
-    found = [arrays.get(f"inertia.{name}") for name in _INERTIA]
-    if any(value is None for value in found):
-        return None
-    return Inertia(*found)  # type: ignore[arg-type]
+    return Inertia(*map(arrays.__getitem__, _INERTIA)) if arrays.keys() >= _INERTIA.keys() else None

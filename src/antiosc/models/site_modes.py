@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import FreeModes
-from antiosc.models.motion import Inertia
+from antiosc.models.motion import Inertia, unit_vectors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,6 +103,16 @@ class SiteModes(FreeModes):
         local = {name: checks.nonnegative("local_compliance", local[name], "m/N") for name in local}
         checks.store(self, local_compliance=local)
 
+    @property
+    def columns(self) -> dict[str, tuple[int, ...]]:
+        """The columns of each site."""
+        return dict(self.sites)  # type: ignore[arg-type]
+
+    @property
+    def axes(self) -> Array | None:
+        """The directions, (P, 3)."""
+        return self.directions
+
 
 def columns_of_sites(
     sites: Mapping[str, Sequence[int]] | Sequence[str], count: int
@@ -123,11 +133,3 @@ def columns_of_sites(
             f" got {checks.shown(sites)}."
         )
     return found
-
-
-def unit_vectors(name: str, vectors: Array) -> Array:
-    """Rows of `vectors` (n, 3) scaled to length 1; InputError for a zero one."""
-    length = np.linalg.norm(vectors, axis=1)
-    if np.any(length == 0):
-        raise InputError(f"{name} must not be a zero vector.")
-    return np.asarray(vectors / length[:, None])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -31,11 +31,11 @@ from antiosc.simulation.histories.verdict import (
     tell_rotation,
     verdict_of,
 )
-from antiosc.simulation.integrators.comparison import METHODS
+from antiosc.simulation.integrators.comparison import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.simulation.problem.impacts import Impact, Rows
 from antiosc.simulation.problem.two_bodies import Pair, pose
 from antiosc.simulation.scene import beyond_law, check_range
-from antiosc.simulation.simulate import DEFAULT_TOL, MAX_STEPS, impact
+from antiosc.simulation.simulate import DEFAULT_TOL, impact
 from antiosc.simulation.sweep import (
     check_earlier,
     check_executor,
@@ -93,7 +93,7 @@ def simulate_many(
     initial_velocity: ArrayLike = 0.0,
     gravity: ArrayLike = 0.0,
     gap: ArrayLike | None = None,
-    max_contacts: int = 10_000,
+    max_contacts: int = MAX_CONTACTS,
     max_steps: int = MAX_STEPS,
     executor: Executor | None = None,
     earlier: Batch | None = None,
@@ -141,15 +141,7 @@ def simulate_many(
     check_executor(executor)
     size = common_length({k: len(v) for k, v in given.items() if is_many(v)})
     columns = {k: list(v) if is_many(v) else [v] * size for k, v in given.items()}
-    accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
-    checks.choice("method", method, METHODS)
-    limits = {
-        "tol": accuracy,
-        "method": method,
-        "n": n,
-        "max_contacts": checks.whole("max_contacts", max_contacts),
-        "max_steps": checks.whole("max_steps", max_steps),
-    }
+    settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers, speeds = columns["impactors"], columns["initial_velocity"]
     plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     steps = columns.pop("step")
@@ -158,17 +150,18 @@ def simulate_many(
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
     chunk = TOGETHER if executor is None else -(-size // CHUNKS)
     parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
-    calls: list[Any] = [
-        (([scenes[i] for i in part], [steps[i] for i in part], limits), {}) for part in parts
-    ]
+
+    def given_of(part: list[int]) -> _Chunk:
+        return [scenes[i] for i in part], [steps[i] for i in part], n, settings
+
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
             found: Iterable[list[_Row] | AntioscError] = (
-                _solved(some, own, limits, partial(_further, ready, k * chunk))
-                for k, ((some, own, _), _) in enumerate(calls)
+                _solved(*given_of(part), partial(_further, ready, k * chunk))
+                for k, part in enumerate(parts)
             )
         else:
-            found = returned(executor, _solved, calls)
+            found = returned(executor, _solved, [(given_of(part), {}) for part in parts])
         for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
             if isinstance(result, AntioscError):
                 result = [_failed(result)] * len(part)
@@ -177,7 +170,8 @@ def simulate_many(
             ready(min(count * chunk, len(todo)))
     _raise(rows)
     tell_all([r.verdict for r in rows])
-    _tell_too_few(scenes, steps, rows, limits)
+    if n != "auto":
+        _tell_too_few(scenes, steps, rows, n, settings)
     scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
     tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
     return _gathered(rows)
@@ -187,11 +181,10 @@ def _tell_too_few(
     scenes: Sequence[Impact],
     steps: Sequence[float | None],
     rows: Sequence[_Row],
-    limits: dict[str, Any],
+    n: int | str | None,
+    settings: Settings,
 ) -> None:
     """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
-    if limits["n"] == "auto":
-        return
     sharp = [
         (row.peak_force / row.impulse, i)
         for i, row in enumerate(rows)
@@ -203,13 +196,15 @@ def _tell_too_few(
             return
         if id(scenes[i].model) not in seen:
             seen.add(id(scenes[i].model))
-            hit, _ = _impact(scenes[i], steps[i], limits)
+            hit, _ = _impact(scenes[i], steps[i], n, settings)
             if sentence := too_few(hit.model, hit.assembly):
                 warn(f"scene {i}: {sentence}", AccuracyWarning)
                 return
 
 
 # -- one scene in, one row out
+
+_Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 
 
 @dataclass(eq=False)
@@ -232,25 +227,26 @@ class _Row:
 def _solved(
     scenes: Sequence[Impact],
     steps: Sequence[float | None],
-    limits: dict[str, Any],
+    n: int | str | None,
+    settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
     """The rows of scenes: those that the march takes as arrays together, the others by
     themselves."""
     rows: dict[int, _Row] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
-    together = limits["method"] == "exact" and limits["n"] is None
+    together = settings.method == "exact" and n is None
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         key = scene.group() if together and step is None else None
         if key is not None:
             groups.setdefault(key, []).append(i)
     for group in groups.values():
         here = [scenes[i] for i in group]
-        found = _together(here, limits, partial(_further, done, len(rows)))
+        found = _together(here, settings, partial(_further, done, len(rows)))
         rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
-            rows[i] = _alone(scene, step, limits)
+            rows[i] = _alone(scene, step, n, settings)
             done(len(rows))
     return [rows[i] for i in range(len(scenes))]
 
@@ -261,18 +257,17 @@ def _further(done: Callable[[int], None], before: int, count: int) -> None:
 
 
 def _together(
-    scenes: Sequence[Impact], limits: dict[str, Any], done: Callable[[int], None]
+    scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
 ) -> list[_Row | None]:
     """The rows of a group of impacts; None for one that must be integrated by itself."""
-    most = limits["max_contacts"], limits["max_steps"]
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            group = Rows(scenes, limits["tol"], *most)
+            group = Rows(scenes, settings.tol, *settings.limits)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
     outcomes, pulses = group.solved(done)
     each = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
-    return [_row_of(*one, group.pair, limits["tol"], most) for one in each]
+    return [_row_of(*one, group.pair, settings) for one in each]
 
 
 def _row_of(
@@ -281,8 +276,7 @@ def _row_of(
     outcome: tuple[Any, ...],
     pulses: tuple[Array, Array],
     made: Pair,
-    tol: float,
-    limits: tuple[int, int],
+    settings: Settings,
 ) -> _Row | None:
     """The row of what the march returned; None where that is not enough."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
@@ -291,11 +285,11 @@ def _row_of(
         return None
     ended = Ended(answer, time, touches, [0] * goes_on, force, peak, certain)
     verdict = Verdict(COMPLETED, "Completed.")
-    if answer != march.DONE or not touches or goes_on or not max(force, peak) <= tol:
-        verdict = verdict_of(pose(*scene), ended, tol, limits)
+    if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
+        verdict = verdict_of(pose(*scene), ended, settings.tol, settings.limits)
     most, impulse, contact_time, restitution, closed, steps = numbers
     if most > law.valid_force:
-        return _failed(beyond_law(law, most, made.bodies[0][0].patch_radius, _doubts(scene)))
+        return _failed(beyond_law(law, most, made.bodies[0].patch_radius, _doubts(scene)))
     return _Row(
         verdict=verdict,
         peak_force=most,
@@ -316,9 +310,9 @@ def _doubts(scene: Impact) -> list[str]:
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 
 
-def _alone(scene: Impact, step: float | None, limits: dict[str, Any]) -> _Row:
+def _alone(scene: Impact, step: float | None, n: int | str | None, settings: Settings) -> _Row:
     try:
-        return _row(*_impact(scene, step, limits))
+        return _row(*_impact(scene, step, n, settings))
     except AntioscError as error:
         return _failed(error)
 
@@ -328,10 +322,12 @@ def _failed(error: AntioscError) -> _Row:
 
 
 @checks.within_range
-def _impact(scene: Impact, step: float | None, limits: dict[str, Any]) -> tuple[History, Verdict]:
+def _impact(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> tuple[History, Verdict]:
     """One scene; AccuracyError if its force leaves the range of its law."""
-    given = scene._asdict() | {"duration": checks.positive("duration", scene.duration, "s")}
-    history, verdict = impact(**given, step=step, **limits)
+    scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
+    history, verdict = impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
     return history, verdict
 

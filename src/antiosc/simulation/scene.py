@@ -17,7 +17,12 @@ from antiosc.simulation.errors.truncation import too_few
 from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.verdict import Ended, Verdict, tell_rotation, touching, verdict_of
-from antiosc.simulation.integrators.comparison import METHODS, compared
+from antiosc.simulation.integrators.comparison import (
+    MAX_CONTACTS,
+    MAX_STEPS,
+    Settings,
+    compared,
+)
 from antiosc.simulation.integrators.scene_ivp import IVP_METHODS
 from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
@@ -65,8 +70,8 @@ class Scene(SceneParts):
         tol: float = 1e-3,
         method: str = "exact",
         step: float | None = None,
-        max_contacts: int = 10_000,
-        max_steps: int = 1_000_000,
+        max_contacts: int = MAX_CONTACTS,
+        max_steps: int = MAX_STEPS,
     ) -> SceneHistory:
         """Integrate over `duration` [s] to a relative error `tol` of the contact forces.
 
@@ -102,18 +107,13 @@ class Scene(SceneParts):
             For a run that does not fit in the free memory.
         """
         duration = checks.positive("duration", duration, "s")
-        tol = checks.tolerance(tol)
-        max_contacts = checks.whole("max_contacts", max_contacts)
-        max_steps = checks.whole("max_steps", max_steps)
-        checks.choice("method", method, METHODS)
+        settings = Settings(tol, method, step, max_contacts, max_steps)
         bodies, motions = list(self.bodies.values()), list(self.motion.values())
         blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
         doubts = [*plausible.of_model(*bodies), *plausible.tell(blows)]
         assembly = assemble(self, duration)
         start(assembly)
-        history, verdict = solved(
-            SceneHistory, assembly, duration, tol, method, step, max_contacts, max_steps
-        )
+        history, verdict = solved(SceneHistory, assembly, duration, settings)
         tell_rotation(*history.largest_rotation())
         verdict.tell()
         _tell_too_few(self, history)
@@ -122,29 +122,22 @@ class Scene(SceneParts):
 
 
 def solved(
-    kind: Callable[..., H],
-    assembly: Assembly,
-    duration: float,
-    tol: float,
-    method: str,
-    step: float | None,
-    max_contacts: int,
-    max_steps: int,
+    kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, Verdict]:
     """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
+    step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
-    limits = max_contacts, max_steps
-    if method == "exact":
+    if settings.method == "exact":
         found, failure = exactly(assembly, duration, tol, step, *limits)
     else:
-        found, failure = compared(assembly, duration, method, tol, step, *limits), ""
+        found, failure = compared(assembly, duration, settings), ""
     run = found.run
     ended = Ended(
         run.answer, float(run.time[-1]), run.touches, touching(run, assembly.system), found.force,
         found.peak, found.certain,
     )  # fmt: skip
     verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
-    known = step is None and method not in IVP_METHODS
+    known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
     message = " ".join([verdict.message, *assembly.notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict

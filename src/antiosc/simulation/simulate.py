@@ -15,10 +15,9 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 from antiosc.base import checks, plausible
 from antiosc.base.errors import AccuracyWarning, InputError, warn
@@ -33,7 +32,8 @@ from antiosc.simulation.errors.truncation import Run, choose_n, too_few
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.histories.verdict import Verdict, tell_rotation
-from antiosc.simulation.integrators.comparison import METHODS
+from antiosc.simulation.integrators.comparison import MAX_CONTACTS, MAX_STEPS, Settings
+from antiosc.simulation.problem.impacts import Impact
 from antiosc.simulation.problem.scene_parts import LAW
 from antiosc.simulation.problem.two_bodies import pose
 from antiosc.simulation.scene import check_range, solved
@@ -41,7 +41,6 @@ from antiosc.simulation.scene import check_range, solved
 Budget = Callable[[History], ErrorBudget]
 
 DEFAULT_TOL = 1e-3
-MAX_STEPS = 1_000_000
 
 
 @checks.within_range
@@ -58,7 +57,7 @@ def simulate(
     initial_velocity: float | Motion = 0.0,
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
-    max_contacts: int = 10_000,
+    max_contacts: int = MAX_CONTACTS,
     max_steps: int = MAX_STEPS,
 ) -> History:
     """Integrate the impact of `impactor` on the site of `model`.
@@ -124,20 +123,13 @@ def simulate(
         are too few for the contact (`antiosc.simulation.errors.truncation`).
     """
     duration = checks.positive("duration", duration, "s")
-    accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
-    checks.choice("method", method, METHODS)
+    accuracy = DEFAULT_TOL if tol is None else tol
+    settings = Settings(accuracy, method, step, max_contacts, max_steps)
     checks.instance("contact", contact, ContactLaw, LAW)
     doubts = plausible.tell([plausible.of_blow(model, [impactor], initial_velocity)])
-    options: dict[str, Any] = {
-        "impactor": impactor, "contact": contact, "duration": duration,
-        "initial_velocity": initial_velocity, "gravity": gravity, "gap": gap,
-        "max_contacts": checks.whole("max_contacts", max_contacts),
-        "max_steps": checks.whole("max_steps", max_steps),
-    }  # fmt: skip
-    budget = partial(error_budget, again=partial(_again, options=options))
-    history, verdict = impact(
-        model, tol=accuracy, method=method, step=step, n=n, budget=budget, **options
-    )
+    scene = Impact(model, impactor, contact, duration, initial_velocity, gravity, gap)
+    budget = partial(error_budget, again=partial(_again, scene, settings))
+    history, verdict = impact(scene, settings, n, budget)
     verdict.tell()
     if n != "auto" and history.run.touches:
         sentence = too_few(model if n is None else history.model, history.assembly)
@@ -153,37 +145,24 @@ def simulate(
 
 
 def impact(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    *,
-    tol: float,
-    method: str = "exact",
-    n: int | str | None = None,
-    step: float | None = None,
-    budget: Budget | None = None,
-    initial_velocity: float | Motion,
-    gravity: float | Sequence[float],
-    gap: float | None,
-    max_contacts: int,
-    max_steps: int,
+    scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
 ) -> tuple[History, Verdict]:
-    """One impact, and the verdict, of which nobody is told yet; arguments as of `simulate`."""
+    """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
 
-    def of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
-        assembly = pose(each, impactor, contact, duration, initial_velocity, gravity, gap)
-        kind = partial(History, budget=budget)
-        return solved(kind, assembly, duration, tol, method, step, max_contacts, max_steps)
+    def of(model: LinearBody, settings: Settings) -> tuple[History, Verdict]:
+        assembly = pose(*scene._replace(model=model))
+        return solved(partial(History, budget=budget), assembly, scene.duration, settings)
 
-    def again(each: AntiOscillators, tol: float) -> History:
+    def again(model: AntiOscillators, tol: float) -> History:
         # a model with all its mass in anti-oscillators leaves the others to the exact method
-        return of(each, tol, "exact" if each.m0 == 0 and contact.rate_dependent else method)[0]
+        exact = model.m0 == 0 and scene.contact.rate_dependent
+        method = "exact" if exact else settings.method
+        return of(model, replace(settings, tol=tol, method=method))[0]
 
     if n is None:
-        return of(model, tol, method)
-    model, truncation, shortage = _truncated(model, n, again, tol)
-    history, verdict = of(model, tol, method)
+        return of(scene.model, settings)
+    model, truncation, shortage = _truncated(scene.model, n, again, settings.tol)
+    history, verdict = of(model, settings)
     history.error.update(truncation)
     if shortage:
         verdict = verdict.with_shortage(shortage)
@@ -192,9 +171,10 @@ def impact(
     return history, verdict
 
 
-def _again(model: LinearBody, tol: float, *, options: Mapping[str, Any]) -> History:
+def _again(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
     """The same impact on another model, by the exact method to a tolerance."""
-    return impact(model, tol=tol, **options)[0]
+    exact = replace(settings, tol=tol, method="exact", step=None)
+    return impact(scene._replace(model=model), exact)[0]
 
 
 def _truncated(

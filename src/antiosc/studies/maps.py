@@ -41,8 +41,10 @@ from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.histories.body_motion import peak_deflections
+from antiosc.simulation.integrators.comparison import Settings
+from antiosc.simulation.problem.impacts import Impact
 from antiosc.simulation.problem.two_bodies import impact_band
-from antiosc.simulation.simulate import MAX_STEPS, impact
+from antiosc.simulation.simulate import impact
 from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.studies.map_results import ImpactMap, MapInfo
 from antiosc.studies.map_stresses import largest_stresses
@@ -56,10 +58,6 @@ COUNTS = (12, 25, 50, 100)
 #: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
 #: tolerance of the impact there.
 BEYOND, COARSE = 0.003, 1e-3
-AT_REST: dict[str, Any] = {
-    "initial_velocity": 0.0, "gravity": 0.0, "gap": None, "max_contacts": 10_000,
-    "max_steps": MAX_STEPS,
-}  # fmt: skip
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
 
@@ -311,7 +309,8 @@ def _struck(
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
-    on_wall = impact(Obstacle(), impactor, contact, duration, tol=COARSE, **AT_REST)[0].peak_force
+    wall = Impact(Obstacle(), impactor, contact, duration)
+    on_wall = impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}

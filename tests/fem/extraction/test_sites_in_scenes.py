@@ -26,18 +26,6 @@ def block() -> ao.Structure:
     return block_with_corners()
 
 
-def test_in_a_scene_one_site_struck_is_the_site_alone(block):
-    law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
-    model = ao.extract(block, CORNERS, 60)
-    scene = ao.Scene({"part": model, "ball": ball}, [ao.Contact("part:far", "ball", law)])
-    hit = scene.run(3e-4)
-    alone = ao.simulate(ao.extract(block, CORNERS["far"], 40), ball, law, 3e-4)
-    assert hit["part:far", "ball"].peak_force == pytest.approx(alone.peak_force, rel=2e-3)
-    assert hit["part:far", "ball"].impulse == pytest.approx(alone.impulse, rel=1e-3)
-    assert np.abs(hit.bodies["part"].displacement("near")).max() > 0
-    assert hit.energy.drift < 1e-3
-
-
 def test_a_free_body_moves_as_a_whole():
     """A free block, struck at two corners: its momentum is that of the balls."""
     free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))

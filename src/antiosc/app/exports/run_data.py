@@ -203,7 +203,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
 
 def _refuse_coupled(bodies: Mapping[str, Placed]) -> None:
     for name, body in bodies.items():
-        if body.first is not None:
+        if body.modes.first_order is not None:
             raise InputError(
                 f"an exported file does not take damping that couples the modes of {name!r} (a "
                 "DampingMatrix, dampers): give the model damping ratios, Damping(ratio=...)."

@@ -102,7 +102,7 @@ def _with_losses(
     ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
     (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
     """
-    body = model.site_modes() if model.sites else model.modal()
+    body = model.free_modes
     assert body.basis is not None
     assert body.shape is not None
     losses = structure.matrices.loss_stiffness(np.column_stack(body.basis))

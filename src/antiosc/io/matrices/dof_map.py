@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -67,7 +66,7 @@ def name_of(component: int) -> str:
     return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
 
 
-def component_of(dof: Any) -> int:
+def component_of(dof: object) -> int:
     """The number of a dof's name (x, ux, t1, …) or number; InputError for others."""
     if isinstance(dof, str):
         found = _OTHER_NAMES.get(dof.strip().lower())
@@ -81,13 +80,14 @@ def component_of(dof: Any) -> int:
     return checks.whole("dof", dof, least=0)
 
 
-def rows_of(supports: Any, rows: DofMap | None) -> IntArray:
+def rows_of(supports: object, rows: DofMap | None) -> IntArray:
     """The rows of {node: "all" or names of dofs}."""
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
-    checks.instance("supports", supports, Mapping, "a dict of node -> 'all' or names of dofs")
+    what = "a dict of node -> 'all' or names of dofs"
+    given = checks.instance("supports", supports, Mapping, what)
     found: list[int] = []
-    for node, dofs in supports.items():
+    for node, dofs in given.items():
         number = checks.whole("a node of supports", node)
         names = list(dofs) if isinstance(dofs, list | tuple) else [dofs]
         if names == ["all"]:
@@ -100,7 +100,7 @@ def rows_of(supports: Any, rows: DofMap | None) -> IntArray:
     return np.unique(np.array(found, dtype=np.int64))
 
 
-def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
+def dof_map(given: object, labels: Labels | None, size: int) -> DofMap | None:
     """The map of the rows of matrices.
 
     Parameters
@@ -153,7 +153,7 @@ def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
     return DofMap(own[:, 0], own[:, 1], points)
 
 
-def _of_columns(given: tuple[Any, ...], size: int) -> Array:
+def _of_columns(given: tuple[object, ...], size: int) -> Array:
     """Rows of node, dof and perhaps coordinates from columns."""
     nodes = checks.array("the nodes of map", given[0], (size,))
     dofs = given[1] if isinstance(given[1], list | tuple | np.ndarray) else [given[1]]

@@ -19,11 +19,11 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body, LinearBody, checked_body
-from antiosc.models.first_order import FirstOrder, SideBySide
+from antiosc.models.body import Body, checked_body
+from antiosc.models.first_order import SideBySide
 from antiosc.models.modal import ModalBody
-from antiosc.models.motion import Inertia, ModalState, Motion
-from antiosc.models.site_modes import SiteModes, unit_vectors
+from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
+from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Impactor, Obstacle
 
 #: cosine of the angle beyond which two directions are not taken as one
@@ -97,48 +97,78 @@ class RigidBody(Given):
 
 @dataclass(eq=False)
 class Placed:
-    """A body as a scene sees it.
+    """A body as a scene sees it: its free modes, and how it begins.
 
     Attributes
     ----------
-    omega, decay : (J,).
-    B : (J, P) and r : (P, P) of all columns; `sites` has the columns of each name.
-    directions : (P, 3) or None.
-    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
-        contacts give it.
-    pushes : direction (3,) in which the contact pushes each site, where known.
-    inertia : Inertia or None.
-    weight : modal forces of a unit gravity, (J,) along the one coordinate of a body without
-        directions, (J, 3) along the axes of the scene; or None.
+    body : as it was given.
+    modes : its form in free modes.
     start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
-    modes : its form in free modes, if it has another one than this; it has the fields.
-    first : its first-order modes, where its damping couples the free ones; begun : their states
-        (2, I) at the start, None: those of `displaced` and `start` with relaxed branches.
+    pushes : direction (3,) in which the contact pushes each site, where known.
+    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
+        contacts give it.
+    begun : states (2, I) of first-order modes at the start, None: those of `displaced` and `start`
+        with relaxed branches.
     """
 
     name: str
     body: Any
-    omega: Array
-    decay: Array
-    B: Array
-    r: Array
-    sites: dict[str, tuple[int, ...]]
-    directions: Array | None
-    pushes: dict[str, Array]
-    inertia: Inertia | None
-    weight: Array | None
+    modes: ModalBody | SiteModes
     start: Array
     displaced: Array | None = None
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None
-    modes: ModalBody | SiteModes | None = None
+    pushes: dict[str, Array] = field(default_factory=dict)
     axes: dict[str, Array] = field(default_factory=dict)
-    first: FirstOrder | None = None
     begun: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.directions is not None and not self.pushes:
+            self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies (J,) of its modes [rad/s]."""
+        return self.modes.omega
+
+    @property
+    def decay(self) -> Array:
+        """Decay constants (J,) [1/s]."""
+        return np.zeros(self.omega.size) if self.modes.decay is None else self.modes.decay
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self.modes.B
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self.modes.R
+
+    @property
+    def sites(self) -> dict[str, tuple[int, ...]]:
+        """The columns of each site."""
+        return self.modes.columns
+
+    @property
+    def directions(self) -> Array | None:
+        """Unit vectors (P, 3) of the columns, where known."""
+        return self.modes.axes
+
+    @property
+    def inertia(self) -> Inertia | None:
+        """Momentum of the modes, where known."""
+        return self.modes.inertia
+
+    @property
+    def weight(self) -> Array | None:
+        """Modal forces of a unit gravity: (J,) along its one coordinate, or (J, 3) along axes."""
+        return self.modes.weight
 
     def columns_of(self, site: str) -> tuple[int, ...]:
         """The columns of a site; () of an obstacle."""
@@ -174,25 +204,25 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
-def may_turn(body: Placed | ModalBody) -> bool:
+def may_turn(body: Placed | ModalBody | SiteModes) -> bool:
     """Whether a body may turn, and its inertia in space is known."""
     return body.inertia is not None and not body.omega.all()
 
 
 def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
     """First-order modes of all bodies side by side, if one has them."""
-    parts = [(body.omega, body.decay, body.first, body.begun) for body in bodies]
+    parts = [(body.omega, body.decay, body.modes.first_order, body.begun) for body in bodies]
     return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
 
 
-def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:
+def place(name: str, body: object, motion: Motion | ModalState | float | None) -> Placed:
     """The body of that name with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
-    elif isinstance(body, SiteModes):
-        placed = _several(name, body, body)
-    elif isinstance(body, AntiOscillators) and body.sites:
-        placed = _several(name, body, body.site_modes())
+    elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
+        modes = body if isinstance(body, SiteModes) else body.site_modes()
+        still = np.zeros(modes.omega.size)
+        placed = Placed(name, body, modes, still, local_compliance=modes.local_compliance)
     else:
         placed = _single(name, body)
     if motion is not None:
@@ -206,7 +236,8 @@ def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> P
                 )
             placed.displaced, placed.start = motion.displacements, motion.velocities
             placed.begun = motion.first_order
-            own = 0 if placed.first is None else placed.first.omega.size
+            first = placed.modes.first_order
+            own = 0 if first is None else first.omega.size
             if placed.begun is not None and placed.begun.shape[1] != own:
                 raise InputError(
                     f"the ModalState of {name!r} has {placed.begun.shape[1]} first-order modes, the"
@@ -217,61 +248,22 @@ def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> P
     return placed
 
 
-def _single(name: str, body: LinearBody) -> Placed:
-    asked, modes = checked_body(f"body {name!r}", body), body.modal()
-    velocity = asked.velocity
+def _single(name: str, body: object) -> Placed:
+    asked = checked_body(f"body {name!r}", body)
+    modes, velocity = asked.modal(), asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
     return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
 
 
-def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, start: Array) -> Placed:
+def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> Placed:
     """A body of one contact point, with its modal velocities (J,) at the start."""
-    direction = modes.direction
+    local = {"": asked.local_compliance}
     return Placed(
-        name=name,
-        body=body,
-        omega=modes.omega,
-        decay=np.zeros(modes.omega.size) if modes.decay is None else modes.decay,
-        B=modes.b[:, None],
-        r=np.array([[modes.r]]),
-        sites={"": (0,)},
-        directions=None if direction is None else np.asarray(direction)[None],
-        pushes={} if direction is None else {"": np.asarray(direction)},
-        inertia=modes.inertia,
-        weight=modes.weight,
-        start=start,
-        gap=asked.gap,
-        local_compliance={"": asked.local_compliance},
-        patch_radius=asked.patch_radius,
-        modes=modes,
-        first=modes.first_order,
-    )
-
-
-def _several(name: str, body: SiteModes | AntiOscillators, modes: SiteModes) -> Placed:
-    sites: dict[str, tuple[int, ...]] = dict(modes.sites)  # type: ignore[arg-type]
-    assert modes.r is not None
-    assert modes.decay is not None
-    known = modes.directions
-    return Placed(
-        name=name,
-        body=body,
-        omega=modes.omega,
-        decay=modes.decay,
-        B=modes.b,
-        r=modes.r,
-        sites=sites,
-        directions=known,
-        pushes={} if known is None else {site: known[c[0]] for site, c in sites.items()},
-        inertia=modes.inertia,
-        weight=modes.weight,
-        start=np.zeros(modes.omega.size),
-        local_compliance=modes.local_compliance,
-        modes=modes,
-        first=modes.first_order,
-    )
+        name, body, modes, start,
+        gap=asked.gap, local_compliance=local, patch_radius=asked.patch_radius,
+    )  # fmt: skip
 
 
 def _rigid(name: str, body: RigidBody) -> Placed:
@@ -285,38 +277,29 @@ def _rigid(name: str, body: RigidBody) -> Placed:
         columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
         sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
         pushes[site] = np.asarray(push)
-    B = np.concatenate(columns, axis=1) if columns else np.zeros((6, 0))
     matrix = np.zeros((6, 6))
     matrix[:3, :3], matrix[3:, 3:] = body.mass * np.eye(3), body.inertia
     momentum = np.zeros((6, 6))
     momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
     momentum[3:, 3:] = (axes * np.sqrt(moments)).T
-    return Placed(
-        name=name,
-        body=body,
+    modes = SiteModes(
         omega=np.zeros(6),
-        decay=np.zeros(6),
-        B=B,
-        r=np.zeros((B.shape[1], B.shape[1])),
+        b=np.concatenate([np.zeros((6, 0)), *columns], axis=1),
         sites=sites,
-        directions=np.tile(np.eye(3), (len(sites), 1)) if sites else np.zeros((0, 3)),
-        pushes=pushes,
+        directions=np.tile(np.eye(3), (len(sites), 1)),
         inertia=Inertia(body.centre, matrix, momentum),
-        weight=momentum[:, :3],
-        start=np.zeros(6),
     )
+    return Placed(name, body, modes, np.zeros(6), pushes=pushes)
 
 
 def _started(placed: Placed, motion: Motion | float) -> Array:
     """Modal velocities of a body that moves without strain."""
-    along = placed.directions is None or placed.inertia is None  # a number is the speed along it
-    if along and placed.B.shape[1] == 1 and not isinstance(motion, Motion):
-        modes = ModalBody(placed.omega, placed.B[:, 0])
-        return modes.rigid_motion(checks.number(f"motion of {placed.name!r}", motion, "m/s"))
-    one = np.zeros(placed.omega.size) if not placed.B.shape[1] else placed.B[:, 0]
     if not isinstance(motion, Motion):
-        raise InputError(
-            f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
-            f" spin=(...)), not as the number {motion!r}."
-        )
-    return ModalBody(placed.omega, one, inertia=placed.inertia).rigid_motion(motion)
+        along = placed.directions is None or placed.inertia is None  # the speed along it
+        if not along or placed.B.shape[1] != 1:
+            raise InputError(
+                f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
+                f" spin=(...)), not as the number {motion!r}."
+            )
+        motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
+    return placed.modes.rigid_motion(motion)

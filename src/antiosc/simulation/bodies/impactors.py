@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import inf, pi, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -313,7 +312,7 @@ IMPACTORS = {one.name: one for one in _ALL}
 @checks.within_range
 def named_impactor(
     name: str, velocity: float | None = None, *, diameter: float | None = None
-) -> Any:
+) -> RigidMass | Sphere:
     """An impactor by name: a RigidMass, or for the steel ball a Sphere.
 
     Parameters

@@ -13,16 +13,23 @@ The share of the truncation: `antiosc.simulation.errors.truncation`; of the elem
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
-from antiosc.simulation.errors.model_errors import low_band, measured_errors, model_errors
-from antiosc.simulation.errors.truncation import ENOUGH, Run, left_out, truncation_error
+from antiosc.simulation.errors.model_errors import (
+    Again,
+    Repeated,
+    Shares,
+    low_band,
+    measured_errors,
+    model_errors,
+)
+from antiosc.simulation.errors.truncation import ENOUGH, left_out, truncation_error
 from antiosc.simulation.histories.error_bars import (
     NO_SHARE,
     QUANTITIES,
@@ -54,7 +61,7 @@ MOST_GAP = 0.5
 NO_PATCH = "Not included: the radius of the patch."
 
 
-def error_budget(hit: History, again: Run) -> ErrorBudget:
+def error_budget(hit: History, again: Again) -> ErrorBudget:
     """The bars of a run; `again(model, tol)` is the same impact on another model, with the exact
     method and a step that meets the tolerance."""
     model = hit.model
@@ -67,11 +74,13 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     raw = again(model, tol)
-    mesh, truncated, share, safety, doubts = _mesh(model, hit, raw, again, tol)
-    noise, band = measured_errors(model, raw, again, tol)
-    patch, told = _patch(model, raw, again, tol)
-    geometry, curved = _geometry(model, hit, raw, again, tol)
-    family, idealized = model_errors(model, raw, again, tol)
+    impact = Repeated(model, raw, again, tol)
+    weights = amplitudes(hit)
+    mesh, truncated, share, safety, doubts = _mesh(impact, weights)
+    noise, band = measured_errors(impact)
+    patch, told = _patch(impact)
+    geometry, curved = _geometry(impact, weights)
+    family, idealized = model_errors(impact)
     shares = {
         "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
         "geometry": geometry, "noise": noise, "band": band, "model": family,
@@ -84,24 +93,27 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     return ErrorBudget(bars, share, notes, safety)
 
 
-def _mesh(
-    model: AntiOscillators, hit: History, raw: History, again: Run, tol: float
-) -> tuple[dict[str, float], dict[str, float], float, float, list[str]]:
+def _mesh(impact: Repeated, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
     """The shares of mesh and truncation, that of the errors of strains in the energy, the factor of
     safety, and what is to be said; of a model without a mesh nothing."""
+    model, raw = impact.model, impact.raw
     if model.strain_error is None:
         return NO_SHARE, NO_SHARE, 0.0, SAFETY, []
-    softer = again(model.corrected(), tol)
-    share = energy_error(model, model.strain_error, amplitudes(hit))
+    softer = impact.on(model.corrected())
+    share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
     off = differences(raw, softer)
     if model.strain_misfit is not None:
-        without = again(replace(model, strain_misfit=None).corrected(), tol)
-        off = {name: max(one, off[name]) for name, one in differences(raw, without).items()}
+        without = impact.change(replace(model, strain_misfit=None).corrected())
+        off = {name: max(one, off[name]) for name, one in without.items()}
     mesh = floored({name: safety * one for name, one in off.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
-    truncated = truncation_error(model, partial(_again, again, model, raw), tol=tol)
+
+    def known(each: AntiOscillators, tol: float) -> History:
+        return raw if each is model else impact.run(each, tol)
+
+    truncated = truncation_error(model, known, tol=impact.tol)
     missed = left_out(model, raw.assembly)
     least = missed if missed > ENOUGH else 0.0
     if least:
@@ -117,13 +129,6 @@ def _mesh(
         )
     left = {name: max(getattr(truncated, name), least) for name in QUANTITIES}
     return mesh, left, share, safety, doubts
-
-
-def _again(
-    again: Run, model: AntiOscillators, raw: History, each: AntiOscillators, tol: float
-) -> History:
-    """The impact on a model, which is known for `model`."""
-    return raw if each is model else again(each, tol)
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
@@ -159,7 +164,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     return safety, doubts
 
 
-def amplitudes(hit: History) -> Any:
+def amplitudes(hit: History) -> Array:
     """Sum of a aᵀ over the contact of the amplitudes a of psi_0 ... psi_N, (N + 1, N + 1)."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
@@ -184,14 +189,13 @@ def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
     return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
 
 
-def _patch(
-    model: AntiOscillators, raw: History, again: Run, tol: float
-) -> tuple[dict[str, float], list[str]]:
+def _patch(impact: Repeated) -> tuple[Shares, list[str]]:
     """The share of the patch's radius, and what is to be said of it.
 
     A second radius changed the compliance of the part by a little beyond that of the half-space:
     the run with that change in the contact tells its effect.
     """
+    model = impact.model
     other = model.info.patch
     if model.radius is None:
         return NO_SHARE, []
@@ -199,8 +203,7 @@ def _patch(
         return NO_SHARE, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
-    softer = again(_plain(model, local_compliance=local), tol)
-    changed = differences(raw, softer)
+    changed = impact.change(_plain(model, local_compliance=local))
     if change and not any(changed.values()):  # the law does not contain the half-space
         return NO_SHARE, [NO_PATCH]
     return changed, []
@@ -211,20 +214,19 @@ def _plain(model: AntiOscillators, **changes: Any) -> AntiOscillators:
     return replace(model, strain_error=None, strain_misfit=None, **changes)
 
 
-def _geometry(
-    model: AntiOscillators, hit: History, raw: History, again: Run, tol: float
-) -> tuple[dict[str, float], list[str]]:
+def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
     """The share of flat faces that stand for a curved surface, and what is to be said of it.
 
     Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
     the contact, and their mass over the structure's, change all stiffnesses and masses of the run.
     """
+    model = impact.model
     facts = model.info.geometry
     if facts is None:
         return NO_SHARE, []
-    weights = np.diag(amplitudes(hit))
-    energy = weights @ np.append(model.k0, model.k)
-    layers = weights @ np.asarray(facts["stiffness"])[: len(weights)]
+    own = np.diag(weights)
+    energy = own @ np.append(model.k0, model.k)
+    layers = own @ np.asarray(facts["stiffness"])[: len(own)]
     stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
     heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
     p = model.participation
@@ -236,5 +238,5 @@ def _geometry(
         omega=model.omega * np.sqrt(stiffer / heavier),
         participation=None if p is None else p * heavier,
     )
-    changed = differences(raw, again(curved, tol))
+    changed = impact.change(curved)
     return floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -25,14 +25,13 @@ standard deviations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from antiosc.base.errors import AccuracyWarning, warn
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import InModes
+from antiosc.models.body import InModes, LinearBody
 from antiosc.models.modal import ModalBody
 from antiosc.models.model_info import BeamSection, info_of
 from antiosc.simulation.histories.error_bars import NO_SHARE, QUANTITIES, differences, floored
@@ -41,20 +40,43 @@ from antiosc.simulation.histories.history import History
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
 SAFETY = 1.25
 
+Shares = dict[str, float]
+#: Simulates an impact on another body to a tolerance.
+Again = Callable[[LinearBody, float], History]
 
-def model_errors(
-    model: AntiOscillators, raw: History, again: Callable[[Any, float], History], tol: float
-) -> tuple[dict[str, float], list[str]]:
-    """(share of each quantity, what is to be said): `raw` is the run on the model.
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """An impact that is simulated again on other bodies, by the exact method to `tol`.
+
+    `raw` is that on the `model` itself; `run` simulates it.
+    """
+
+    model: AntiOscillators
+    raw: History
+    run: Again
+    tol: float
+
+    def on(self, body: LinearBody) -> History:
+        """The impact on another body."""
+        return self.run(body, self.tol)
+
+    def change(self, body: LinearBody) -> Shares:
+        """By how much the three quantities differ there, relatively."""
+        return differences(self.raw, self.on(body))
+
+
+def model_errors(impact: Repeated) -> tuple[Shares, list[str]]:
+    """(share of each quantity, what is to be said).
 
     The model's info tells what is needed ("model"), or why there is no figure.
     """
-    facts = model.info.model
+    facts = impact.model.info.model
     if isinstance(facts, str):
         return NO_SHARE, [facts]
     if facts is None:
         return NO_SHARE, []
-    softer, stiffer = (differences(raw, again(each, tol)) for each in _changed(model, facts))
+    softer, stiffer = map(impact.change, _changed(impact.model, facts))
     return floored({name: SAFETY * max(softer[name], stiffer[name]) for name in softer}), []
 
 
@@ -83,19 +105,15 @@ LEAST_PRODUCT = 1.0
 #: times the length of a half-sine; samples of the force, and its length with zeros behind.
 ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
 
-Shares = dict[str, float]
 
-
-def measured_errors(
-    model: Any, raw: History, again: Callable[[Any, float], History], tol: float
-) -> tuple[Shares, Shares]:
+def measured_errors(impact: Repeated) -> tuple[Shares, Shares]:
     """The shares of noise and band of peak force, impulse and contact time."""
-    facts = info_of(model).measured
+    facts = impact.model.info.measured
     if facts is None:
         return NO_SHARE, NO_SHARE
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
-        differences(raw, again(InModes(ModalBody(omega, b, float(r), decay)), tol))
+        impact.change(InModes(ModalBody(omega, b, float(r), decay)))
         for omega, b, r, decay in bodies
     ]
     drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]

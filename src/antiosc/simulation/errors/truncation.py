@@ -29,7 +29,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf, log
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -101,7 +100,7 @@ def _rule(model: AntiOscillators) -> tuple[Array, Array]:
 _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
 
 
-def too_few(model: Any, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
+def too_few(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
     """That the anti-oscillators are too few for a contact that touched; "" where they suffice.
 
     `begin` : the first mode of the model among those of all bodies.

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
@@ -31,8 +31,6 @@ def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
         model, own = history.placed.body, history.placed.modes
-        if own is None:
-            raise InputError(no_field(model))
     else:
         model, own = history.of(body)
     if own.basis is None:
@@ -40,7 +38,7 @@ def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
     return own
 
 
-def times_of(history: Motions, times: Any) -> Array:
+def times_of(history: Motions, times: ArrayLike | None) -> Array:
     """The times (n,) that are asked; those of the history for None."""
     if times is None:
         return history.time
@@ -60,8 +58,7 @@ def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -
     """
     own = modes_of(history, body)
     if derivative == 0 and not isinstance(history, BodyHistory):
-        x = history.coordinates(times, body)
-        return own.amplitudes(x)
+        return own.amplitudes(history.coordinates(times, body))
     q, forces = _modal(history, times, body, derivative)
     return _factors(own, q, np.zeros_like(forces) if derivative else forces)
 
@@ -73,14 +70,12 @@ def of_unit_energies(own: ModalBody | SiteModes) -> tuple[Array, int]:
     """
     elastic = own.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])
-    forces = np.zeros((2, own.b.shape[1] if isinstance(own, SiteModes) else 1))
-    return _factors(own, q, forces), int(elastic.sum())
+    return _factors(own, q, np.zeros((2, own.B.shape[1]))), int(elastic.sum())
 
 
 def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
     """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
-    loads = forces if isinstance(own, SiteModes) else forces[:, 0]
-    return own.amplitudes(own.coordinates(q, loads))
+    return own.amplitudes(own.coordinates(q, forces))
 
 
 def modal_sizes(

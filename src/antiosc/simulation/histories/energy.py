@@ -166,7 +166,7 @@ def balance(assembly: Assembly, run: Run) -> Energy:
     kinetic, modal = np.empty(run.time.size), np.empty(run.time.size)
     work, braked = np.zeros(run.time.size - 1), np.zeros(run.time.size - 1)
     for first, last in blocks(run, a.system.omega.size):
-        q, v = node_states(run, a.system, a.load, first, last)
+        q, v = node_states(run, a.system, first, last)
         nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
@@ -213,7 +213,7 @@ def gained(a: Assembly, run: Run) -> float:
         force, mechanical = run.force[::2], np.empty(run.time.size // 2 + 1)
         work = np.zeros(mechanical.size - 1)
         for first, last in blocks(run, system.omega.size):
-            q, v = starts(run, system, a.load, np.arange(first, last + 1))
+            q, v = starts(run, system, np.arange(first, last + 1))
             here = mechanical[first : last + 1]
             here[...] = march.energies(np.stack([q, v], axis=1), system.omega)
             if system.loads.any():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from antiosc.base.engineering import engineering, percent
 
@@ -81,7 +80,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __len__(self) -> int:
         return len(self.bars)
 
-    def of_corrected(self, hit: Any) -> ErrorBudget:
+    def of_corrected(self, hit: object) -> ErrorBudget:
         """The bars of `hit`, the same impact on the corrected model, for a `safety` of 2 or more.
 
         With the difference d of both, an error of the raw model of at most S d is one of at most

@@ -18,11 +18,16 @@ from antiosc.base.charts.curves import plot_history
 from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.bodies.bodies import Placed
+from antiosc.simulation.bodies.bodies import Placed, RigidBody
 from antiosc.simulation.histories.energy import Energy, balance
 from antiosc.simulation.histories.error_bars import ErrorBudget
 from antiosc.simulation.histories.results import HistoryResults
-from antiosc.simulation.histories.scene_history import BodyHistory, ContactHistory, Record
+from antiosc.simulation.histories.scene_history import (
+    BodyHistory,
+    ContactHistory,
+    OneContact,
+    Record,
+)
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.problem.assembly import Assembly, known
 from antiosc.simulation.problem.scene_states import (
@@ -44,7 +49,7 @@ class SeveralContactsError(InputError, AttributeError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class History(HistoryResults):
+class History(HistoryResults, OneContact):
     """History of a simulation; times in s, forces in N, displacements in m.
 
     `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
@@ -77,11 +82,6 @@ class History(HistoryResults):
 
     # -- at the nodes
 
-    @property
-    def time(self) -> Array:
-        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
-        return self._nodes.time
-
     def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
         for contact in self.contact_histories:
             if contact.ends == ends:
@@ -99,7 +99,7 @@ class History(HistoryResults):
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
         run, a = self._nodes, self.assembly
-        q, v = node_states(run, a.system, a.load)
+        q, v = node_states(run, a.system)
         return self._bodies(run.time, q, v, run.force)
 
     @cached_property
@@ -107,17 +107,7 @@ class History(HistoryResults):
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
         return balance(self.assembly, self._nodes)
 
-    # -- of one contact
-
-    @property
-    def force(self) -> Array:
-        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
-        return self._contact.force
-
-    @property
-    def indentation(self) -> Array:
-        """w - u - gap [m], (n,); negative: distance."""
-        return self._contact.indentation
+    # -- of one contact: force and numbers are those of `OneContact`
 
     @property
     def displacement(self) -> Array:
@@ -140,54 +130,11 @@ class History(HistoryResults):
         return self._sites[3]
 
     @property
-    def peak_force(self) -> float:
-        """Largest contact force [N], also between the nodes."""
-        return self._contact.peak_force
-
-    @property
-    def impulse(self) -> float:
-        """Time integral of the contact force [N s]."""
-        return self._contact.impulse
-
-    @property
-    def cumulative_impulse(self) -> Array:
-        """Time integral of the force from the start up to each node [N s], (n,)."""
-        return self._contact.cumulative_impulse
-
-    @property
-    def contacts(self) -> list[tuple[float, float]]:
-        """(start, end) [s] of every contact, in order."""
-        return self._contact.contacts
-
-    @property
-    def contact_time(self) -> float:
-        """Time from the first touch to the last release of the main impact [s]; 0 without contact.
-
-        Successive contacts belong to one impact if the flight between them is shorter than the
-        impact up to then. The main impact is the one with the largest impulse. A contact that goes
-        on at the end of the run counts up to there (status 3).
-        """
-        return self._contact.contact_time
-
-    @property
-    def restitution(self) -> float | None:
-        """Newton's coefficient of restitution of the rigid-body motions.
-
-        The speed of separation at the contact point after the last release, divided by the speed of
-        approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
-        supported structure has no rigid-body motion at its site; the coefficient is then the
-        rebound speed of the impactor over its speed of approach. Negative: after the last release
-        these motions still approach, and the bodies will touch again; lengthen the duration. None
-        without a contact, if the bodies are in contact at the end, or if they did not approach.
-        """
-        return self._contact.restitution
-
-    @property
     def step(self) -> float:
         """The step used during contact [s]: the one given, or the mean."""
         if self.given is not None:
             return self.given
-        found = self._contact._numbers
+        found = self._numbers
         return float(found.closed / found.steps) if found.steps else self.assembly.lasting
 
     @cached_property
@@ -226,8 +173,7 @@ class History(HistoryResults):
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
-        row = self._contact._row
-        return np.maximum(forces(self.run, *self._located(t))[:, row], 0.0)
+        return np.maximum(forces(self.run, *self._located(t))[:, self._row], 0.0)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
@@ -251,7 +197,7 @@ class History(HistoryResults):
         """Modal displacements and velocities (n, J) of all bodies, one after the other, at times
         (n,); exact between the nodes too."""
         a = self.assembly
-        return states(self.run, a.system, a.load, *self._located(t))
+        return states(self.run, a.system, *self._located(t))
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
@@ -265,8 +211,7 @@ class History(HistoryResults):
         q, _ = self.states(times)
         acting = a.pushes(times) - forces(self.run, *located(self.run, times)) @ a.G
         acting = acting[:, a.columns[name]]
-        pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
-        found = own.coordinates(q[:, a.spans[name]], pushed)
+        found = own.coordinates(q[:, a.spans[name]], acting)
         return found if np.ndim(t) else found[0]
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
@@ -285,8 +230,8 @@ class History(HistoryResults):
         "structure", if no body has this name, is the one that has displacement shapes.
         """
         placed = self.assembly.bodies[self.name_of(body)]
-        if placed.modes is None:
-            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
+        if isinstance(placed.body, RigidBody):
+            raise InputError(f"{body!r} is a RigidBody, which has no field.")
         return placed.body, placed.modes
 
     def name_of(self, body: str) -> str:
@@ -294,7 +239,7 @@ class History(HistoryResults):
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
         if body == "structure" and body not in bodies:
-            shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
+            shaped = [n for n, b in bodies.items() if b.modes.basis]
             if len(shaped) == 1:
                 return shaped[0]
         if body not in bodies:
@@ -316,7 +261,7 @@ class History(HistoryResults):
     # -- inside
 
     @cached_property
-    def _record(self) -> Record:
+    def _record(self) -> Record:  # type: ignore[override]
         """What its contacts share with it, and not the history itself: it goes without a cycle.
 
         The few flights of an impact have nodes for a picture; a scene may have many.
@@ -328,19 +273,20 @@ class History(HistoryResults):
         return self._record.nodes
 
     @property
-    def _contact(self) -> ContactHistory:
-        """The one contact."""
-        if len(self.assembly.scene.contacts) > 1:
+    def _row(self) -> int:  # type: ignore[override]
+        """That of the one contact."""
+        if len(self.assembly.laws) > 1:
             pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
             raise SeveralContactsError(
                 f"the scene has several contacts: ask for the force or motion of one, as {pairs}."
             )
-        return self.contact_histories[0]
+        return 0
 
     @property
     def _ends(self) -> list[Placed]:
         """The bodies of the one contact."""
-        return [self.assembly.bodies[end.partition(":")[0]] for end in self._contact.ends]
+        contact = self.assembly.scene.contacts[self._row]
+        return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
 
     @property
     def _moving(self) -> BodyHistory:
@@ -360,10 +306,10 @@ class History(HistoryResults):
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
             own = a.columns[body.name]
-            rows[own, i] = (2 * i - 1) * a.G[self._contact._row, own]
+            rows[own, i] = (2 * i - 1) * a.G[self._row, own]
         found = np.empty((4, run.time.size))
         for first, last in blocks(run, a.system.omega.size):
-            q, v = node_states(run, a.system, a.load, first, last)
+            q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
             found[::2, nodes], found[1::2, nodes] = (q @ (a.B @ rows)).T, (v @ (a.B @ rows)).T
         found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
@@ -377,7 +323,7 @@ class History(HistoryResults):
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         if a.system.first is not None:
-            accelerations -= braked(self.run, a.system, a.load, *located(self.run, time))
+            accelerations -= braked(self.run, a.system, *located(self.run, time))
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
         found = {}
@@ -430,7 +376,7 @@ def with_model(hit: History, model: Any, **changes: Any) -> History:
     return replace(hit, assembly=assembly, **changes)
 
 
-def no_field(model: Any) -> str:
+def no_field(model: object) -> str:
     """Why a model has no displacement field, and the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (

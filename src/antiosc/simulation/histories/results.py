@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
+
+if TYPE_CHECKING:
+    from antiosc.simulation.histories.history import History
+    from antiosc.simulation.histories.scene_history import ContactHistory
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
@@ -42,7 +46,7 @@ class Results(Brief):
         """The table of the history: name with unit -> values (n,) at `time`."""
         raise NotImplementedError
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         raise NotImplementedError
 
@@ -149,14 +153,14 @@ class SavedHistory(Results):
     """
 
     kind: str
-    results: Mapping[str, Any]
+    results: Mapping[str, object]
     table: Mapping[str, Array]
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
         return dict(self.table)
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         return dict(self.results)
 
@@ -187,7 +191,7 @@ class HistoryResults(Results):
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
-        own: Any = self
+        own = cast("History", self)
         table: dict[str, Array] = {"time [s]": own.time}
         for contact in own.contact_histories:
             name = f"{_shown(contact)} " if self.named else ""
@@ -208,9 +212,9 @@ class HistoryResults(Results):
             table[f"{name} energy [J]"] = getattr(own.energy, name)
         return table
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
-        own: Any = self
+        own = cast("History", self)
         contacts = {_shown(one): _numbers(one) for one in own.contact_histories}
         (alone,) = contacts.values() if len(contacts) == 1 else ({},)
         found = {"restitution": own.restitution, "step": float(own.step)} if alone else {}
@@ -226,7 +230,7 @@ class HistoryResults(Results):
 
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
-        own: Any = self
+        own = cast("History", self)
         places = {name: placed(point) for name, point in sites(own).items()}
         if not self.named:
             e = own.restitution
@@ -255,7 +259,7 @@ class HistoryResults(Results):
         return "\n".join([*lines, own.message])
 
     def _facts(self) -> list[tuple[str, str]]:
-        own: Any = self
+        own = cast("History", self)
         contacts = own.contact_histories
         largest = max(contacts, key=lambda one: one.peak_force)
         length = engineering(own.time[-1], "s")
@@ -267,12 +271,12 @@ class HistoryResults(Results):
         ]
 
 
-def _shown(contact: Any) -> str:
+def _shown(contact: ContactHistory) -> str:
     """The name of a contact in tables."""
     return " - ".join(contact.ends)
 
 
-def _numbers(contact: Any) -> dict[str, Any]:
+def _numbers(contact: ContactHistory) -> dict[str, object]:
     """The single results of one contact."""
     return {
         "peak_force": float(contact.peak_force),
@@ -282,7 +286,7 @@ def _numbers(contact: Any) -> dict[str, Any]:
     }
 
 
-def covers(history: Any) -> str:
+def covers(history: History) -> str:
     """What the `error` of a history covers, and where the mesh's stands."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(one) for one in bodies]
@@ -294,13 +298,13 @@ def covers(history: Any) -> str:
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
 
-def covered(history: Any) -> str:
+def covered(history: History) -> str:
     """The error of the force of a history, with what it covers."""
     known = percent(history.error["force"]) if "force" in history.error else "not estimated"
     return f"{known} ({covers(history)})"
 
 
-def sites(history: Any) -> dict[str, tuple[float, ...]]:
+def sites(history: History) -> dict[str, tuple[float, ...]]:
     """Where the sites of the bodies lie [m]: "body:site", or "body" -> point.
 
     Where bodies are not named, those of the structure, by the site alone.

@@ -38,25 +38,21 @@ class Record:
         """The run at the nodes of the history."""
         if not self.flights:
             return self.run
-        return with_flights(self.run, self.assembly.system, self.assembly.load)
+        return with_flights(self.run, self.assembly.system)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ContactHistory(Brief):
-    """One contact of a history: its force at the nodes, and the numbers of its impacts.
+class OneContact:
+    """Force and numbers of one contact: what a `ContactHistory`, and a history of one contact has.
 
-    Attributes
-    ----------
-    ends : the names of its ends.
+    `_record` has the run, and `_row` is that of the contact among all.
     """
 
-    ends: tuple[str, str]
     _record: Record
     _row: int
 
     @property
     def time(self) -> Array:
-        """Nodes [s] of the history, (n,)."""
+        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
         return self._record.nodes.time
 
     @cached_property
@@ -67,14 +63,8 @@ class ContactHistory(Brief):
 
     @property
     def indentation(self) -> Array:
-        """Indentation [m], (n,); negative: distance."""
+        """Indentation w - u - gap [m], (n,); negative: distance."""
         return self._record.nodes.depth[:, self._row]
-
-    @property
-    def friction(self) -> Array:
-        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
-        first, count = self._record.assembly.system.tangents[self._row]
-        return self._record.nodes.force[:, first : first + count]
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -84,22 +74,35 @@ class ContactHistory(Brief):
 
     @property
     def peak_force(self) -> float:
-        """Largest force [N], of the parabolas between the nodes."""
+        """Largest contact force [N], also between the nodes."""
         return float(self._numbers.peak)
 
     @property
     def impulse(self) -> float:
-        """Time integral of the force [N s]: what a rigid mode has taken up that it alone moves."""
+        """Time integral of the contact force [N s]."""
         return float(self._numbers.impulse)
 
     @property
     def contact_time(self) -> float:
-        """Time [s] from the first touch to the last release of the main impact; see `History`."""
+        """Time from the first touch to the last release of the main impact [s]; 0 without contact.
+
+        Successive contacts belong to one impact if the flight between them is shorter than the
+        impact up to then. The main impact is the one with the largest impulse. A contact that goes
+        on at the end of the run counts up to there (status 3).
+        """
         return float(self._numbers.contact_time)
 
     @property
     def restitution(self) -> float | None:
-        """Newton's coefficient of the rigid-body motions; see `History`."""
+        """Newton's coefficient of restitution of the rigid-body motions.
+
+        The speed of separation at the contact point after the last release, divided by the speed of
+        approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
+        supported structure has no rigid-body motion at its site; the coefficient is then the
+        rebound speed of the impactor over its speed of approach. Negative: after the last release
+        these motions still approach, and the bodies will touch again; lengthen the duration. None
+        without a contact, if the bodies are in contact at the end, or if they did not approach.
+        """
         found = float(self._numbers.restitution)
         return None if isnan(found) else found
 
@@ -108,15 +111,6 @@ class ContactHistory(Brief):
         """Time integral of the force from the start up to each node [N s], (n,)."""
         areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
         return np.append(0.0, np.cumsum(areas))
-
-    def pulses(self) -> tuple[Array, Array]:
-        """Nodes [s] and forces [N] of the contacts, one after the other."""
-        run = self._record.run
-        nodes = [np.zeros(0, dtype=int)]
-        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
-        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
-        at = np.concatenate(nodes)
-        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
 
     # -- inside
 
@@ -141,10 +135,39 @@ class ContactHistory(Brief):
             velocities, stride = march.address(held[-1]) + 8 * size, 2 * size
         else:
             steps = np.column_stack([found["first"], found["last"]]).ravel()
-            held.append(starts(run, system, a.load, steps)[1])
+            held.append(starts(run, system, steps)[1])
             velocities, stride = march.address(held[-1]), 0
         given = self._row, goes_on, found.size, march.address(found), velocities, stride
         return march.library.aom_read_contact(byref(bodies), byref(record), *given)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactHistory(OneContact, Brief):
+    """One contact of a history: its force at the nodes, and the numbers of its impacts.
+
+    Attributes
+    ----------
+    ends : the names of its ends.
+    """
+
+    ends: tuple[str, str]
+    _record: Record
+    _row: int
+
+    @property
+    def friction(self) -> Array:
+        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
+        first, count = self._record.assembly.system.tangents[self._row]
+        return self._record.nodes.force[:, first : first + count]
+
+    def pulses(self) -> tuple[Array, Array]:
+        """Nodes [s] and forces [N] of the contacts, one after the other."""
+        run = self._record.run
+        nodes = [np.zeros(0, dtype=int)]
+        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
+        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
+        at = np.concatenate(nodes)
+        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [

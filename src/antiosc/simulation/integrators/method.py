@@ -21,7 +21,7 @@ from antiosc.base.errors import NotConvergedError
 from antiosc.contact import ContactLaw, Linear, State
 from antiosc.simulation.march.engine import Run, run
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.scene_states import between, starts
+from antiosc.simulation.problem.scene_states import starts
 
 MOST_SWEEPS = 500
 SETTLED = 1e-13  # change of a force in a sweep, relative to the largest
@@ -289,7 +289,7 @@ class SceneMethod(ABC):
         )
         found = run(ahead, duration - t, 1.0, fine=FINE * self.step, max_contacts=0)
         ends = np.arange(found.time.size // 2 + 1)
-        moved = starts(found, ahead, lambda at: between(at, ahead.breaks, ahead.loads), ends)
+        moved = starts(found, ahead, ends)
         depth = found.depth + origins
         piece = Piece(t + found.time, found.force, depth, np.stack(moved, axis=1))
         if found.answer != march.TOO_MANY_CONTACTS:

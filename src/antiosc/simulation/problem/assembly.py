@@ -26,7 +26,7 @@ from antiosc.simulation.problem.rows import (
 )
 from antiosc.simulation.problem.scales import MINDLIN, STIFFEST, freed, mass_behind, scales
 from antiosc.simulation.problem.scene_parts import SceneParts
-from antiosc.simulation.problem.scene_states import between
+from antiosc.simulation.problem.scene_states import modal_loads
 
 Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
 
@@ -100,7 +100,7 @@ class Assembly:
 
     def load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
-        return between(t, self.system.breaks, self.system.loads)
+        return modal_loads(self.system, t)
 
     def pushes(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""

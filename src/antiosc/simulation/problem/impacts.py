@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_int64, c_void_p
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
+from antiosc.simulation.bodies.bodies import may_turn
 from antiosc.simulation.bodies.impactors import RigidMass, Sphere
 from antiosc.simulation.problem.scales import freed
 from antiosc.simulation.problem.scene_parts import LAW
@@ -31,15 +32,15 @@ _NODES = 200_000
 
 
 class Impact(NamedTuple):
-    """An impact as `simulate` takes it, to be solved by the exact method."""
+    """An impact as `simulate` and `pose` take it."""
 
     model: LinearBody
     impactor: LinearBody
     contact: ContactLaw
     duration: float
-    initial_velocity: float | Motion
-    gravity: float | Sequence[float]
-    gap: float | None
+    initial_velocity: float | Motion = 0.0
+    gravity: float | Sequence[float] = 0.0
+    gap: float | None = None
 
     def group(self) -> tuple[object, ...] | None:
         """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
@@ -79,13 +80,13 @@ class Rows:
         self.pair = made = pair(model, first, velocity, gravity)
         count, size = len(impacts), made.omega.size
         beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
-        mobility = np.full(count, made.mobility)
+        mobility = np.full(count, sum(made.mobilities))
         if any(each.impactor is not first for each in impacts):  # rigid ones, see `group`
-            strikers: list[Any] = [each.impactor for each in impacts]
+            strikers = [cast("RigidMass | Sphere", each.impactor) for each in impacts]
             b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
             beta[:, -1] = -b
             v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
-            mobility = made.bodies[0][1].mobility + b * b
+            mobility = made.mobilities[0] + b * b
         self.laws = cast("list[Compiled]", _freed([each.contact for each in impacts], made.local))
         self.given = given = np.zeros(count, IMPACT)
         self._held = [made.omega, made.decay, beta, v, made.load, *_turning(made)]
@@ -100,7 +101,7 @@ class Rows:
             given["law"][name] = [getattr(kernel, name) for kernel in kernels]
         given["residual"] = made.r
         given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
-        own = made.bodies[1][0].gap
+        own = made.bodies[1].gap
         given["gap"] = [
             own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
             for each in impacts
@@ -148,12 +149,12 @@ def _freed(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
 def _turning(made: Pair) -> list[Array]:
     """Rotation vectors (n, 3, J) by the modes of the bodies that may turn, [] without one."""
     found, begin = [], 0
-    for _, modes, _ in made.bodies:
-        span = slice(begin, begin + modes.omega.size)
+    for body in made.bodies:
+        span = slice(begin, begin + body.omega.size)
         begin = span.stop
-        if modes.inertia is not None and not modes.omega.all():
-            turning, rigid = np.zeros((3, made.omega.size)), np.diag((modes.omega == 0) * 1.0)
-            turning[:, span] = modes.inertia.rotation(rigid).T
+        if may_turn(body):
+            turning = np.zeros((3, made.omega.size))
+            turning[:, span] = body.rotation(np.eye(body.omega.size)).T
             found.append(turning)
     return [np.array(found)] if found else []
 

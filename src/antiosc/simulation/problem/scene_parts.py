@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -143,7 +142,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 class SceneParts(Given):
     """What a `Scene` consists of, checked."""
 
-    bodies: Mapping[str, Any]
+    bodies: Mapping[str, object]
     contacts: Sequence[Contact]
     gravity: float | Sequence[float] = 0.0
     loads: Sequence[Load] = ()
@@ -156,9 +155,11 @@ class SceneParts(Given):
             value = getattr(self, each)
             checks.instance(each, value, Mapping, "a dict with the names of bodies")
             checks.store(self, **{each: dict(value)})
-        for each, what in (("contacts", "Contact"), ("loads", "Load")):
+        for each, kind in (("contacts", Contact), ("loads", Load)):
             value = getattr(self, each)
-            checks.instance(each, value, (list, tuple), f"a list of {what} objects")
+            checks.instance(each, value, (list, tuple), f"a list of {kind.__name__} objects")
+            for entry in value:
+                checks.instance(each, entry, kind, f"{kind.__name__} objects")
             checks.store(self, **{each: tuple(value)})
         checks.flag("preload", self.preload)
         for name, body in self.bodies.items():
@@ -172,15 +173,8 @@ class SceneParts(Given):
                 checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
-        for kind, entries in ((Contact, self.contacts), (Load, self.loads)):
-            for entry in entries:
-                if not isinstance(entry, kind):
-                    raise InputError(
-                        f"{kind.__name__.lower()}s must be {kind.__name__} objects;"
-                        f" got {type(entry).__name__}."
-                    )
-        if self.base is not None and not isinstance(self.base, Base):
-            raise InputError(f"base must be a Base; got {type(self.base).__name__}.")
+        if self.base is not None:
+            checks.instance("base", self.base, Base, "a Base")
         if isinstance(self.gravity, Sequence | np.ndarray):
             vector = checks.array("gravity", self.gravity, (3,))
             checks.store(self, gravity=tuple(vector.tolist()))
@@ -218,7 +212,7 @@ class SceneParts(Given):
 
 
 def of_two(
-    model: Any, impactor: Any, law: ContactLaw, gap: float, gravity: float | Sequence[float]
+    model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
     """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
     parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from ctypes import byref, c_int
 from dataclasses import replace
 
@@ -73,6 +73,11 @@ def between(t: Array, breaks: Array, values: Array) -> Array:
     return np.asarray(values[i] * (1 - u) + values[i + 1] * u)
 
 
+def modal_loads(system: System, t: Array) -> Array:
+    """Modal loads (n, J) at times (n,)."""
+    return between(t, system.breaks, system.loads)
+
+
 def located(run: Run, t: Array) -> tuple[Index, Array]:
     """The step in which each time (n,) lies, and the time since its start."""
     starts = run.time[:-2:2]
@@ -93,25 +98,18 @@ def forces(run: Run, step: Index, since: Array) -> Array:
     return np.asarray(f0 + u * (4 * f1 - 3 * f0 - f2) + 2 * u * u * (f0 - 2 * f1 + f2))
 
 
-def states(
-    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
-) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at times since the starts of steps.
-
-    `load_at`: times (n,) -> modal loads (n, J), linear over each step.
-    """
-    q, v = marched_states(run, system, load_at, step, since)
+def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
+    """Modal displacements and velocities (n, J) at times since the starts of steps."""
+    q, v = marched_states(run, system, step, since)
     return _free(system, q, v)
 
 
-def marched_states(
-    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
-) -> tuple[Array, Array]:
+def marched_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
     """Those of `states` in the modes that the march integrates, (n, I)."""
-    q, v = marched_starts(run, system, load_at, step)
+    q, v = marched_starts(run, system, step)
     if run.time.size < 3:
         return q, v
-    return _moved(run, system, load_at, step, since, q, v)
+    return _moved(run, system, step, since, q, v)
 
 
 def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
@@ -119,27 +117,21 @@ def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
     return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
-def braked(
-    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
-) -> Array:
+def braked(run: Run, system: System, step: Index, since: Array) -> Array:
     """What damping that couples them takes from the accelerations of the free modes (n, J)."""
     assert system.first is not None
-    return system.first.motion(*marched_states(run, system, load_at, step, since))[2]
+    return system.first.motion(*marched_states(run, system, step, since))[2]
 
 
-def starts(
-    run: Run, system: System, load_at: Callable[[Array], Array], step: Index
-) -> tuple[Array, Array]:
+def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """Modal displacements and velocities (n, J) at the starts of steps (n,), the end as the last.
 
     From those that the run has kept, by the exact motion over the steps in between.
     """
-    return _free(system, *marched_starts(run, system, load_at, step))
+    return _free(system, *marched_starts(run, system, step))
 
 
-def marched_starts(
-    run: Run, system: System, load_at: Callable[[Array], Array], step: Index
-) -> tuple[Array, Array]:
+def marched_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """Those of `starts` in the modes that the march integrates, (n, I)."""
     assert run.states is not None
     if run.every == 1:
@@ -159,14 +151,13 @@ def marched_starts(
             on = np.flatnonzero(way > k)
             own = kept[begin + on] * run.every + k
             h = run.time[2 * own + 2] - run.time[2 * own]
-            x[on], y[on] = _moved(run, system, load_at, own, h, x[on], y[on])
+            x[on], y[on] = _moved(run, system, own, h, x[on], y[on])
     return q, v
 
 
 def _moved(
     run: Run,
     system: System,
-    load_at: Callable[[Array], Array],
     step: Index,
     since: Array,
     q: Array,
@@ -179,8 +170,8 @@ def _moved(
     start, middle = run.time[2 * step], run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start
     long = np.where(h > 0, h, 1.0)[:, None]
-    at = load_at(start)
-    slope = (load_at(middle) - at) / (0.5 * long)
+    at = modal_loads(whole, start)
+    slope = (modal_loads(whole, middle) - at) / (0.5 * long)
     bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
     if whole.first is not None:
         at, slope = whole.first.rows(at), whole.first.rows(slope)
@@ -201,7 +192,6 @@ def _moved(
 def node_states(
     run: Run,
     system: System,
-    load_at: Callable[[Array], Array],
     first: int = 0,
     last: int | None = None,
 ) -> tuple[Array, Array]:
@@ -215,13 +205,13 @@ def node_states(
     memory.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
-    q[::2], v[::2] = marched_starts(run, system, load_at, np.arange(first, last + 1))
+    q[::2], v[::2] = marched_starts(run, system, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         at = 2 * (steps - first)
-        q[at + 1], v[at + 1] = _moved(run, system, load_at, steps, since, q[at], v[at])
+        q[at + 1], v[at + 1] = _moved(run, system, steps, since, q[at], v[at])
     return _free(system, q, v)
 
 
@@ -238,7 +228,7 @@ def part_of(run: Run, first: int, last: int) -> Run:
     return replace(run, time=time, force=force, depth=depth, states=None)
 
 
-def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) -> Run:
+def with_flights(run: Run, system: System) -> Run:
     """The run with more steps in its flights, which are exact in one step, as pictures need it."""
     if run.time.size < 3:
         return run
@@ -255,12 +245,12 @@ def with_flights(run: Run, system: System, load_at: Callable[[Array], Array]) ->
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
     at, within = step[new // 2], since[new // 2] + new % 2 * 0.5 * length[new // 2]
     time[new] = run.time[2 * at] + within
-    moved, _ = states(run, system, load_at, at, within)
+    moved, _ = states(run, system, at, within)
     depth[new] = moved @ system.beta.T - between(time[new], system.breaks, system.offsets)
     begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
-    q, v = marched_starts(run, system, load_at, begins)
+    q, v = marched_starts(run, system, begins)
     on = np.flatnonzero(beyond)
-    q[on], v[on] = _moved(run, system, load_at, begins[on], beyond[on], q[on], v[on])
+    q[on], v[on] = _moved(run, system, begins[on], beyond[on], q[on], v[on])
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 

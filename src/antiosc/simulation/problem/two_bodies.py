@@ -16,10 +16,10 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.contact import ContactLaw
-from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies.bodies import first_order_of, may_turn, of_one_site
+from antiosc.simulation.bodies.bodies import Placed, first_order_of, may_turn, of_one_site
 from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.march.system import System
 from antiosc.simulation.problem.assembly import Assembly, Parts
@@ -39,14 +39,14 @@ class Pair:
 
     Attributes
     ----------
-    bodies : (body, its modes, modal velocities at the start) of the structure and the impactor.
+    bodies : the structure and the impactor, with their modal velocities at the start.
     block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
     omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
-    mobility : inverse [1/kg] of the inertia behind the contact.
+    mobilities : inverse [1/kg] of the inertia that each puts behind the contact.
     local : half-space compliance [m/N] of the patches.
     """
 
-    bodies: tuple[tuple[Body, ModalBody, Array], ...]
+    bodies: tuple[Placed, Placed]
     block: Array
     omega: Array
     decay: Array
@@ -54,13 +54,14 @@ class Pair:
     v: Array
     load: Array
     r: float
-    mobility: float
+    mobilities: tuple[float, float]
     local: float
 
     @property
     def mass(self) -> float:
         """Inertia [kg] behind the contact."""
-        return 1 / self.mobility if self.mobility > 0 else 1.0
+        mobility = sum(self.mobilities)
+        return 1 / mobility if mobility > 0 else 1.0
 
     def check_span(self, duration: float) -> None:
         """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
@@ -108,7 +109,10 @@ def pair(
             own[...] = pull
     block[3 * size] = r
     return Pair(
-        bodies=((one, structure, starts[0]), (other, striker, starts[1])),
+        bodies=(
+            of_one_site("structure", model, one, structure, starts[0]),
+            of_one_site("impactor", impactor, other, striker, starts[1]),
+        ),
         block=block,
         omega=omega,
         decay=decay,
@@ -116,7 +120,7 @@ def pair(
         v=v,
         load=load,
         r=r,
-        mobility=structure.mobility + striker.mobility,
+        mobilities=(structure.mobility, striker.mobility),
         local=one.local_compliance + other.local_compliance,
     )
 
@@ -135,12 +139,11 @@ def pose(
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
     law, notes = freed(contact, made.local, "structure", "impactor")
-    gap = made.bodies[1][0].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    gap = made.bodies[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
     mass = made.mass
     depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
-    parts = partial(_parts, model, impactor, contact, gap, gravity, made)
-    (_, structure, _), (_, striker, _) = made.bodies
-    uncoupled = structure.damping is None and striker.damping is None
+    parts = partial(_parts, contact, gap, gravity, made)
+    uncoupled = all(body.modes.damping is None for body in made.bodies)
     block, size = made.block, made.omega.size
     block[4 * size + 2] = gap
     scales = np.array([mass, depth, speed, 0.0])
@@ -161,28 +164,17 @@ def pose(
         depth=scales[1:2],
         speed=scales[2:3],
         pressed=scales[3:],
-        first=None if uncoupled else first_order_of(parts()[1].values()),
+        first=None if uncoupled else first_order_of(made.bodies),
     )
     system.block = block
-    turns = may_turn(structure) or may_turn(striker)
+    turns = any(map(may_turn, made.bodies))
     return Assembly(parts, _ROW, [law], notes, system, lasting, turns)
 
 
-def _parts(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    gap: float,
-    gravity: float | Sequence[float],
-    made: Pair,
-) -> Parts:
+def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
-    bodies = {
-        name: of_one_site(name, body, asked, modes, start)
-        for name, body, (asked, modes, start) in zip(
-            ("structure", "impactor"), (model, impactor), made.bodies, strict=True
-        )
-    }
+    bodies = {body.name: body for body in made.bodies}
+    model, impactor = (body.body for body in made.bodies)
     return of_two(model, impactor, contact, gap, gravity), bodies
 
 

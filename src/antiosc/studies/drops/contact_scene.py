@@ -224,7 +224,7 @@ def handed_over(
     a, run, t = history.assembly, history.run, float(path.times[-1])
     W, momentum = body.rigid_modes(start.R)
     moved, P = (path.q[-1] - path.q[0])[:6] @ W, path.v[-1, :6] @ momentum
-    whole = np.array(marched_states(run, a.system, a.load, *located(run, path.times[-1:])))[:, 0]
+    whole = np.array(marched_states(run, a.system, *located(run, path.times[-1:])))[:, 0]
     state = State(
         start.time + t,
         start.centre + moved[:3],

@@ -12,7 +12,9 @@ from antiosc.models.body import InModes
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.bodies.impactors import RigidMass
 from antiosc.simulation.histories.history import History
-from antiosc.simulation.simulate import MAX_STEPS, impact
+from antiosc.simulation.integrators.comparison import Settings
+from antiosc.simulation.problem.impacts import Impact
+from antiosc.simulation.simulate import impact
 from antiosc.studies.find.recording import Recording
 from antiosc.studies.find.surface import Chart, Surface
 
@@ -107,19 +109,9 @@ class Struck:
         if hasattr(law, "stiffness"):
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
         end = len(self.data.values) * self.data.dt - blow.start
-        return impact(
-            body,
-            RigidMass(blow.mass, blow.velocity),
-            law,
-            end,
-            tol=1e-4,
-            step=min(blow.lasting / STEPS, end / 20),
-            initial_velocity=0.0,
-            gravity=0.0,
-            gap=None,
-            max_contacts=CONTACTS,
-            max_steps=MAX_STEPS,
-        )[0]
+        step = min(blow.lasting / STEPS, end / 20)
+        scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
+        return impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
 
     def seen(self, blow: Blow, at: Array) -> Seen:
         """What the sensors see of a blow on the place with `at` (J + 2,)."""

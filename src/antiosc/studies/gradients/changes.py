@@ -19,6 +19,7 @@ from antiosc.simulation.errors.truncation import TRUNCATION_SAFETY, softest
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.march.engine import Slopes
 from antiosc.simulation.problem.assembly import Assembly, assemble
+from antiosc.simulation.problem.impacts import Impact
 from antiosc.simulation.problem.two_bodies import pose
 from antiosc.studies.gradients.coupled import changed_coupled
 from antiosc.studies.gradients.goals import Seeds
@@ -32,8 +33,6 @@ FEWER = 0.25
 CLOSE = 1e-2
 #: What the modes of a group have that turns with them.
 TURNING = ("beta", "loads", "q", "v", "B")
-#: Options of `simulate` that its error control reads.
-LIMITS = ("max_contacts", "max_steps")
 
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
@@ -127,17 +126,17 @@ def _leading(law: ContactLaw) -> Array:
     return found
 
 
-def options_of(hit: History) -> dict[str, Any] | None:
-    """The arguments of `simulate` of a run, beside the model; None of a scene."""
+def impact_of(hit: History) -> Impact | None:
+    """The arguments of `simulate` of a run; None of a scene."""
     again = hit.budget.keywords["again"] if isinstance(hit.budget, partial) else None
-    return None if again is None else dict(again.keywords["options"])
+    return None if again is None else again.args[0]
 
 
 def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
     """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
-    options = options_of(hit)
-    if options is not None:
-        return pose(model, **{n: v for n, v in options.items() if n not in LIMITS})
+    impact = impact_of(hit)
+    if impact is not None:
+        return pose(*impact._replace(model=model))
     scene = hit.assembly.scene
     return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
 

@@ -119,7 +119,7 @@ def changed_coupled(
     for (step, u, _), own in wanted.sites:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])
-        state = np.hstack(marched_states(found.run, found.system, found.load, *at))[0]
+        state = np.hstack(marched_states(found.run, found.system, *at))[0]
         moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
         total += float(np.sum(own * moved))
     return total

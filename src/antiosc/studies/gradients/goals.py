@@ -209,7 +209,7 @@ def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: flo
     s = found.system
     own = _side(found, c)
     at = np.array([step]), np.array([since])
-    q, _ = states(found.run, s, found.load, *at)
+    q, _ = states(found.run, s, *at)
     pushed = -(forces(found.run, *at)[0] @ found.G)
     u = since / float(found.edges[step + 1] - found.edges[step])
     to.value = float(q[0] @ found.B @ own + pushed @ found.r @ own)
@@ -225,7 +225,7 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
     for _ in range(REFINED):
         step, since = located(found.run, t)
-        q, _ = states(found.run, found.system, found.load, step, since)
+        q, _ = states(found.run, found.system, step, since)
         pushed = -(forces(found.run, step, since) @ found.G)
         best = int(np.argmax(np.abs(q @ (found.B @ own) + pushed @ (found.r @ own))))
         where = int(step[best]), float(since[best])
@@ -265,7 +265,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
     step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)
     u = 0.5 * (np.arange(2 * n + 1) - 2 * step)
     since = u * np.diff(found.edges)[step]
-    q, v = states(run, s, found.load, step, since)
+    q, v = states(run, s, step, since)
     push = -(forces(run, step, since) @ found.G)
     first, second = _side(found, c), _side(found, c, 1)
     arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}

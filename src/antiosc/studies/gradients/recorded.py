@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +39,6 @@ class Recorded:
 
     system: System
     run: Run
-    load: Callable[[Array], Array]
     parts: dict[str, Part]
     ends: list[tuple[str, str]]
     laws: list[ContactLaw]
@@ -72,11 +70,11 @@ class Recorded:
         if self.run.every == 1 and self.run.states is not None:
             return self.run.states
         every = np.arange(self.edges.size)
-        return np.stack(marched_starts(self.run, self.system, self.load, every), axis=1)
+        return np.stack(marched_starts(self.run, self.system, every), axis=1)
 
     def velocities(self) -> Array:
         """Velocities (n + 1, J) of the free modes at the edges."""
-        return starts(self.run, self.system, self.load, np.arange(self.edges.size))[1]
+        return starts(self.run, self.system, np.arange(self.edges.size))[1]
 
 
 def recorded(hit: Any) -> Recorded:
@@ -92,7 +90,6 @@ def recorded(hit: Any) -> Recorded:
     return Recorded(
         system=a.system,
         run=run,
-        load=a.load,
         parts=parts,
         ends=[(contact.a, contact.b) for contact in a.scene.contacts],
         laws=[contact.law for contact in a.scene.contacts],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
-from antiosc.models.modal import Damping, FreeModes
+from antiosc.models.modal import Damping
 from antiosc.models.model_info import MeasuredBand, ModelInfo
 from antiosc.studies.measured.fit import Fit, fitted, unclear, with_other_noise
 from antiosc.studies.measured.frf import FRF, POWER
@@ -210,14 +211,14 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
     checks.instance("above", above, AntiOscillators, "a model that extract returned")
     if above.sites != frf.sites:
         raise InputError(f"above has the sites {above.sites}, the measurement {frf.sites}.")
-    body: FreeModes = above.site_modes() if above.sites else above.modal()
+    body = above.free_modes
     high = np.flatnonzero(body.omega > top)[:MOST_GIVEN]
     if not high.size:
         raise InputError(
             f"the model above has no mode above {top / (2 * np.pi):.4g} Hz, the top of the band;"
             " extract it with more anti-oscillators."
         )
-    b2 = np.maximum(body.b[high].reshape(high.size, -1) ** 2, np.finfo(float).tiny)
+    b2 = np.maximum(body.B[high] ** 2, np.finfo(float).tiny)
     return Tail(
         body.omega[high], np.full(high.size, GIVEN_SPREAD), b2, np.full(high.size, GIVEN_DOUBT)
     )
@@ -255,13 +256,11 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
     else:
         compliance = float(np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0])
         model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
-    body: FreeModes = model.site_modes() if sites else model.modal()
-    elastic = body.omega[body.omega > 0]
+    elastic = model.free_modes.omega
+    elastic = elastic[elastic > 0]
     own = omega[omega > 0]
     ratios = [float(zeta[np.argmin(np.abs(np.log(own / w)))]) for w in elastic]
-    named = {name: getattr(model, name) for name in ("m0", "k0", "omega")}
-    named |= {"P": model.P, "sites": sites} if sites else {"m": model.m}
-    return AntiOscillators(**named, damping=Damping(ratio=ratios), info=info)
+    return replace(model, damping=Damping(ratio=ratios), info=info)
 
 
 def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:
