@@ -192,8 +192,10 @@ class ImpactMap(Brief):
                 row += f"{force:>12}  {place(self.points[i])}"
             rows.append(row)
         if self.doubtful.any():
-            what = "peak forces" if self.peak_stress is None else "peak forces and the largest stress"
-            rows.append(f"{self.doubtful.sum()} doubtful sites are left out of the {what}")
+            stress = "" if self.peak_stress is None else " and the largest stress"
+            rows.append(
+                f"{self.doubtful.sum()} doubtful sites are left out of the peak forces{stress}"
+            )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, of=self.peak_stress)
             assert self.stress_points is not None
@@ -217,7 +219,8 @@ class ImpactMap(Brief):
 def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
     """Number of the site of the largest peak force, of some or all that are not doubtful.
 
-    Of those that are, where there are no others; of a map with impacts. `of` (P,): of this quantity.
+    Of those that are, where there are no others; of a map with impacts. `of` (P,): of this quantity
+    in place of the force.
     """
     of = found.peak_force if of is None else of
     assert of is not None

@@ -19,8 +19,8 @@ from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity, stated
 
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
-    "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude", "abs": "magnitude",
-    "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
+    "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude",
+    "abs": "magnitude", "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
     "sig": "sigma", "std": "sigma", "t": "time", "force": "force",
 }  # fmt: skip
 #: Columns of a table without a header.
