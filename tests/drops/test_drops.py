@@ -344,6 +344,31 @@ def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> 
         assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
 
 
+@pytest.mark.parametrize("radius", [0.3, 0.5])
+def test_a_heavy_ball_leaves_the_soil_again(radius: float) -> None:
+    """Its contact takes many episodes; where one ends at the deepest point, no part is at rest."""
+    ball, soil = ao.Sphere(radius, 30e9, 0.2, 2400.0), ao.soil_cone(0.25, 20e6, 0.3, 1800.0)
+    fall = ao.drop(ball, 2.0, floor=ao.Floor(model=soil), until=1)
+    law = ao.Hertz.from_radii(radius, 30e9, 0.2, np.inf, np.inf, 0.3)
+    striker = ao.RigidMass(ball.mass, np.sqrt(2 * G * 2.0))
+    whole = ao.simulate(soil, striker, law, duration=0.05, gravity=G)
+    parts, one = whole.contacts[0][1], fall.impacts[0]
+    assert len(fall.episodes) > 3
+    assert one.contact_time == pytest.approx(parts, rel=1e-3)
+    rebound = -np.interp(parts, whole.time, whole.impactor_velocity)
+    assert one.speed_after == pytest.approx(rebound, rel=1e-3)
+
+
+def test_a_ball_comes_to_rest_on_soil() -> None:
+    ball, soil = ao.Sphere(0.05, 30e9, 0.2, 2400.0), ao.soil_cone(0.1, 20e6, 0.3, 1800.0)
+    fall = ao.drop(ball, 0.1, floor=ao.Floor(model=soil, restitution=0.5))
+    assert fall.status == "at rest"
+    held = fall.episodes[-1].held
+    if held:
+        pressed = sum(float(one.force[0]) for one in held.values())
+        assert pressed == pytest.approx(ball.mass * G, rel=0.5)
+
+
 def test_friction_on_soil_spins_a_ball() -> None:
     """It does not change what is pressed, and its impulse turns the ball: 0.4 r w = v0 - v."""
     given = {"velocity": (0.5, 0.0, 0.0), "until": 1, "tol": 1e-5}

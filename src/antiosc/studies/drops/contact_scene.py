@@ -105,10 +105,12 @@ def scene_of(
             closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
+    # springs of friction begin unstrained: what they press is added with them
+    drawn += system.R @ force - system.R[:, :p] @ force[:p]
+    drawn[p:] += system.R[p:, :p] @ force[:p]
+    system.offsets[:, :p] += drawn[:p]
     begin(assembly, (closing, force[:p]) if held else None)
     if drawn.any():
-        # springs of friction begin unstrained
-        drawn[p:] += system.R[p:] @ force
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
         breaks, loads = (
             np.array([0.0, DRAWN * assembly.lasting]),

@@ -159,6 +159,26 @@ class Ground:
     modes: SideBySide
     shape: Array
 
+    @property
+    def compliance(self) -> float:
+        """Displacement of the modes under a constant force of 1 N [m/N]."""
+        return float(self.shape[0] @ self._held[0] + self.shape[1] @ self._held[1])
+
+    @property
+    def _held(self) -> Array:
+        """The modes (2, F) under a constant force of 1 N."""
+        (by_a, by_b), omega = self.shape, self.modes.omega
+        return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
+
+    def speed(self, floor: Array, force: float) -> float:
+        """Amplitude [m/s] of modes (2, F) about where a constant force [N] holds them.
+
+        Modes of different frequencies add up in squares.
+        """
+        (a, b), (by_a, by_b), omega = floor - force * self._held, self.shape, self.modes.omega
+        squares = (by_a**2 + (omega * by_b) ** 2) * (b**2 + (omega * a) ** 2)
+        return float(np.sqrt(squares.sum()))
+
     def start(self, floor: Array) -> ModalState:
         """How the body starts where the modes have displacements and rates (2, F)."""
         q, v, _ = self.modes.motion(*floor[:, None])
