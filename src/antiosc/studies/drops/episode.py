@@ -89,6 +89,11 @@ class Episode:
         run, R = self.history.run, self.history.assembly.system.R
         return float((run.depth + run.force @ R.T)[:, : len(self.which)].max())
 
+    def sunk(self) -> Array:
+        """Largest indentations (n,) [m] of the laws of the points."""
+        run = self.history.run
+        return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
+
     def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
