@@ -105,6 +105,23 @@ def test_a_plate_gives_way_under_a_ball(tmp_path: Path) -> None:
     assert np.abs(fall.episodes[1].start.floor).max() > 0
 
 
+@pytest.mark.slow
+def test_a_shell_falls_onto_its_edge_with_friction(tmp_path: Path) -> None:
+    """What few modes leave out couples forces along the sheet and across it strongly."""
+    (tmp_path / "part.geo").write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.2, 0.12};'
+        'Physical Surface("part") = {1};'
+    )
+    mesh = ao.read_mesh(tmp_path / "part.geo", size=0.04, gdim=3)
+    sheet = ao.Structure(mesh, ao.Shell(70e9, 0.33, 2700.0, 3e-3))
+    floor = ao.Floor(ao.Solid(3e10, 0.2, 2400.0), friction=0.2)
+    with pytest.warns(ao.AccuracyWarning, match="spins"):
+        fall = ao.drop(sheet, 0.5, (60, 0, 0), floor, until=2, modes=8)
+    _, energies = fall.energy()
+    assert len(fall.impacts) == 2
+    assert (np.diff(energies.sum(axis=1)) < 1e-3 * energies[0].sum()).all()
+
+
 def test_friction_that_jams_is_told() -> None:
     """Sliding presses a point deeper than its force lifts it, by what three modes leave out."""
     section = ao.Section.rectangle(0.002371876, 0.001705016)

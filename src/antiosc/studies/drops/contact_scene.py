@@ -155,7 +155,9 @@ def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
             "friction jams a point at its contact: the compliance of the modes that are left out "
             "permits no contact forces there; take more modes (modes=) or less friction."
         )
-    history = SceneHistory(assembly, found.run, {}, STOPPED if found.run.answer else COMPLETED, "")
+    error = {"force": found.force, "peak": found.peak}
+    status = STOPPED if found.run.answer else COMPLETED
+    history = SceneHistory(assembly, found.run, error, status, "")
     check_range(history)
     return history
 

@@ -19,7 +19,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warni
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.contact_scene import BODY, LIMITS
 from antiosc.studies.drops.course import course, hung
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
@@ -349,7 +349,7 @@ class Fall(Brief):
         ]
 
     def warn(self) -> None:
-        """Warn of a spin that stiffens the part, a fall without rest, a layer pressed too deep."""
+        """Warn of what makes the fall inaccurate: spin, steps, a layer; and of one without rest."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if ratio > STIFFENS:
             warn(
@@ -360,6 +360,15 @@ class Fall(Brief):
             )
         if "not at rest" in self.status:
             warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+        off = np.array([one.error for one in self.episodes])
+        tol, most = self.setting.tol, off.max(initial=0.0)
+        if not most <= tol:
+            known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
+            warn(
+                f"the contact forces of {int(np.sum(off > tol))} of {len(off)} episodes do not "
+                f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
+                AccuracyWarning,
+            )
         layer = self.setting.floor.layer
         if layer is not None:
             self._warn_of(layer)
@@ -376,15 +385,15 @@ class Fall(Brief):
         if deep > layer.thickness:
             warn(
                 f"the layer is pressed in by {deep:.3g} m, and is {layer.thickness:g} m thick: its "
-                f"law knows no ground. Take a thicker or stiffer layer; or where a face of area A "
-                f"lands flat on n corners, Floor(law=Linear(E*A/(n*thickness))).",
+                f"law knows no ground below. Take a thicker or a stiffer layer.",
                 AccuracyWarning,
             )
         if over > BLUNT:
             warn(
                 f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} of "
-                f"it: the law of its curvature holds up to {BLUNT:g}. Give corner_radius=; or where "
-                f"a face of area A lands flat on n corners, Floor(law=Linear(E*A/(n*thickness))).",
+                f"it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= that it "
+                f"has; where a face of area A lands flat on n corners, give "
+                f"Floor(law=Linear(E*A/(n*thickness))).",
                 AccuracyWarning,
             )
 
