@@ -5,6 +5,7 @@ Stresses are 10⁶ Pa there, densities 10¹² kg/m³.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +41,13 @@ E, NU, RHO = 2e11, 0.3, 8e3
 def read(
     folder: Path, text: str, density: float | None = None, parts: list[str] | None = None
 ) -> tuple[dict[str, Any], Deck]:
-    """(the model of a deck, its nodes and sets)."""
+    """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.inp"
     path.write_text(text)
     whole = abaqus_assembly.read(Sources(path, path.name))
     whole.deck.wanted = parts
-    return abaqus_model.model_of(whole, UnitSystem.of("mm"), density), whole.deck
+    model = abaqus_model.model_of(whole, UnitSystem.of("mm"), density)
+    return json.loads(json.dumps(model)), whole.deck
 
 
 def alike(found: Any, expected: Any, rel: float = 1e-9) -> None:

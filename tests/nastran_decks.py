@@ -5,6 +5,7 @@ Stresses are 10⁶ Pa there, densities 10¹² kg/m³.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +24,12 @@ CYCLIC = "CORD2R,5,,0.,0.,0.,1.,0.,0.,\n,0.,1.,0.\n"
 
 
 def read(folder: Path, text: str, density: float | None = None) -> tuple[dict[str, Any], Deck]:
-    """(the model of a deck, its nodes and sets)."""
+    """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.bdf"
     path.write_text(text)
     found = nastran.read(Sources(path, path.name))
-    return nastran_model.model_of(found, UnitSystem.of("mm"), density), found.deck
+    model = nastran_model.model_of(found, UnitSystem.of("mm"), density)
+    return json.loads(json.dumps(model)), found.deck
 
 
 def line(text: str, card: str) -> str:

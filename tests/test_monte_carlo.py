@@ -82,7 +82,8 @@ def test_values_may_be_drawn_from_a_list_and_failures_are_kept():
         return {"mass": mass, "power": law.exponent}
 
     laws = [ao.Power(1e8, 1.5), ao.Power(1e8, 2.0), None]
-    many = ao.monte_carlo(run, {"law": laws, "mass": ao.uniform(1.0, 2.0)}, 60)
+    with pytest.warns(ao.AccuracyWarning, match="of 60 runs failed"):
+        many = ao.monte_carlo(run, {"law": laws, "mass": ao.uniform(1.0, 2.0)}, 60)
     assert set(many.failed) == set(np.flatnonzero(many.inputs["law"] == 2))
     assert np.isnan(many.values["power"]).sum() == len(many.failed)
     assert set(many.finite("power")) == {1.5, 2.0}
@@ -125,7 +126,8 @@ def test_blows_that_all_fail_in_one_part_cost_no_other():
         law = yielding if len(calls) <= 100 else ao.Hertz(1e8)
         return WALL, ao.RigidMass(0.1, v), law, 5e-3
 
-    many = ao.monte_carlo(run, {"v": ao.uniform(1.0, 2.0)}, 150)
+    with pytest.warns(ao.AccuracyWarning, match="100 of 150 runs failed"):
+        many = ao.monte_carlo(run, {"v": ao.uniform(1.0, 2.0)}, 150)
     assert list(many.failed) == list(range(100))
     assert len(many.finite("peak_force")) == 50
 
@@ -197,3 +199,9 @@ def test_points_of_a_map_are_drawn_by_their_areas():
     assert np.array_equal(many.values["value"], many.inputs["site"] + 1.0)
     lines = replace(found, elements=np.array([[0, 1], [1, 2]]))
     assert lines.areas == pytest.approx([0.5, (1 + 5**0.5) / 2, 5**0.5 / 2, 0.0])
+
+
+def test_a_function_of_other_names_is_told():
+    speeds = {"v": ao.uniform(1.0, 2.0)}
+    with pytest.raises(ao.InputError, match="run takes no argument 'v'; its arguments"):
+        ao.monte_carlo(lambda speed: speed, speeds, 5)

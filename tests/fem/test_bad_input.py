@@ -23,26 +23,6 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
 # --- Materials ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"E": -1.0}, r"E must be > 0 \(in Pa\); got -1"),
-        ({"E": 0.0}, r"E must be > 0"),
-        ({"E": np.nan}, r"E must be finite"),
-        ({"E": "stiff"}, r"E must be a number"),
-        ({"nu": 0.5}, r"nu must lie in -1 < nu < 0.5 .*incompressible.*; got 0.5"),
-        ({"nu": -1.0}, r"nu must lie in -1 < nu < 0.5"),
-        ({"rho": 0.0}, r"rho must be > 0 \(in kg/m³\); got 0"),
-        ({"rho": -7850.0}, r"rho must be > 0"),
-    ],
-)
-def test_material_constants(change, text):
-    with refused(text):
-        ao.Solid(**{**parts.STEEL, **change})
-    with refused(text):
-        ao.Beam(**{**parts.STEEL, **change}, section=CIRCLE)
-
-
 def test_plane_parts():
     with refused("plane"):
         ao.Solid(**parts.STEEL, plane="flat")
@@ -140,12 +120,6 @@ def test_supports():
 def test_a_function_that_fails_says_its_own_error():
     with pytest.raises(ZeroDivisionError):
         ao.Structure(parts.box(), SOLID, [ao.Support(lambda x: 1 / 0)])
-
-
-# --- No file stays behind -------------------------------------------------------------------------
-
-
-# --- On two ranks ---------------------------------------------------------------------------------
 
 
 def test_extract_tells_what_it_was_given():

@@ -128,15 +128,3 @@ def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
     structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
     with refused("hinge", (ao.AccuracyError, ao.NotConvergedError)):
         ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
-
-
-def test_impacts():
-    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0], omega=[1e3])
-    for duration in (0, -1e-3, np.nan):
-        with refused(r"duration must be (> 0|finite)"):
-            ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), duration)
-    for mass in (0.0, -1.0):
-        with refused(r"mass must be > 0 \(in kg\)"):
-            ao.RigidMass(mass, 1.0)
-    with refused(r"every m must be > 0; m\[0\] = 0"):
-        ao.AntiOscillators(m0=1.0, k0=1.0, m=[0.0], omega=[1.0])

@@ -227,13 +227,6 @@ def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_shorter_series_leaves_no_frames_of_the_longer_one(tmp_path, hit):
-    structure, history = hit
-    ao.write_series(structure, history, tmp_path / "series.pvd", np.linspace(0, DURATION, 6))
-    ao.write_series(structure, history, tmp_path / "series.pvd", np.linspace(0, DURATION, 2))
-    assert len(list(tmp_path.glob("*.vtu"))) == 2
-
-
 NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
 
 

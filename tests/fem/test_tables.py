@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from math import factorial
 
-import meshio
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 
-from antiosc.fem.fields.series import TYPES
 from antiosc.fem.mesh import conformity
 from antiosc.fem.site import sites
 
@@ -35,12 +33,6 @@ def test_simplices_fill_their_cells():
                 b = np.linalg.solve((p[1:] - p[0]).T, point - p[0])
                 inside += bool(b.min() > 0 and b.sum() < 1)
             assert inside == 1
-
-
-def test_kinds_of_cells_have_their_numbers_in_vtk():
-    known = meshio._vtk_common.meshio_to_vtk_type
-    for name, number in TYPES.items():
-        assert number == known[name]
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])

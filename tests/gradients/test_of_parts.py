@@ -168,6 +168,30 @@ def test_bars_of_a_part_hold_a_finer_model(struck: tuple[ao.Structure, ao.Histor
         assert abs(getattr(g, name) - getattr(better, name)) <= getattr(g.error, name)
 
 
+@pytest.mark.slow
+def test_a_part_with_dampers() -> None:
+    """The damping stays, and the modes of both ends are those of the part on the shapes held."""
+
+    def damped(thickness: float = 2e-3, rho: float = RHO) -> ao.Structure:
+        part = plate(material=ao.Shell(E, 0.33, rho, thickness))
+        assert part.made_of is not None
+        mesh, shell, _ = part.made_of
+        damper = [ao.Damper((0.3, 0.2, 0.0), {"z": 20.0})]
+        return ao.Structure(mesh, shell, part.supports, attached=damper)
+
+    part = damped()
+    hit = push(part)
+    assert isinstance(hit.model.damping, ao.DampingMatrix)
+    for goal in ("peak_force", "impulse"):
+        g = ao.gradient(hit, goal, part=part)
+        again = ao.gradient(hit, goal, part=lambda x: damped(2e-3 * x[0], RHO * x[1]), x=[1.0, 1.0])
+        found = [g.thickness * 2e-3, g.rho * RHO]
+        assert found == pytest.approx(again.x, rel=0, abs=2e-3 * g.value)
+        assert max(map(abs, found)) > 0.1 * g.value
+    with pytest.raises(ao.InputError, match="couple"):
+        ao.design_map(part, hit, "peak_force")
+
+
 def test_modes_that_turn_into_each_other_within_the_step() -> None:
     """Two modes of nearly equal frequencies with a weak coupling: the matrices change evenly."""
 

@@ -227,3 +227,24 @@ def test_the_hung_model_moves_as_a_whole():
             assert start[1] @ start[1] == pytest.approx(start[0] @ start[0], rel=1e-9)
     bare = truncation.softest(ao.AntiOscillators(m0=0.0, k0=1.0, m=[1, 2.0], omega=[1, 2.0]))
     assert (bare.n, bare.m0) == (1, 2.0)
+
+
+def test_the_hung_model_keeps_the_dampers():
+    """A chain with a dashpot: given back by what was truncated, and its impact by n = "auto"."""
+    full = ao.AntiOscillators(
+        m0=0.0, k0=1e6, m=[0.2, 0.1, 0.05], omega=[3e3, 9e3, 2e4],
+        damping=ao.DampingMatrix(np.diag([0.0, 30.0, 20.0, 0.0]) + 10.0 * np.diag([1, 1, 1, 0])),
+    )  # fmt: skip
+    again = truncation.softest(full.truncated(2), full.omega[2])
+    np.testing.assert_allclose(again.damping.matrix, full.damping.matrix, atol=1e-12)
+    n, k = 30, 4e6
+    K = 2 * k * np.eye(n) - k * np.eye(n, k=1) - k * np.eye(n, k=-1)
+    C = np.zeros((n, n))
+    C[9, 9] = C[20, 20] = 80.0
+    chain = ao.Structure.from_matrices(K, 0.02 * np.eye(n), C=C)
+    models = {count: ao.extract(chain, ao.Site(dof=20), n=count) for count in (10, 20, 29)}
+    striker, law = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
+    truth = ao.simulate(models[29], striker, law, 5e-3, tol=1e-6)
+    for count in (10, 20):
+        chosen = ao.simulate(models[count], striker, law, 5e-3, tol=5e-3, n="auto")
+        assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)

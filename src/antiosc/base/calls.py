@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from types import FunctionType
 from typing import Any
@@ -58,7 +58,7 @@ def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:
             try:
                 return inner(*args, **kwargs)
             except TypeError:
-                said = _misfit(inner, name, own, args, kwargs)
+                said = misfit(inner, name, own, args, kwargs)
                 if said is None:
                     raise
                 raise CallError(said) from None
@@ -70,7 +70,7 @@ def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:
     return called
 
 
-def _misfit(
+def misfit(
     function: Any, name: str, own: int, args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> str | None:
     """Why the arguments do not fit the signature; None if they do."""
@@ -83,3 +83,13 @@ def _misfit(
         what = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
         return f"{name}{what}; {known((unknown or [''])[0], names, 'its arguments')}."
     return None
+
+
+def takes(name: str, function: Callable[..., Any], names: Iterable[str]) -> None:
+    """InputError if a function of the caller's cannot be called with arguments of these names."""
+    try:
+        said = misfit(function, name, 0, (), dict.fromkeys(names))
+    except (TypeError, ValueError):  # its signature is not known
+        return
+    if said is not None:
+        raise InputError(said)

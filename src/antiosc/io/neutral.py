@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,44 @@ from numpy.typing import NDArray
 from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES
 
 IntArray = NDArray[np.int64]
-#: Materials, sections, supports, masses and joints of a deck in SI units, as JSON holds them.
-Model = dict[str, Any]
+#: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
+Term = tuple[int, int, float]
+
+
+class Joints(TypedDict):
+    """What joins nodes of a deck, as sums of motions, in SI units."""
+
+    equations: list[list[Term]]  # sums that are zero, the dependent motion first
+    springs: list[tuple[list[Term], float]]  # N/m
+    dampers: list[tuple[list[Term], float]]  # N s/m
+    #: (motions, their mass matrix, kg, the mass of it that counts, kg)
+    masses: list[tuple[list[list[Term]], list[list[float]], float]]
+    points: list[list[float]]  # of no element, m
+    #: node that the deck does not have -> those of the deck among which it lies, with weights
+    among: NotRequired[list[tuple[int, list[tuple[int, float]]]]]
+
+
+class Model(TypedDict):
+    """Materials, sections, supports, masses and joints of a deck in SI units, as JSON holds them.
+
+    JSON has lists for the tuples.
+    """
+
+    #: (group of elements, class of antiosc, its arguments, the place in the deck)
+    families: list[tuple[str, str, dict[str, Any], str]]
+    supports: list[tuple[str, list[str]]]  # (group, motions)
+    fixed_points: list[tuple[int, list[str]]]  # (number of a point of no element, motions)
+    masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
+    springs: list[tuple[list[float], dict[str, float]]]  # (place, stiffness by components)
+    joints: Joints
+    ignored: list[str]  # sentences on what is not taken
+    gdim: int
+    halve: bool  # whether lines become two each
+    joined: bool  # whether the structure is an assembly
+    mixed: bool  # whether its triangles stay apart from its quadrilaterals
+    apart: list[int]  # nodes that stay apart from others in their place
+    pieces: int  # that nothing joins
+    held: bool  # whether they are several and each is held
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.io.isolation import read_apart
 from antiosc.io.meshing import CAD, STATES_UNIT, SizeField
-from antiosc.io.neutral import FileMesh, IntArray, Model, RawMesh, kind_of, of_kind
+from antiosc.io.neutral import FileMesh, IntArray, Joints, Model, RawMesh, Term, kind_of, of_kind
 from antiosc.io.request import ModelOptions, Refinement
 from antiosc.io.selection import Wanted, selected
 from antiosc.io.table import deck_endings, is_deck
@@ -154,18 +154,20 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
 
 def _renumbered(model: Model, row: IntArray) -> Model:
     """The model with other numbers of its nodes; negative ones are points of no element."""
-    joints = dict(model.get("joints", {}))
+    joints = model["joints"]
 
-    def new(terms: list[tuple[int, int, float]]) -> list[list[float]]:
-        return [[int(row[n]) if n >= 0 else n, motion, c] for n, motion, c in terms]
+    def new(terms: list[Term]) -> list[Term]:
+        return [(int(row[n]) if n >= 0 else n, motion, c) for n, motion, c in terms]
 
-    if joints:
-        joints["equations"] = [new(terms) for terms in joints["equations"]]
-        for kind in ("springs", "dampers"):
-            joints[kind] = [[new(terms), value] for terms, value in joints[kind]]
-        joints["among"] = [
+    renumbered: Joints = {
+        "equations": [new(terms) for terms in joints["equations"]],
+        "springs": [(new(terms), value) for terms, value in joints["springs"]],
+        "dampers": [(new(terms), value) for terms, value in joints["dampers"]],
+        "masses": [([*map(new, rows)], M, mass) for rows, M, mass in joints["masses"]],
+        "points": joints["points"],
+        "among": [
             (int(row[n]), [(int(row[m]), w) for m, w in others])
             for n, others in joints.get("among", [])
-        ]
-        joints["masses"] = [[[*map(new, rows)], M, mass] for rows, M, mass in joints["masses"]]
-    return {**model, "joints": joints}
+        ],
+    }
+    return {**model, "joints": renumbered}

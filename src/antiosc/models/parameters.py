@@ -344,6 +344,11 @@ def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) ->
             f"the damping of this model needs a matrix of its {size} coordinates ({lead} of sites, "
             f"{model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
         )
+    if not model.sites and not model.m_st > 0:
+        raise InputError(
+            "a model without mass has no motions that a DampingMatrix could brake: give it a mass,"
+            " m0 or m."
+        )
     order = np.argsort(np.asarray(given, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
         return damping

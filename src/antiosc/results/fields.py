@@ -21,6 +21,7 @@ from antiosc.fem.fields.series import Frames, listing, write_frames
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.modal import combined
 from antiosc.results.saved_fields import SavedFields
 from antiosc.simulation.histories.body_motion import (
     Motions,
@@ -189,6 +190,13 @@ def nodal_motion(
 
 def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
+    return np.column_stack(checked_shapes(structure, history, body, ANOTHER))
+
+
+def checked_shapes(
+    structure: Structure, history: Motions, body: str, limits: tuple[float, float]
+) -> tuple[Array, ...]:
+    """Blocks of the shapes of the body, which are those of the structure within these ratios."""
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
@@ -201,15 +209,13 @@ def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    shapes = np.column_stack(own.basis)
     factors, count = of_unit_energies(own)
-    for x, matrix, what, limit in zip(
-        factors @ shapes.T, (structure.K, structure.M), ("stiff", "heavy"), ANOTHER, strict=True
-    ):
+    of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
+    for x, (matrix, what, limit) in zip(combined(own.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.4g} times as {what} on the shapes of the model as the"
+                f"the structure is {ratio:.6g} times as {what} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
-    return shapes
+    return own.basis

@@ -231,7 +231,7 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):
         raise InputError("t must ascend: the times of the samples.")
-    keep = np.append(True, np.diff(time) > 0)
+    keep = np.append(True, np.diff(time) > 0)[: time.size]
     if keep.sum() < 2:
         raise InputError(f"the signal needs two samples or more; got {int(keep.sum())}.")
     return time[keep], value[keep]

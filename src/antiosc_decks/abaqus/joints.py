@@ -8,11 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.io.neutral import Term
 from antiosc_decks.abaqus.assembly import NONE, Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.properties import Orientations
 from antiosc_decks.abaqus.ties import Surface, surfaces_of, tie
-from antiosc_decks.model.constraints import Constraints, Term
+from antiosc_decks.model.constraints import Constraints
 
 #: Most terms of an equation: more are damage.
 LONGEST_EQUATION = 1_000_000

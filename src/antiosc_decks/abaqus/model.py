@@ -13,7 +13,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
-from antiosc.io.neutral import Model
+from antiosc.io.neutral import Model, Term
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
@@ -21,7 +21,7 @@ from antiosc_decks.abaqus.joints import read_joints
 from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
 from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term, along
+from antiosc_decks.model.constraints import along
 from antiosc_decks.model.finished import finished
 from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
 from antiosc_decks.model.pieces import separate_copies

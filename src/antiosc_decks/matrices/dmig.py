@@ -10,11 +10,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.sparse
 
+from antiosc.base._types import Matrix
 from antiosc.io.matrices.formats import (
     Entries,
     Labels,
@@ -114,14 +114,14 @@ def _number(source: Source, number: int, text: str) -> float:
         raise source.error(number, f"a number is expected; got {text!r}.") from None
 
 
-def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:
+def write(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
     """Write symmetric matrices by name, rows by their labels (n, 2): large fields, one triangle."""
     with path.open("w") as out:
         for name, matrix in matrices.items():
             out.writelines(_written(name, scipy.sparse.csc_matrix(matrix), labels))
 
 
-def _written(name: str, matrix: Any, labels: Labels) -> Iterator[str]:
+def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iterator[str]:
     size = matrix.shape[0]
     yield f"{'DMIG':<8}{name:<8}{0:>8}{SYMMETRIC_FORM:>8}{2:>8}{0:>8}{'':>16}{size:>8}\n"
     lower = scipy.sparse.tril(matrix).tocsc()

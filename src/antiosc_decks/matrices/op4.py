@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import InputError
 from antiosc.io.matrices.formats import Entries, Labels, MatrixFormat, Source, fortran, is_text
 
@@ -241,14 +241,14 @@ class _Binary:
         return self._source.at_byte(self._start, f"{text}.")
 
 
-def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:
+def write(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
     """Write symmetric matrices by name: binary, double precision, little-endian, BIGMAT."""
     with path.open("wb") as out:
         for name, matrix in matrices.items():
             out.writelines(_written(name, scipy.sparse.csc_matrix(matrix)))
 
 
-def _written(name: str, columns: Any) -> Iterator[bytes]:
+def _written(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
     size = columns.shape[0]
     label = name.upper()[:8].ljust(8).encode("ascii")
     yield struct.pack("<5i8si", 24, size, -size, SYMMETRIC_FORM, DOUBLE, label, 24)

@@ -15,11 +15,10 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, Deck, IntArray, Place
-from antiosc.io.neutral import Model
+from antiosc.io.neutral import Joints, Term
 from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
-Term = tuple[int, int, float]
 #: Coefficients below this share of the largest of a constraint are rounding.
 NEGLIGIBLE_TERM = 1e-14
 
@@ -276,21 +275,21 @@ class Constraints:
         sprung = [*self.springs, *(self.dampers if dampers else ())]
         return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
-    def finished(self, units: UnitSystem) -> Model:
+    def finished(self, units: UnitSystem) -> Joints:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
         length = units.length
         loose = self.loose()
         number = {node: -1 - k for k, node in enumerate(loose)}
 
-        def scaled(terms: list[Term]) -> list[list[float]]:
-            return [[number.get(n, n), m, c * (length if m >= 3 else 1.0)] for n, m, c in terms]
+        def scaled(terms: list[Term]) -> list[Term]:
+            return [(number.get(n, n), m, c * (length if m >= 3 else 1.0)) for n, m, c in terms]
 
         return {
             "equations": [scaled(terms) for terms in self.equations],
-            "springs": [[scaled(terms), k * units.force / length] for terms, k in self.springs],
-            "dampers": [[scaled(terms), c * units.force / length] for terms, c in self.dampers],
+            "springs": [(scaled(terms), k * units.force / length) for terms, k in self.springs],
+            "dampers": [(scaled(terms), c * units.force / length) for terms, c in self.dampers],
             "masses": [
-                [[[[number.get(n, n), m, c] for n, m, c in terms] for terms in rows], M.tolist(), m]
+                ([[(number.get(n, n), m, c) for n, m, c in terms] for terms in rows], M.tolist(), m)
                 for rows, M, m in self.masses
             ],
             "points": [[float(c) * length for c in self.place(node)] for node in loose],

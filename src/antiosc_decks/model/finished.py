@@ -9,21 +9,21 @@ the ends of its edge is held by a constraint.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.neutral import Model
+from antiosc.io.neutral import Model, Term
 from antiosc.io.shapes import EDGES
 from antiosc_decks.account import lines
-from antiosc_decks.model.builder import MOTIONS, ModelBuilder
-from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.builder import MOTIONS, Arguments, ModelBuilder
 from antiosc_decks.model.pieces import connected, held_apart
 from antiosc_decks.model.rods import join_rods, make_truss
 
+#: Numbers of points of no element, and motions that are held.
+Held = list[tuple[int, list[str]]]
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
 
@@ -70,10 +70,10 @@ def finished(builder: ModelBuilder) -> Model:
     # N/m, and N m of rotations
     size, force = builder.units.length, builder.units.force
     springs = [
-        [_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))}]
+        (_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))})
         for ((n, m, _),), k in (() if joined else grounded)
     ]
-    groups = []
+    groups: list[tuple[str, str, Arguments, str]] = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):
@@ -83,11 +83,11 @@ def finished(builder: ModelBuilder) -> Model:
             name = f"{name} ({family.place})"
             name = f"{name} {number}" if name in sets else name
             sets[name] = elements
-        groups.append([name, family.kind, family.arguments, str(family.place)])
+        groups.append((name, family.kind, family.arguments, str(family.place)))
     return {
         "families": groups,
         "supports": _supports(builder, count),
-        "masses": [[_point(builder, n), *own] for n, _, *own in builder.masses],
+        "masses": [(_point(builder, n), mass, inertia) for n, _, mass, inertia in builder.masses],
         "springs": springs,
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
@@ -103,7 +103,7 @@ def finished(builder: ModelBuilder) -> Model:
 
 
 def _held(
-    builder: ModelBuilder, count: int, fixed_points: list[Any], grounded: list[list[Term]]
+    builder: ModelBuilder, count: int, fixed_points: Held, grounded: list[list[Term]]
 ) -> tuple[int, bool]:
     """(pieces of the deck, whether they are several and supports or springs hold each)."""
     joints, nodes = builder.joints, len(builder.deck.points)
@@ -187,8 +187,8 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
             )
 
 
-def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:
-    """[[number of a point of no element, motions]] that are fixed, or that nothing acts on."""
+def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
+    """[(number of a point of no element, motions)] that are fixed, or that nothing acts on."""
     loose = builder.joints.loose()
     acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
     found: dict[int, set[str]] = {}
@@ -200,7 +200,7 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:
         if own in loose:
             found[-1 - loose.index(own)].add(MOTIONS[along])
     known = {"x", "y", "rz"} if plane else set(MOTIONS)
-    return [[n, sorted(fixed & known)] for n, fixed in found.items() if fixed & known]
+    return [(n, sorted(fixed & known)) for n, fixed in found.items() if fixed & known]
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
@@ -218,8 +218,8 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
             )
 
 
-def _supports(builder: ModelBuilder, count: int) -> list[Any]:
-    """[[group, motions]], one for each motion: an entity between nodes needs all of them."""
+def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
+    """[(group, motions)], one for each motion: an entity between nodes needs all of them."""
     fixed = builder.fixed[:, :count] & builder.used[:, None]
     supports = []
     for k in range(count):
@@ -227,7 +227,7 @@ def _supports(builder: ModelBuilder, count: int) -> list[Any]:
         if len(nodes):
             name = f"fixed {MOTIONS[k]}"
             builder.deck.fixed[name] = nodes
-            supports.append([name, [MOTIONS[k]]])
+            supports.append((name, [MOTIONS[k]]))
     return supports
 
 

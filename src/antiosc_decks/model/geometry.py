@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, Deck, IntArray
 
+#: "places" and "directions" there, both (n, 3).
+Everywhere = dict[str, list[list[float]]]
 #: Cosine from which a direction is that of an axis.
 AXIS_COSINE = 1 - 1e-9
 #: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
@@ -83,7 +83,7 @@ def curved(deck: Deck, elements: IntArray) -> bool:
     return common_direction(normals_of(deck, elements), least=1 - 1e-6) is None
 
 
-def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> dict[str, Any]:
+def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> Everywhere:
     """Vectors at the middles of elements, and of the triangles into which they are cut, in m."""
     places, directions = [], []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
@@ -94,14 +94,14 @@ def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     return {"places": places, "directions": directions}
 
 
-def top_of(deck: Deck, elements: IntArray, length: float) -> Any:
+def top_of(deck: Deck, elements: IntArray, length: float) -> Everywhere | list[float]:
     """The side of the normals of shells: one direction, or one in each element."""
     normals = normals_of(deck, elements)
     top = common_direction(normals)
     return everywhere(deck, elements, normals, length) if top is None else top.tolist()
 
 
-def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Any]:
+def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Everywhere]:
     """The side of the normals, as an argument, of shells that no one direction is above."""
     top = top_of(deck, elements, length)
     return {"top": top} if isinstance(top, dict) else {}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from antiosc.io.deck import Array, Place, Placed
+from antiosc.io.deck import Array, IntArray, Place, Placed
 
 
 @dataclass
@@ -65,7 +64,11 @@ def of_stiffness(D: Array) -> Array:
     return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
 
 
-def symmetric(values: Sequence[float] | Array, triangle: Any = np.tril_indices) -> Array:
+#: `np.tril_indices` or `np.triu_indices`
+Triangle = Callable[[int], tuple[IntArray, IntArray]]
+
+
+def symmetric(values: Sequence[float] | Array, triangle: Triangle = np.tril_indices) -> Array:
     """A symmetric matrix by the rows of its lower, or its upper triangle (`np.triu_indices`)."""
     size = int(math.sqrt(2 * len(values)))
     C = np.zeros((size, size))

@@ -14,8 +14,8 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Place
+from antiosc.io.neutral import Term
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
-from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.pieces import SPRINGS
 
 #: Component of a rod's direction over the largest below which it is rounding.

@@ -8,8 +8,9 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, real_number, whole_number
+from antiosc.io.neutral import Term
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import Term, along, lever
+from antiosc_decks.model.constraints import along, lever
 from antiosc_decks.model.nonstructural import add_mass, add_total
 from antiosc_decks.model.properties import symmetric
 from antiosc_decks.nastran.beams import orientation

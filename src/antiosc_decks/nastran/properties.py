@@ -263,7 +263,7 @@ class Properties:
             else:
                 E, nu = self.builder.elastic(material, "shells")
                 rho = self.builder.rho(material) + extra
-                arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
+                arguments: Arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
                 if offset:
                     arguments["offset"] = offset * length
                     arguments |= geometry.side_of(self.found.deck, some, length)

@@ -19,7 +19,6 @@ from antiosc.fem.platform import compat
 from assemblies import eigenfrequencies, static
 
 pytestmark = [
-    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the joints leave:antiosc.base.errors.AntioscWarning"),
 ]
@@ -151,6 +150,7 @@ def test_a_skin_of_shell_on_a_solid_follows_it():
     assert np.abs(inertia.matrix[:3, 3:]).max() == pytest.approx(27.0 * 0.5, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_beam_on_a_shell_turns_with_it():
     """A post on the corner of a plate: its tip moves by the plate's rotation, too."""
     x, quads, triangles = plate(2)

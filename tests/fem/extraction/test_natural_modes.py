@@ -12,6 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc.fem.extraction import eigenmodes, eigensolvers
 from antiosc.fem.extraction.eigenmodes import DENSE, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -70,3 +71,24 @@ def test_no_mode_of_a_pair_is_missed(n):
     for count in (10, 14, 15, 20, 25, 30):
         found = ModeSolver(structure).lowest(count).omega
         np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)
+
+
+@pytest.mark.parametrize("most", [eigenmodes.DENSE_MANY, 0])
+def test_shapes_that_the_library_takes_for_converged_are_found_again(monkeypatch, most):
+    """As SLEPc gives them where equal parts end its Krylov space: by LAPACK, or beside others."""
+    structure, spoilt = bar(), []
+    monkeypatch.setattr(eigenmodes, "DENSE_MANY", most)
+
+    def spoiling(search):
+        values, shapes = eigensolvers.lowest(search)
+        if not spoilt:
+            lowest = np.argsort(values)
+            shapes[:, lowest[1]] += 1e-2 * shapes[:, lowest[4]]
+            spoilt.append(shapes)
+        return values, shapes
+
+    monkeypatch.setattr(eigenmodes, "lowest", spoiling)
+    found = ModeSolver(structure).lowest(5)
+    np.testing.assert_allclose(found.omega[:5], dense(structure)[:5], rtol=1e-8)
+    assert eigenmodes.residuals(structure, found).max() < 1e-6
+    assert spoilt

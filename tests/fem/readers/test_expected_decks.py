@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly, model as abaqus_model
-from antiosc_decks.sources import Sources
 
 BAR = bdf.GRIDS + "CBAR,1,7,1,2,0.,1.,0.\n" + bdf.MAT1
 PBAR = "PBAR,7,1,2.,3.,3.,4.\n"
@@ -71,10 +69,7 @@ CYLINDER = """*NODE
 @pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
 def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
     """Where the radius is the normal of a shell, the first direction is that around the axis."""
-    path = tmp_path / "part.inp"
-    path.write_text(CYLINDER.format(degrees))
-    found = assembly.read(Sources(path, path.name))
-    model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
+    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
     ((_, _, arguments, _),) = model["families"]
     expected = np.array(axis) / np.linalg.norm(axis)
     np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
@@ -83,11 +78,9 @@ def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis)
 
 def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):
     """Constants of a solid: CalculiX has the first along the radius."""
-    path = tmp_path / "part.inp"
     nine = "TYPE=ENGINEERING CONSTANTS\n2e5, 1e4, 1e4, .3, .3, .3, 5e3, 5e3\n4e3"
-    path.write_text(CYLINDER.format(0).replace("TYPE=LAMINA\n2e5, 1e4, .3, 5e3, 5e3, 4e3", nine))
-    found = assembly.read(Sources(path, path.name))
-    model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
+    text = CYLINDER.format(0).replace("TYPE=LAMINA\n2e5, 1e4, .3, 5e3, 5e3, 4e3", nine)
+    model, _ = inp.read(tmp_path, text)
     assert any("CalculiX" in text for text in model["ignored"])
 
 
@@ -100,11 +93,7 @@ def test_layers_turn_against_each_other_by_their_cylindrical_orientations(tmp_pa
     material = CYLINDER.partition("*MATERIAL")[2]
     element = "*ELEMENT, TYPE=S4, ELSET=ALL\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*MATERIAL"
     text = f"*NODE\n{nodes}{element}{material.partition('*ORIENTATION')[0]}{rows}"
-    path = tmp_path / "part.inp"
-    path.write_text(text)
-    model = abaqus_model.model_of(
-        assembly.read(Sources(path, path.name)), UnitSystem.of("mm"), None
-    )
+    model, _ = inp.read(tmp_path, text)
     ((_, _, arguments, _),) = model["families"]
     assert np.abs(np.array(arguments["axis"]) @ [1, 1, 0]) < 1e-12
     angles = [layer["angle"] % 180 for layer in arguments["layers"]]
@@ -126,9 +115,6 @@ def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, springs):
 
 def test_a_file_of_loads_may_be_missing(tmp_path):
     """The loads are not read either; it is told."""
-    path = tmp_path / "part.inp"
     loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
-    path.write_text(CYLINDER.format(0) + loads)
-    found = assembly.read(Sources(path, path.name))
-    model = abaqus_model.model_of(found, UnitSystem.of("mm"), None)
+    model, _ = inp.read(tmp_path, CYLINDER.format(0) + loads)
     assert any("*INCLUDE" in sentence for sentence in model["ignored"])

@@ -62,10 +62,10 @@ def test_nodes_at_one_place_become_the_first_of_them():
     mesh = FileMesh(points, {"hexahedron": np.arange(16).reshape(2, 8)}, "vtk")
     mesh.node_sets = {"a": np.array([1, 8, 11]), "b": np.array([9])}
     mesh.fixed = {"f": {1: np.array([[8, 11]]), 0: np.array([[15]])}}
-    terms = [[8, 0, 1.5], [9, 3, -2.0], [-1, 4, 1.0]]
+    terms = [(8, 0, 1.5), (9, 3, -2.0), (-1, 4, 1.0)]
     mesh.model = {"apart": [], "x": 1, "joints": {
-        "equations": [terms], "springs": [[terms, 7.0]], "dampers": [[terms, 8.0]],
-        "masses": [[[terms, terms], [[1.0]], 2.0]], "among": [(15, [(8, 0.5), (9, 0.5)])],
+        "equations": [terms], "springs": [(terms, 7.0)], "dampers": [(terms, 8.0)],
+        "masses": [([terms, terms], [[1.0]], 2.0)], "among": [(15, [(8, 0.5), (9, 0.5)])],
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
     found = reading.merged(mesh, 1e-3)
@@ -74,13 +74,13 @@ def test_nodes_at_one_place_become_the_first_of_them():
     assert {n: r.tolist() for n, r in found.node_sets.items()} == {"a": [1, 2], "b": [8]}
     assert found.fixed["f"][1].tolist() == [[1, 2]]
     assert found.fixed["f"][0].tolist() == [[6]]
-    new = [[1, 0, 1.5], [8, 3, -2.0], [-1, 4, 1.0]]
+    new = [(1, 0, 1.5), (8, 3, -2.0), (-1, 4, 1.0)]
     assert found.model == {"apart": [], "x": 1, "joints": {
-        "equations": [new], "springs": [[new, 7.0]], "dampers": [[new, 8.0]],
-        "masses": [[[new, new], [[1.0]], 2.0]], "among": [(6, [(1, 0.5), (8, 0.5)])],
+        "equations": [new], "springs": [(new, 7.0)], "dampers": [(new, 8.0)],
+        "masses": [([new, new], [[1.0]], 2.0)], "among": [(6, [(1, 0.5), (8, 0.5)])],
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
-    mesh.model = {"apart": [8, 3], "joints": {}}
+    mesh.model = {**mesh.model, "apart": [8, 3]}
     assert len(reading.merged(mesh, 1e-3).points) == 13
     assert len(reading.merged(mesh, 1e-5).points) == 16
 

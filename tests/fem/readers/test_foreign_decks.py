@@ -24,6 +24,17 @@ def same(one: dict, other: dict) -> None:
     inp.alike([row[:3] for row in one["families"]], [row[:3] for row in other["families"]])
 
 
+def freedom(model: dict) -> int:
+    """Number of motions that the constraints leave of those on which they act."""
+    equations = model["joints"]["equations"]
+    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
+    rows = np.zeros((len(equations), len(motions)))
+    for row, terms in zip(rows, equations, strict=True):
+        for node, motion, coefficient in terms:
+            row[motions.index((node, motion))] += coefficient
+    return len(motions) - int(np.linalg.matrix_rank(rows))
+
+
 def test_components_with_blanks(tmp_path):
     rigid = "RBE2,9,1,{},2\nSPC1,1,{},3\nGRID,9,,0.,0.,0.,,{}\n"
     close, apart = (
@@ -51,13 +62,7 @@ def test_a_bush_at_a_place_of_its_own(tmp_path):
 def test_a_rigid_body_without_a_reference_node_has_six_motions(tmp_path):
     body = inp.CUBE + inp.SOLID + inp.STEEL + "*NSET,NSET=P\n1,2,3,6\n*RIGID BODY,NSET=P\n"
     model, _ = inp.read(tmp_path, body)
-    equations = model["joints"]["equations"]
-    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
-    rows = np.zeros((len(equations), len(motions)))
-    for row, terms in zip(rows, equations, strict=True):
-        for node, motion, coefficient in terms:
-            row[motions.index((node, motion))] += coefficient
-    assert len(motions) - np.linalg.matrix_rank(rows) == 6
+    assert freedom(model) == 6
 
 
 @pytest.mark.parametrize("mass", ["CONM2,9,99,,1.\n", "CONM2,9,99,,1.,1.,0.,0.\n"])
@@ -270,10 +275,4 @@ def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
     bodies = "*NODE\n99,0,0,0\n*NSET,NSET=P\n1,2,3\n*NSET,NSET=Q\n5,6,8\n"
     bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
     model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
-    equations = model["joints"]["equations"]
-    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
-    rows = np.zeros((len(equations), len(motions)))
-    for row, terms in zip(rows, equations, strict=True):
-        for node, motion, coefficient in terms:
-            row[motions.index((node, motion))] += coefficient
-    assert len(motions) - np.linalg.matrix_rank(rows) == 3 + 3 + 3
+    assert freedom(model) == 3 + 3 + 3

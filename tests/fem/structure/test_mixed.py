@@ -16,7 +16,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.fem
 
 E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]

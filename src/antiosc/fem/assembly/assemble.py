@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -144,11 +143,11 @@ def put_together(
     comm = communicator(given)
     members = on_every_rank(given, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    kept: list[list[Any]] = []  # what rank 0 does not send to others
+    kept: list[tuple[Constraints, PETSc.Mat, PETSc.Mat]] = []  # what rank 0 does not send to others
 
     def work() -> _Joined:
         made, *rest = _joined(layout, joints, supports, attachments_of(attached), apart)
-        kept.append(rest)
+        kept.append(tuple(rest))
         return made
 
     made = on_root(comm, work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -23,7 +23,8 @@ from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform.mpi import on_root
-from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
+from antiosc.fem.structure.dissipation import Dissipation
+from antiosc.fem.structure.matrices import Plausibility, StructureMatrices
 from antiosc.fem.structure.meshed import Member
 from antiosc.models.motion import Inertia
 
@@ -107,10 +108,10 @@ class AssembledMatrices(StructureMatrices):
         return float(own + self.added.mass)
 
     @property
-    def plausibility(self) -> dict[str, Any]:
+    def plausibility(self) -> Plausibility:
         known = [member.part.plausibility for member in self.layout.members.values()]
         doubts = list(dict.fromkeys(text for one in known for text in one.get("doubts", ())))
-        found: dict[str, Any] = {"doubts": doubts} if doubts else {}
+        found: Plausibility = {"doubts": doubts} if doubts else {}
         if known and not self.layout.condensed:
             found["wave_speed"] = max(one["wave_speed"] for one in known)
         return found

@@ -21,9 +21,8 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
+from antiosc.io.neutral import Term
 
-#: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
-Term = tuple[int, int, float]
 #: Columns and values of a row of a matrix.
 Row = tuple[IntArray, Array]
 

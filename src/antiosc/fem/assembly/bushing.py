@@ -170,9 +170,8 @@ class Bolt(Between):
                 f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
                 "centre; use a Weld."
             )
-        full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
         for end, one in zip((self.a, self.b), ends, strict=True):
-            if np.abs(full - full @ one.rotation_space @ full).max() > 1e-6:
+            if not one.turns(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
                     'one: give a group of faces, or a radius, ("part", point, radius).'

@@ -79,6 +79,10 @@ class Motion:
             if none or (name in DISPLACEMENTS and not self.has(name))
         ]
 
+    def turns(self, all_of: Array) -> bool:
+        """Whether it has all rotations that a projection (3, 3) keeps."""
+        return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
+
     @staticmethod
     def along(told: Array, direction: Array) -> bool:
         """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
@@ -157,9 +161,8 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
         return _of_point(layout, *end)
     if end in layout.points:
         dofs = layout.of_point(end)
-        rotation_space = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
         return Motion(
-            layout.units(dofs[:3]), layout.units(dofs[3:]), rotation_space, layout.points[end]
+            layout.units(dofs[:3]), layout.units(dofs[3:]), layout.rotations, layout.points[end]
         )
     if ":" not in end:
         points = known(end, layout.points, "the reference points")
@@ -261,9 +264,7 @@ def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature
 
 def _rotation_space(layout: Layout, member: Member) -> Array:
     """The rotations that nodes of a part have."""
-    if not member.has_rotations:
-        return np.zeros((3, 3))
-    return np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+    return layout.rotations if member.has_rotations else np.zeros((3, 3))
 
 
 def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
@@ -283,8 +284,7 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
     J = np.einsum("p,pij->ij", w, np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3)
                   - r[:, :, None] * r[:, None, :])  # fmt: skip
-    told = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
-    values, axes = np.linalg.eigh(told @ J @ told)
+    values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
     good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()

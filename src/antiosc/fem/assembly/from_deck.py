@@ -28,7 +28,7 @@ from antiosc.fem.platform.mpi import collective, on_root, warn
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.io.neutral import RawMesh
+from antiosc.io.neutral import Model, RawMesh
 from antiosc.io.reading import read_parts
 from antiosc.io.unit_system import UnitSystem
 
@@ -38,20 +38,16 @@ def point_name(number: int) -> str:
     return f"point {-number}"
 
 
-def attachments(model: dict[str, Any]) -> list[PointMass | Spring | Damper]:
-    """Masses and springs of a deck; those on points of no element by the names of these."""
-    masses = [PointMass(_where(at), mass, inertia) for at, mass, inertia in model["masses"]]
-    return [*masses, *(Spring(_where(at), stiffness) for at, stiffness in model["springs"])]
-
-
-def _where(at: Any) -> Any:
-    return point_name(at) if isinstance(at, int) else at
+def attachments(model: Model) -> list[PointMass | Spring | Damper]:
+    """Masses and springs of a deck."""
+    masses = [PointMass(at, mass, inertia) for at, mass, inertia in model["masses"]]
+    return [*masses, *(Spring(at, stiffness) for at, stiffness in model["springs"])]
 
 
 def joined(
     parts: Mapping[str, Structure],
     numbers: Mapping[str, IntArray],
-    model: dict[str, Any],
+    model: Model,
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
     solver: Choice,
@@ -66,7 +62,7 @@ def joined(
             list(points),
             numbers,
             joints["masses"],
-            dict(joints["among"]),
+            dict(joints.get("among", [])),
             joints["dampers"],
         )
     ]
@@ -287,7 +283,7 @@ def _choices(raw: RawMesh) -> str:
     return f"piece=1 is the largest{named * bool(names)}"
 
 
-def _model(raw: RawMesh) -> dict[str, Any]:
+def _model(raw: RawMesh) -> Model:
     """What `read_parts` reads beside the cells."""
     assert raw.model is not None
     return raw.model

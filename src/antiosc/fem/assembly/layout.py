@@ -96,6 +96,11 @@ class Layout:
         """Diagonal of the box around everything, m."""
         return float(np.linalg.norm(self.high - self.low))
 
+    @property
+    def rotations(self) -> Array:
+        """Projection (3, 3) on the rotations that nodes may have: about z alone of plane parts."""
+        return np.diag([0.0, 0.0, 1.0]) if self.plane else np.eye(3)
+
     def of_point(self, name: str) -> IntArray:
         """Dofs (6,) in u of a reference point."""
         start = self._first_point + POINT_DOFS * list(self.points).index(name)

@@ -61,9 +61,7 @@ class Facets(Entities):
     @property
     def degree(self) -> int:
         """Polynomial degree of the displacements on a face, in all directions together."""
-        space = self.member.part.form.space
-        path = self.member.part.form.components["x"]
-        own = int(compat.subspace(space, path).element.basix_element.degree)
+        own = self.member.part.form.degree
         return own if self.simplex else 2 * own
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:

@@ -156,7 +156,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
-        across = np.diag([0.0, 0.0, 1.0])
+        across = layout.rotations
     missing = across @ (np.eye(3) - own.rotation_space) @ across
     if np.abs(missing).max() > 1 - HAS_ROTATION:
         raise InputError(

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
+from antiosc.fem.assembly.between_nodes import Nodes, between_nodes
 from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.mesh import projected
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.io.neutral import Term
 
 #: Nodes with one number lie in one place, up to this share of the size of the assembly.
 SAME_PLACE = 1e-6
@@ -34,7 +35,9 @@ class SharedNodes(Joint):
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
-        ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
+        ordered = sorted(
+            layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
+        )
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
         _check_places(layout, cells)
         return [
@@ -88,13 +91,6 @@ class _Cells:
                 return None
         common = set.intersection(*(self.around.get(n, set()) for n in numbers))
         return min(common) if common else None
-
-
-def _degree(member: Member) -> int:
-    """Polynomial degree of the displacements."""
-    space = member.part.form.space
-    (path, *_) = member.part.form.components.values()
-    return int(compat.subspace(space, path).element.basix_element.degree)
 
 
 def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:

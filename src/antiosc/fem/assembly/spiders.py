@@ -9,13 +9,10 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
+from antiosc.fem.assembly.ends import COLLINEAR, END, End, Motion, end_text, group_end, mean, motion
 from antiosc.fem.assembly.joint import NAME, Held, Joint, Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-
-#: Rotations about axes with less than this share of the largest second moment are not told.
-COLLINEAR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -60,8 +57,7 @@ class Rigid(Joint):
         block = (columns - member.first) // member.block
         inside = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
-        full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
-        if np.abs(full - full @ leader.rotation_space @ full).max() > 1e-6:
+        if not leader.turns(layout.rotations):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} does not rotate, so that nothing can "
                 "follow its rotation: take a reference point (points={...}), or a point of a beam "

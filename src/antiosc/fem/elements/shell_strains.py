@@ -15,7 +15,7 @@ the layers are unsymmetric.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import factorial
+from math import factorial, prod
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -255,22 +255,23 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     zeros = [0] * (3 - mesh.gdim)
     axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
     third = compat.reference_derivatives(motion, 3)
-    covariant = [0, 0]
+    # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C
+    terms: list[dict[tuple[int, int], Expr]] = [{}, {}]
     for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
         which = [0] * p + [1] * q
         cubic = ufl.as_vector([third[(m, *which)] for m in range(3, 6)])
         cubic = cubic / (factorial(p) * factorial(q))
         for axis, field in zip(axes, fields, strict=True):
             size = ufl.dot(ufl.cross(cubic, n), axis)
-            for m in (0, 1):
-                covariant[m] += size * _polynomial(field[m], (p, q), X)
+            for own, factors in zip(terms, field.tolist(), strict=True):
+                for power, factor in zip((*QUADRATIC, (p, q)), factors, strict=True):
+                    if factor:
+                        own[power] = own.get(power, 0) + factor * size
+    covariant = [
+        sum(prod([X[0]] * r + [X[1]] * s) * factor for (r, s), factor in own.items())
+        for own in terms
+    ]
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
-
-
-def _polynomial(factors: Array, cubic: tuple[int, int], X: Expr) -> Expr:
-    powers = (*QUADRATIC, cubic)
-    terms = zip(factors.tolist(), powers, strict=True)
-    return sum(f * X[0] ** r * X[1] ** s for f, (r, s) in terms if f)
 
 
 def _dropped_of_cubics() -> Array:

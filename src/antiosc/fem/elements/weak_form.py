@@ -48,6 +48,12 @@ class WeakForm:
     #: which their squares make K; None where K's entries alone are accurate enough
     strains: tuple[Expr, int] | None = None
 
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the displacements."""
+        (path, *_) = self.components.values()
+        return int(compat.subspace(self.space, path).element.basix_element.degree)
+
     def along(self, direction: Sequence[float] | Expr) -> Expr:
         """The test function's displacement along `direction` (UFL)."""
         return self._contracted("xyz", direction)

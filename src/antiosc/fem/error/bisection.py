@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import exp
-from typing import Any
 
+import dolfinx
 import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
@@ -242,7 +242,7 @@ def _positions(rows: IntArray, among: IntArray) -> IntArray:
     return np.where(code[order][at] == asked, order[at], -1)
 
 
-def _inside(mesh: Any, dim: int, support: IntArray, group: IntArray) -> IntArray:
+def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:
     """Vertices of the entities of the new dolfinx mesh that lie in the old entities `group`."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
     carriers = _carriers(support, entities)

@@ -23,6 +23,7 @@ from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds, on_root, warn
+from antiosc.fem.structure.placement import in_space
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.meshing import SizeField
 from antiosc.io.neutral import RawMesh
@@ -184,7 +185,7 @@ class OfLines(Source):
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
         if refine:
-            self._site = _in_space(refine[0][0])
+            self._site = in_space(refine[0][0])
         self._size = self.extent() / LINES
         if self._path is not None:
             return self._meshed(self._path)
@@ -219,15 +220,10 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
-        distance = np.linalg.norm(centres - _in_space(point), axis=1)
+        distance = np.linalg.norm(centres - in_space(point), axis=1)
         grown = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
         sizes = np.minimum(sizes, grown)
     return sizes
-
-
-def _in_space(point: Sequence[float]) -> Array:
-    """The coordinates (3,) of a point given by two or three."""
-    return np.resize([*point, 0.0], 3).astype(float)
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:

@@ -23,6 +23,7 @@ import scipy.sparse
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, NotConvergedError
 from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.linalg.algebra import conjugate_gradients
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import warn
@@ -89,8 +90,7 @@ class CellStrains:
         self.components = len(STRAIN_PLACES[mesh.gdim])
         self._values = compat.with_ghosts(form.space, shapes)
         self._paths = list(form.components.values())
-        functions = compat.cell_dofs(form.space, self._paths[0], np.zeros(0, dtype=int)).shape[1]
-        quadratic = functions > len(mesh.geometry.corners)
+        quadratic = form.degree > 1
         degree = PRODUCT_DEGREE if quadratic and not mesh.geometry.simplex else RULE_DEGREE
         self.quadrature = Quadrature(mesh, self.count * mesh.gdim**2, degree)
         self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.quadrature.X)
@@ -167,20 +167,12 @@ class Projection:
 
     def solve(self, loads: Array) -> Array:
         """Values at the corners of this rank, (rows, fields), for loads of the same shape."""
-        x = np.zeros_like(loads)
-        r = np.array(loads)
-        z = self._inverse * r
-        p, rz = z, self._dot(r, z)
-        aim = CG_RESIDUAL**2 * rz
-        for _ in range(CG_STEPS):
-            if np.all(rz <= aim):
+        start = self._dot(loads, self._inverse * loads)
+        for x, left, _ in conjugate_gradients(
+            loads, self._product, lambda r: self._inverse * r, self._dot, CG_STEPS
+        ):
+            if np.all(left <= CG_RESIDUAL**2 * start):
                 return x
-            Ap = self._product(p)
-            step = _quotient(rz, self._dot(p, Ap))
-            x, r = x + step * p, r - step * Ap
-            z = self._inverse * r
-            rz, before = self._dot(r, z), rz
-            p = z + _quotient(rz, before) * p
         raise NotConvergedError(
             f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells "
             "of nearly no volume; mesh the part anew, or leave error=None."
@@ -213,11 +205,6 @@ class Projection:
         return np.asarray(self._comm.allreduce(np.einsum("if,if->f", x, y)))
 
 
-def _quotient(a: Array, b: Array) -> Array:
-    """a / b, 0 where both are: columns that are solved already."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
-
-
 #: Poisson's ratio from which the bars of linear elements are too narrow at times, by up to a half,
 #: and from which by a factor of 2 and more: they lock, and the strains that they lack are smooth in
 #: their place, so that recovery sees nothing. Clamped bars of 16 to 64 elements, in plane strain
@@ -231,20 +218,15 @@ def refuse_locking(structure: MeshedStructure) -> None:
     Plane stress and displacements of degree 2 do not lock. Of a material with directions counts
     the Poisson's ratio of its mean stiffnesses in volume and in shear.
     """
-    form, mesh, none = structure.form, structure.mesh, np.zeros(0, dtype=int)
-    linear = compat.lagrange(mesh.dolfinx, 1, 0)
-    if (
-        compat.cell_dofs(form.space, (0,), none).shape[1]
-        > (compat.cell_dofs(linear, (0,), none).shape[1])
-    ):
+    if structure.form.degree > 1:
         return
     nu = max(
         (_poisson(m) for m, _ in structure.parts if getattr(m, "plane", None) != "stress"),
         default=0.0,
     )
     told = (
-        f"Poisson's ratio is {nu:.4g} and the {mesh.cell} elements are linear (order=1): from "
-        f"{LOCKING:g} on they lock, and the estimate of their error is too small; take order=2."
+        f"Poisson's ratio is {nu:.4g} and the {structure.mesh.cell} elements are linear (order=1): "
+        f"from {LOCKING:g} on they lock, and the estimate of the error is too small; take order=2."
     )
     if nu >= LOCKED:
         raise InputError(told)

@@ -25,7 +25,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.extraction.oscillators import Found, Kept
 from antiosc.fem.extraction.site_shapes import SiteShapes
-from antiosc.fem.structure.matrices import Dissipation, projected
+from antiosc.fem.structure.dissipation import Dissipation, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -49,6 +49,8 @@ FEWEST_MORE = 8
 NO_MASS = 1e-12
 #: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
 CLOSE_MODES = 1e-8
+#: Residuals (of forces, relative) above which natural and constraint modes are searched again.
+LOST_NATURAL, LOST_CONSTRAINT = 1e-6, 1e-3
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,13 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """One more round: modes found before are deflated, not computed again."""
+        """One more round: modes found before are deflated, not computed again.
+
+        A Krylov space holds each frequency once. Where equal parts repeat all of them it ends
+        early, and what the library goes on with is rounding, by its own estimate converged: shapes
+        with a large measured residual are not taken. LAPACK computes those of a small structure;
+        of a large one they are searched again beside those that are right.
+        """
         structure, known = self._structure, self._found
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
@@ -127,7 +135,15 @@ class ModeSolver:
         complete = len(omega) >= self.limit or not massive.all()
         modes = Modes(omega[order], phi[:, order], complete)
         # those of slender beams span so many decades of ω² that the first show in the last
-        return _polished(structure, modes) if by_strains(structure.K) else modes
+        modes = _polished(structure, modes) if by_strains(structure.K) else modes
+        limit = LOST_NATURAL if self._held is None else LOST_CONSTRAINT
+        right = residuals(structure, modes, self._held) <= limit
+        if not right.all() and structure.size <= DENSE_MANY:
+            raise NotConvergedError("shapes are not what the search takes them for")  # to LAPACK
+        if right.all() or right.sum() <= before:
+            return modes
+        self._found = Modes(modes.omega[right], modes.phi[:, right], False)
+        return self._by_krylov(count)
 
     def _uneven(self) -> bool:
         """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
@@ -206,6 +222,16 @@ def _dense_modes(
     phi = np.zeros((K.shape[0], int(keep.sum())))
     phi[free] = shapes[:, keep][:, ::-1]
     return omega, phi
+
+
+def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
+    """‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the forces that hold the sites."""
+    forces = multiply(structure.K, modes.phi)
+    rest = forces - multiply(structure.M, modes.phi) * modes.omega**2
+    if held is not None:  # loadᵀΦ = 1 gives the reactions
+        rest = rest - held.load @ dot(structure.comm, held.phi, rest)
+    left, size = np.split(structure.factorize().force_sizes(np.hstack([rest, forces])), 2)
+    return np.asarray(left / np.maximum(size, np.finfo(float).tiny))
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:

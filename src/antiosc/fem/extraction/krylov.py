@@ -41,7 +41,7 @@ from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.oscillators import Remainder
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.structure.matrices import Dissipation, ends
+from antiosc.fem.structure.dissipation import Dissipation, ends
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.free_modes import EXHAUSTED

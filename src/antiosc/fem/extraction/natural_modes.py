@@ -21,7 +21,7 @@ from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
 
-#: Modes that are searched beyond those asked, until the last one is no more repeated.
+#: Modes that are searched beyond those asked; of a repeated last one twice as many each time.
 BEYOND = 1
 
 
@@ -143,9 +143,11 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     omega, shapes = np.zeros(rigid.shape[1]), rigid
     if elastic:
         solver = ModeSolver(structure)
-        found = solver.lowest(elastic + BEYOND)
+        more = BEYOND
+        found = solver.lowest(elastic + more)
         while not found.complete and found.omega[-1] <= (1 + REPEATED) * found.omega[elastic - 1]:
-            found = solver.lowest(len(found.omega) + BEYOND)
+            more *= 2
+            found = solver.lowest(len(found.omega) + more)
         check_modes(structure, found)
         omega = np.append(omega, found.omega)
         shapes = np.hstack([rigid, found.phi])

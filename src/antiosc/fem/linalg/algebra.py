@@ -7,6 +7,7 @@ which one process holds; each function here passes PETSc's on to `petsc_algebra`
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -128,6 +129,39 @@ def declare_definite(matrix: Matrix) -> None:
     """Tell PETSc that its matrix is symmetric and positive definite."""
     if not by_scipy(matrix):
         _petsc().declare_definite(matrix)
+
+
+def quotient(a: Array, b: Array) -> Array:
+    """a / b, 0 where b is."""
+    return np.divide(a, b, out=np.zeros_like(a), where=b != 0)
+
+
+def conjugate_gradients(
+    R: Array,
+    product: Callable[[Array], Array],
+    inverse: Callable[[Array], Array],
+    inner: Callable[[Array, Array], Array],
+    most: int,
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Preconditioned conjugate gradients for the columns of R (rows, k), the zeroth step included.
+
+    `product` and `inverse` are A x and the preconditioner, `inner` (x, y) -> xᵀy of each column.
+    Yields (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) at most `most` + 1 times.
+    """
+    X, r, energy = np.zeros(R.shape), np.array(R), np.zeros(R.shape[1])
+    p = inverse(r)
+    rest = inner(r, p)
+    yield X, rest, energy
+    for _ in range(most):
+        Ap = product(p)
+        step = quotient(rest, inner(p, Ap))
+        X += step * p
+        energy += step * rest
+        r -= step * Ap
+        z = inverse(r)
+        rest, before = inner(r, z), rest
+        yield X, rest, energy
+        p = z + quotient(rest, before) * p
 
 
 # -- Norms of displacements and forces scaled by the diagonal of the matrix, D = diag(A).

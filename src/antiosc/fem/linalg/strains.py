@@ -20,6 +20,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, NotConvergedError
+from antiosc.fem.linalg.algebra import conjugate_gradients, quotient
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, multiply
 from antiosc.fem.linalg.solver import Solver
 
@@ -82,23 +83,16 @@ class Refined(Solver):
 
         Raises AccuracyError where the solver of the entries is too far from A.
         """
-        X = np.zeros(R.shape)
-        r = np.array(R)
-        z = self._inner.solve_block(r)
-        p, rz = z, self._inner_products(r, z)
-        energy = np.zeros(R.shape[1])  # xᵀA x so far
-        for _ in range(MOST_CG_STEPS):
-            Ap = multiply(self.A, p)
-            step = _quotient(rz, self._inner_products(p, Ap))
-            X += step * p
-            energy += step * rz
-            r -= step * Ap
-            z = self._inner.solve_block(r)
-            rz, before = self._inner_products(r, z), rz
-            if (rz <= ENERGY**2 * energy).all():
+        for X, rest, energy in conjugate_gradients(
+            R,
+            lambda x: multiply(self.A, x),
+            self._inner.solve_block,
+            self._inner_products,
+            MOST_CG_STEPS,
+        ):
+            if (rest <= ENERGY**2 * energy).all():
                 return X
-            p = z + _quotient(rz, before) * p
-        left = float(np.max(np.sqrt(np.abs(_quotient(rz, energy)))))
+        left = float(np.max(np.sqrt(np.abs(quotient(rest, energy)))))
         if not left <= STALLED:
             raise AccuracyError(
                 f"a solve stopped at a relative error of {left:.1e} in energy after "
@@ -114,8 +108,3 @@ class Refined(Solver):
 
     def _inner_products(self, x: Array, y: Array) -> Array:
         return np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", x, y)))
-
-
-def _quotient(a: Array, b: Array) -> Array:
-    """a / b, 0 where both are: columns that are solved already."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b != 0)

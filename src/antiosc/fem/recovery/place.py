@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
-from antiosc.fem.elements.sections import Section
+from antiosc.fem.elements.sections import Layer, Section
 
 #: What is said of beams on whose outline a stress is asked.
 NO_OUTLINE = (
@@ -77,9 +77,9 @@ class NodeTensors(NamedTuple):
     origins: list[Origin]
 
 
-def layers_of(material: object) -> Sequence[Any]:
+def layers_of(material: object) -> Sequence[Layer]:
     """The layers of a laminate; none of other materials."""
-    layers: Sequence[Any] = getattr(material, "layers", ())
+    layers: Sequence[Layer] = getattr(material, "layers", ())
     return layers
 
 

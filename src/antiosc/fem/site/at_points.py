@@ -31,6 +31,7 @@ from antiosc.fem.site.site import (
 )
 from antiosc.fem.site.sites import Sites, loads, located, on_free_dofs, patches, sums, tell
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.placement import in_space
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
@@ -79,7 +80,7 @@ def before_joining(
     struck: dict[str, tuple[Member, dict[int, Site]]] = {}
     for k, site in enumerate(sites):
         assert site.direction is not None  # Site has seen to that
-        direction = np.pad(site.direction, (0, 3 - len(site.direction)))
+        direction = in_space(site.direction)
         end = motion_of(structure, site.point) if isinstance(site.point, str) else None
         if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
             found[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
@@ -116,7 +117,7 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
         snap = inf
     else:
         assert site.point is not None
-        x = np.pad(site.point, (0, 3 - len(site.point)))[None]
+        x = in_space(site.point)[None]
         if site.part is not None:
             (member,) = structure.members(site.part)
         else:
@@ -328,9 +329,7 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     assert not isinstance(at, str)
     assert at is not None
     assert along is not None  # Site has seen to that
-    point, direction = np.zeros(3), np.zeros(3)
-    point[: len(at)] = at
-    direction[: len(along)] = along
+    point, direction = in_space(at), in_space(along)
     direction /= np.linalg.norm(direction)
     if "z" not in form.components and abs(direction[2]) > 1e-12:
         raise InputError(f"direction {tuple(along)} leaves the plane of {mesh.name}, which is 2-D.")

@@ -29,6 +29,7 @@ from antiosc.fem.site.site import (
     tangents,
 )
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
+from antiosc.fem.structure.placement import in_space
 from antiosc.fem.structure.structure import Structure
 
 
@@ -119,8 +120,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         return _checked(structure, b, f"node {site.node}", _position(matrices, row), direction)
     if site.direction is None:
         return None
-    direction = np.zeros(3)
-    direction[: len(site.direction)] = site.direction
+    direction = in_space(site.direction)
     direction /= np.linalg.norm(direction)
     if site.node is not None:
         rows = np.flatnonzero(matrices.map.node == site.node)
@@ -196,8 +196,7 @@ def _at_point(
     points, _ = matrices.nodes()
     known = np.isfinite(matrices.map.points).all(axis=1)
     numbers = np.unique(matrices.map.node[known])
-    point = np.zeros(3)
-    point[: len(site.point or ())] = site.point
+    point = in_space(site.point or ())
     tree = cKDTree(points)
     if site.radius is None:
         distance, nearest = tree.query(point)

@@ -22,6 +22,7 @@ from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
 from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.placement import in_space
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05
@@ -322,7 +323,7 @@ def _in_space(direction: Sequence[float]) -> Array:
     given = coordinates("direction", direction, "")
     if not np.linalg.norm(given):
         raise InputError("direction must not be the zero vector.")
-    return np.pad(given, (0, 3 - len(given)))
+    return in_space(given)
 
 
 def _given(structure: MeshedStructure, points: object, along: Array | None) -> Ground:

@@ -13,6 +13,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.structure.placement import in_space
 from antiosc.fem.structure.structure import Structure
 
 if TYPE_CHECKING:
@@ -35,9 +36,7 @@ def point_of(
     if part is not None:
         checks.text("part", part)
     if not isinstance(point, str):
-        x, given = np.zeros(3), checks.coordinates("point", point)
-        x[: len(given)] = given
-        return x, part, None
+        return in_space(checks.coordinates("point", point)), part, None
     checks.text("point", point)
     if part is not None:
         raise InputError(

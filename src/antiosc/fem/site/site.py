@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -159,12 +158,14 @@ class Reach:
     snap: float | None = None
     remedy: str = "give a point on it, or the length that it may be moved as snap="
 
-    def check(self, point: Any, nearest: Any, size: float, element: Callable[[], float]) -> None:
+    def check(
+        self, point: Array, nearest: Array, size: float, element: Callable[[], float]
+    ) -> None:
         """InputError for a point (3,) whose nearest point (3,) of the structure is too far [m].
 
         `size`, `element`: of the part, and of its element there [m].
         """
-        distance = float(np.linalg.norm(np.asarray(point) - nearest))
+        distance = float(np.linalg.norm(point - nearest))
         most = SNAP_SHARE * size if self.snap is None else self.snap
         if distance > most and self.snap is None:
             most = max(most, element())

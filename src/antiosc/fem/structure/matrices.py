@@ -1,11 +1,10 @@
-"""K and M with their supports applied, what is known of their dofs, and what takes energy."""
+"""K and M with their supports applied, and what is known of their dofs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar, TypedDict
 
 import numpy as np
 
@@ -13,66 +12,24 @@ from antiosc.base._types import Array, Box, IntArray, Matrix
 from antiosc.base.checks import array
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import dot, force_ratios, multiply
+from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.linalg.solver import Choice, Solver, solver_for
 from antiosc.fem.structure import null_space
+from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.null_space import RIGID_FORCE
 from antiosc.fem.structure.placement import rigid_motions
 from antiosc.io.matrices.dof_map import DofMap
-from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-#: Eigenvalues of a projected matrix over the largest that are rounding.
-ROUNDING = 1e-14
-
-
-@dataclass(frozen=True, eq=False)
-class Dissipation:
-    """One term."""
-
-    G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
-    c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
-    tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
-    matrix: Matrix | None = None  # of all dofs, times `factor`
-    factor: float = 1.0
-
-    def projected(self, comm: MPI.Comm, V: Array) -> Array:
-        """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""
-        if self.matrix is None:
-            assert self.c is not None
-            return np.asarray(_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
-        return _root(self.factor * dot(comm, V, multiply(self.matrix, V)))
-
-
-def _root(matrix: Array) -> Array:
-    """L with L'L = the semidefinite matrix."""
-    diagonal = matrix.diagonal()
-    least = max(ROUNDING * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
-    scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
-    real = values > ROUNDING * values.max(initial=0.0)
-    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
-
-
-def ends(terms: Sequence[Dissipation]) -> Array | None:
-    """Gᵀ (rows of this rank, k) of all functionals: the forces of dashpots and branches."""
-    loads = [np.asarray(one.G.T.toarray()) for one in terms if one.matrix is None]
-    return np.hstack(loads) if loads else None
-
-
-def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
-    """All damping of the motions V (rows of this rank, k)."""
-    none = np.zeros((0, V.shape[1]))
-    found = [(one.projected(comm, V), one.tau) for one in terms]
-    viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
-    return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
-
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
 CLOSER = 6
+
+
+class Plausibility(TypedDict, total=False):
+    """Sentences on what is implausible of a part, and its fastest wave along bars, m/s."""
+
+    doubts: list[str]
+    wave_speed: float
 
 
 @dataclass(eq=False)
@@ -102,8 +59,8 @@ class StructureMatrices:
         return False
 
     @property
-    def plausibility(self) -> dict[str, Any]:
-        """What an extraction hands on for the plausibility of blows: "doubts", "wave_speed"."""
+    def plausibility(self) -> Plausibility:
+        """What an extraction hands on for the plausibility of blows."""
         return {}
 
     @property

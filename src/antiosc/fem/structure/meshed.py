@@ -25,10 +25,11 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.attachments import Stiffener
-from antiosc.fem.structure.matrices import Dissipation, StructureMatrices
+from antiosc.fem.structure.dissipation import Dissipation
+from antiosc.fem.structure.matrices import Plausibility, StructureMatrices
 from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.rigid_body_modes import about
+from antiosc.fem.structure.stiffeners import Stiffener
 from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group
 from antiosc.models.motion import Inertia
 
@@ -194,9 +195,10 @@ class MeshedStructure(StructureMatrices):
         return self.total_mass
 
     @property
-    def plausibility(self) -> dict[str, Any]:
+    def plausibility(self) -> Plausibility:
         speed = max(material.bar_speed() for material, _ in self.parts)
-        return {"wave_speed": speed, **({"doubts": list(self.doubts)} if self.doubts else {})}
+        found: Plausibility = {"wave_speed": speed}
+        return {**found, "doubts": list(self.doubts)} if self.doubts else found
 
     @property
     def dimensions(self) -> Box:

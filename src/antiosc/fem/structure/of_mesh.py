@@ -25,14 +25,14 @@ from antiosc.fem.structure.attachments import (
     Attachment,
     Matrices,
     add_at_points,
-    add_beams,
     attachments_of,
 )
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.stiffeners import add_beams
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 
 
-def divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntArray]]]:
+def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
     """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []

@@ -22,7 +22,7 @@ from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import bounds
 from antiosc.fem.structure.null_space import RIGID_FORCE, SHIFT, orthonormal
-from antiosc.fem.structure.placement import Placement
+from antiosc.fem.structure.placement import Placement, rigid_motions
 
 #: where a body stands that was not moved
 HERE = Placement()
@@ -73,16 +73,12 @@ def about(form: WeakForm, point: Array, at: Placement = HERE) -> Array:
     Unit translations along x, y and z, unit rotations about the axes through `point` (3,) [m]; a
     plane structure has zeros where it cannot move. Ghosts included.
     """
-    x, block = at.placed(form.space.tabulate_dof_coordinates()), form.space.dofmap.index_map_bs
-    result = np.zeros((len(x) * block, 6))
-    for name, (component,) in form.components.items():
-        rows = np.arange(component, len(result), block)
-        axis = at.rotation[:, "xyz".index(name[-1])]
-        if name.startswith("r"):
-            result[rows, 3:] = axis
-        else:
-            result[rows, :3] = axis
-            result[rows, 3:] = np.cross(x - point, axis)  # axis·(θ × r) = θ·(r × axis)
+    x = at.placed(form.space.tabulate_dof_coordinates())
+    names = list(form.components)  # in the order of the dofs of a node
+    axes = at.rotation.T[["xyz".index(name[-1]) for name in names]]
+    moves = np.array([len(name) == 1 for name in names])
+    nodes = np.repeat(x, len(names), axis=0)
+    result = rigid_motions(nodes, np.tile(axes, (len(x), 1)), np.tile(moves, len(x)), point)
     if "z" not in form.components:
         result[:, [2, 3, 4]] = 0.0
     return result[: compat.local_size(form.space)]

@@ -97,7 +97,7 @@ class Structure(Brief):
     seconds: dict[str, float]
     supports: tuple[Support, ...] = ()
     #: mesh, material and options of a structure of one mesh
-    made_of: tuple[Any, Any, dict[str, Any]] | None = None
+    made_of: tuple[Mesh, Any, dict[str, Any]] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
 
@@ -131,7 +131,7 @@ class Structure(Brief):
         *,
         C: Matrix | None = None,
         rigid_modes: ArrayLike | None = None,
-        map: Any = None,
+        map: object = None,
         supports: Mapping[int, str | Sequence[str]] | None = None,
         backend: Backend = "auto",
     ) -> Structure:
@@ -175,7 +175,7 @@ class Structure(Brief):
         K: str | os.PathLike[str],
         M: str | os.PathLike[str],
         *,
-        map: Any = None,
+        map: object = None,
         names: tuple[str, str] | None = None,
         supports: Mapping[int, str | Sequence[str]] | None = None,
         backend: Backend = "auto",
@@ -213,7 +213,7 @@ class Structure(Brief):
     @classmethod
     def _of_pair(
         cls,
-        pair: tuple[Any, Any],
+        pair: tuple[Matrix, Matrix],
         rows: DofMap | None,
         supports: Mapping[int, str | Sequence[str]] | None,
         rigid_modes: ArrayLike | None,

@@ -38,6 +38,7 @@ from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.simulation.histories.error_bars import differences, floored
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.problem.assembly import Assembly
@@ -247,7 +248,9 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
             next_omega = float(model.omega[-1] + spacing)
         masses, omega = np.append(model.m, model.m0), np.append(model.omega, next_omega)
         psi = np.roll(psi, -1, axis=0)
-    p, inertia = model.participation, model.inertia
+    p, inertia, damping = model.participation, model.inertia, model.damping
+    if isinstance(damping, DampingMatrix):
+        damping = along(damping, _hung(model, masses, psi))
     if inertia is not None:
         momentum = inertia.momentum
         rest = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
@@ -260,6 +263,7 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
         m0=0.0,
         m=masses,
         omega=omega,
+        damping=damping,
         participation=p,
         shapes=None,
         inertia=inertia,
@@ -267,6 +271,15 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
         strain_error=None,
         strain_misfit=None,
     )
+
+
+def _hung(model: AntiOscillators, masses: Array, psi: Array) -> Array:
+    """Coordinates of the model (one of the site, n of its modes, hidden ones) in those of the
+    softest one, in which psi_0 moves against the site: no damper is known to brake that."""
+    from scipy.linalg import block_diag  # takes as long to load as some impacts
+
+    modes = np.sqrt(model.m)[:, None] * psi[:, 1:].T / np.sqrt(masses)
+    return np.asarray(block_diag(1.0, modes, np.eye(model.hidden_count)))
 
 
 def _unconverged(model: AntiOscillators) -> bool:

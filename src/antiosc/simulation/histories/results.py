@@ -292,7 +292,8 @@ def covers(history: History) -> str:
     facts = [info_of(one) for one in bodies]
     if not any(info.structure for info in facts):
         return "time integration"
-    if any(getattr(one, "strain_error", None) is not None for one in bodies):
+    bounded = any(getattr(one, "strain_error", None) is not None for one in bodies)
+    if bounded or any(info.strike for info in facts):
         return "time integration; truncation and mesh: see error_budget"
     remedy = ': error="estimate" of extract does it' if any(i.meshed for i in facts) else ""
     return f"time integration; truncation and mesh are not estimated{remedy}"

@@ -218,7 +218,7 @@ def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
         return None
     if body.weight is None:
         raise InputError(
-            f"gravity on a {name} with a rigid-body mode needs the model's participation;"
+            f"gravity on the {name} with a rigid-body mode needs the model's participation;"
             f" extract the model anew, give participation=, or set gravity=0."
         )
     return _falling(body, gravity * body.weight)

@@ -15,7 +15,8 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.calls import takes
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many
@@ -77,6 +78,11 @@ def monte_carlo(
     -------
     Sample
 
+    Warns
+    -----
+    AccuracyWarning
+        Some runs failed.
+
     Raises
     ------
     InputError
@@ -87,6 +93,7 @@ def monte_carlo(
     """
     checks.function("run", run, "a function of the inputs")
     given, size = checked(inputs), checks.whole("n", n, most=MOST)
+    takes("run", run, given)
     check_executor(executor)
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
     mpi = sys.modules.get("mpi4py.MPI")
@@ -109,7 +116,15 @@ def monte_carlo(
             keep(part)
             done += len(found)
             ready(done)
-    return sample_of(drawn, [rows[i] for i in range(size)])
+    sample = sample_of(drawn, [rows[i] for i in range(size)])
+    if sample.failed:
+        first = next(iter(sample.failed.values()))
+        warn(
+            f"{len(sample.failed)} of {size} runs failed and are left out of what is said of the"
+            f" others (see .failed); the first one: {first}",
+            AccuracyWarning,
+        )
+    return sample
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:

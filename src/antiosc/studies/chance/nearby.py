@@ -21,6 +21,7 @@ import scipy.linalg
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
+from antiosc.base.calls import takes
 from antiosc.base.errors import AccuracyError, InputError, finite_element_packages
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
@@ -130,6 +131,7 @@ def nearby(
     """
     checks.function("build", build, "a function of the parameters")
     limits = {name: _range(name, given) for name, given in _named(ranges).items()}
+    takes("build", build, limits)
     tol, n = checks.tolerance(tol), checks.whole("n", n)
     with finite_element_packages():
         from antiosc.studies.chance.family import Family

@@ -34,6 +34,9 @@ CLOSE = 1e-2
 #: What the modes of a group have that turns with them.
 TURNING = ("beta", "loads", "q", "v", "B")
 
+#: A run, a goal and its derivatives by all numbers of the march.
+Taken = tuple[Recorded, Seeds, Slopes]
+
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
     """Change of the goal from one set of bodies to another, to first order.
@@ -139,6 +142,13 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
         return pose(*impact._replace(model=model))
     scene = hit.assembly.scene
     return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
+
+
+def changed_model(
+    hit: History, taken: Taken, name: str, before: AntiOscillators, after: AntiOscillators
+) -> float:
+    """Change of the goal from one model of the body `name` to another, to first order."""
+    return changed(*taken, *(assembly_with(hit, name, each) for each in (before, after)))
 
 
 def as_it_is(model: AntiOscillators) -> AntiOscillators:

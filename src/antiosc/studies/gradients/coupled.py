@@ -116,7 +116,7 @@ def changed_coupled(
     total += float(np.sum(np.hstack([by.beta, by.gamma]) * change["beta"]))
     total += float(np.sum(by.loads * change["loads"]))
     total += float(np.append(by.q, by.v) @ change["state"][0])
-    for (step, u, _), own in wanted.sites:
+    for (step, u, _), _, own in wanted.readings:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])
         state = np.hstack(marched_states(found.run, found.system, *at))[0]

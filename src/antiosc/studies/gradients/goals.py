@@ -29,10 +29,9 @@ REFINED = 6
 class Seeds:
     """A goal's value, and its derivatives by forces at nodes, times of edges, and readings.
 
-    A reading is the (step, place in it, whether it keeps that place) and weights (2 J + m,) of
-    q, v and the forces there. `B`, `r`: derivatives by those matrices at a given motion; `sites`:
-    the place of a reading and its derivatives (3, P) by displacements, velocities and velocities
-    of rigid-body motion of the columns.
+    A reading is the (step, place in it, whether it keeps that place), weights (2 J + m,) of q, v
+    and the forces there, and derivatives (3, P) by displacements, velocities and velocities of
+    rigid-body motion of the columns. `B`, `r`: derivatives by those matrices at a given motion.
     """
 
     value: float
@@ -40,14 +39,13 @@ class Seeds:
     time: Array
     B: Array
     r: Array
-    readings: list[tuple[tuple[int, float, int], Array]] = field(default_factory=list)
-    sites: list[tuple[tuple[int, float, int], Array]] = field(default_factory=list)
+    readings: list[tuple[tuple[int, float, int], Array, Array]] = field(default_factory=list)
 
     def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
         """The readings as the march takes them, in the order of their steps."""
         ordered = sorted(self.readings, key=lambda reading: reading[0][0])
-        places = np.array([place for place, _ in ordered], dtype=march.READING)
-        weights = [weight for _, weight in ordered]
+        places = np.array([place for place, _, _ in ordered], dtype=march.READING)
+        weights = [weight for _, weight, _ in ordered]
         return places, np.reshape(weights, (len(ordered), width)).astype(float)
 
 
@@ -94,7 +92,7 @@ def _of_force(found: Recorded, c: int, to: Seeds, step: int, u: float, stays: bo
     """Read the force of a contact at the place u in a step."""
     weight = np.zeros(2 * found.system.omega.size + len(found.system.beta))
     weight[2 * found.system.omega.size + c] = 1.0
-    to.readings.append(((step, u, int(stays)), weight))
+    to.readings.append(((step, u, int(stays)), weight, np.zeros((3, len(to.r)))))
 
 
 def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
@@ -191,8 +189,7 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
         weight = np.zeros(2 * s.omega.size + len(s.beta))
         weight[s.omega.size : 2 * s.omega.size] = by * rigid
         place = (edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)
-        to.readings.append((place, weight))
-        to.sites.append((place, by * np.eye(3)[2][:, None] * found.G[c]))
+        to.readings.append((place, weight, by * np.outer(np.eye(3)[2], found.G[c])))
         moved = np.where(s.omega == 0, by * states_at[edge], 0.0)
         to.B += np.outer(moved, found.G[c])
 
@@ -214,8 +211,7 @@ def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: flo
     u = since / float(found.edges[step + 1] - found.edges[step])
     to.value = float(q[0] @ found.B @ own + pushed @ found.r @ own)
     weight = np.concatenate((found.B @ own, np.zeros(s.omega.size), -(found.G @ found.r @ own)))
-    to.readings.append(((step, u, 0), weight))
-    to.sites.append(((step, u, 0), np.stack([own, 0 * own, 0 * own])))
+    to.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], own)))
     to.B += np.outer(q[0], own)
     to.r += np.outer(pushed, own)
 
@@ -234,8 +230,7 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
     if to.value < 0:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r
-        to.readings = [(place, -weight) for place, weight in to.readings]
-        to.sites = [(place, -own) for place, own in to.sites]
+        to.readings = [(place, -weight, -own) for place, weight, own in to.readings]
 
 
 @dataclass(eq=False)
@@ -292,8 +287,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
             to.B += np.outer(slope @ q, own)
             to.r += np.outer(slope @ push, own)
     for k in np.flatnonzero(weights.any(axis=1)):
-        to.readings.append(((int(step[k]), float(u[k]), 0), weights[k]))
-        to.sites.append(((int(step[k]), float(u[k]), 0), sites[k]))
+        to.readings.append(((int(step[k]), float(u[k]), 0), weights[k], sites[k]))
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:

@@ -20,7 +20,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
 from antiosc.studies.gradients.at_rest import through_start
-from antiosc.studies.gradients.changes import as_it_is, assembly_with, bar, changed, compared_runs
+from antiosc.studies.gradients.changes import Taken, as_it_is, bar, changed_model, compared_runs
 from antiosc.studies.gradients.coupled import by_coupled, first_order_weights
 from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
 from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 GRAZING = 1e-6
 #: Relative change of a law's parameter by which the damping factor of its restitution is derived.
 CHANGE = 1e-6
-
-#: A run, a goal and its derivatives by all numbers of the march.
-Taken = tuple[Recorded, Seeds, engine.Slopes]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,24 +206,30 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
-    from antiosc.studies.gradients.of_part import Structure, by_part, by_shape  # loads dolfinx
+    from antiosc.results.fields import checked_shapes  # loads dolfinx
+    from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
 
+    bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
-        shapes = [each[0].parts[name].body.shapes for each in taken]
-        known = [which for which, own in enumerate(shapes) if not which or own is not None]
-        slopes = by_part([part_chain(*taken[which], name=name) for which in known], part)
-        own = dict(zip(known, slopes, strict=True))
+        checked_shapes(part, hit, name, SAME_PART)
+        to: dict[int, Callable[..., float]] = {}
+        for which, body in enumerate(bodies):
+            if body.shapes is not None and taken[which][0].coupled(name):
+                to[which] = lambda *ends, which=which, body=body: changed_model(
+                    hit, taken[which], name, *(held(body, each) for each in ends)
+                )
+            elif body.shapes is not None:
+                to[which] = part_chain(*taken[which], name=name).change
+        own = dict(zip(to, by_part(list(to.values()), part), strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
     checks.function("part", part, "a Structure, or a function of x that builds one")
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
-
-    def change(which: int, *ends: AntiOscillators) -> float:
-        before, after = (assembly_with(hit, name, models[which](each)) for each in ends)
-        return changed(*taken[which], before=before, after=after)
-
-    changes = [partial(change, which) for which in range(len(taken))]
-    return by_shape(part, checks.column("x", x), taken[0][0].parts[name].body, changes)
+    changes = [
+        lambda *ends, own=own, turned=turned: changed_model(hit, own, name, *map(turned, ends))
+        for own, turned in zip(taken, models, strict=True)
+    ]
+    return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
 def _refuse(found: Recorded) -> None:
@@ -257,15 +260,11 @@ def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
 def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
-
-    def change(name: str, *ends: AntiOscillators) -> float:
-        before, after = (assembly_with(hit, name, each) for each in ends)
-        return changed(found, wanted, slopes, before, after)
-
     for name in found.parts:
         if found.coupled(name):
             closing = _closing(found, found.parts[name])
-            own = by_coupled(found, slopes, name, closing, partial(change, name))
+            change = partial(changed_model, hit, (found, wanted, slopes), name)
+            own = by_coupled(found, slopes, name, closing, change)
             if own:
                 result[name] = own
             continue
@@ -322,8 +321,8 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
     if by is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
-            " moving ground, or damping that couples its modes: give a function of x that builds"
-            " the part, and x."
+            " moving ground (and a design map one whose damping does not couple its modes): give a"
+            " function of x that builds the part, and x."
         )
     part = found.parts[name]
     touching = np.flatnonzero(found.G[:, part.columns.start])

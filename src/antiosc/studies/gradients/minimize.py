@@ -167,6 +167,8 @@ def _scaled(bounds: Any, start: Array, scale: Array) -> list[tuple[float, float]
             raise InputError(f"bounds must be pairs (low, high); got {checks.shown(pair)}.")
         low = -inf if pair[0] is None else checks.number("a bound", pair[0])
         high = inf if pair[1] is None else checks.number("a bound", pair[1])
+        if low > high:
+            raise InputError(f"bounds must have low <= high; got {low:g} and {high:g}.")
         if not low <= x <= high:
             raise InputError(f"x0 must lie within its bounds, {low:g} to {high:g}; got {x:g}.")
         found.append((low / unit, high / unit))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -23,14 +24,15 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping_matrix import DampingMatrix, along
 from antiosc.models.modal import ModalBody
 from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 
 #: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
 #: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
 CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
-#: Largest difference of the part's energy from the model's, per shape of unit energy.
-SAME_PART = 1e-4
+#: Ratios of stiffness and of mass of a part and of a model from which it is not that of the model.
+SAME_PART = 1 + 1e-4, 1 + 1e-4
 #: Inputs below this have no scale of their own.
 LEAST = 1e-200
 #: Largest relative difference of the static mass of models that `build` gives beside x.
@@ -40,11 +42,15 @@ IDLE = {"loss", "yield_strength", "outline"}
 #: Numbers of the layers of a laminate that are designed; the others are those of its materials.
 OF_LAYERS = {"thickness", "angle"}
 
+#: The change of a goal between two parts, to first order.
+Slope = Callable[[Structure, Structure], float]
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The derivatives of a goal by the matrices of a part's model, and the shapes (rows, C).
+    """The derivatives of a goal by the matrices of a part on the shapes (rows, C) of its model.
 
+    by, reduced : derivatives by V'KV and V'MV, and these (C, C).
     by_local : by the half-space compliance of the site's patch.
     motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) that has
         them: at the start, and of gravity.
@@ -52,14 +58,18 @@ class Chain:
 
     model: AntiOscillators
     by: ByMatrices
+    reduced: ByMatrices
     by_local: float
     shapes: Array
     motions: list[tuple[Array, Array]]
 
-    def slope(self, lower: Structure, upper: Structure, step: float) -> float:
-        """The derivative by a parameter at whose ends, `step` apart, are these parts."""
-        total = float(np.sum(self.by.K * self._change("K", lower, upper)))
-        total += float(np.sum(self.by.M * self._change("M", lower, upper)))
+    def change(self, lower: Structure, upper: Structure) -> float:
+        """The change of the goal from one part to another, to first order."""
+        total = sum(
+            sign * float(np.sum(by * dot(end.comm, self.shapes, multiply(matrix, self.shapes))))
+            for sign, end in ((-1, lower), (1, upper))
+            for by, matrix in zip(self.by, (end.K, end.M), strict=True)
+        )
         for by, motion in self.motions:
             a, b = lower.rigid_inertia, upper.rigid_inertia
             assert a is not None
@@ -69,59 +79,74 @@ class Chain:
             site = site_of(self.model)
             ends = [functional(each, site).local_compliance for each in (lower, upper)]
             total += self.by_local * (ends[1] - ends[0])
-        return total / step
-
-    def reduced(self, part: Structure, name: str) -> Array:
-        """V'KV or V'MV (C, C) of a part."""
-        matrix = getattr(part, name)
-        return np.asarray(dot(part.comm, self.shapes, multiply(matrix, self.shapes)))
-
-    def _change(self, name: str, lower: Structure, upper: Structure) -> Array:
-        return self.reduced(upper, name) - self.reduced(lower, name)
-
-    def matrices(self) -> tuple[Array, Array]:
-        """K_red and M_red (C, C) of the model."""
-        m = self.model
-        K, M = np.diag(np.append(m.k0 + m.k.sum(), m.k)), np.diag(np.append(m.m0, m.m))
-        K[0, 1:] = K[1:, 0] = -m.k
-        return K, M
-
-    def check(self, part: Structure) -> None:
-        """InputError unless the model is that of the part: for one combination of the shapes."""
-        fits = self.shapes.shape[0] == part.rows
-        if fits:
-            K, _ = self.matrices()
-            mixed = 1 / np.sqrt(K.diagonal())
-            x = self.shapes @ mixed
-            energy = float(dot(part.comm, x, multiply(part.K, x)))
-            fits = abs(energy - mixed @ K @ mixed) <= SAME_PART * len(K)
-        if not fits:
-            raise InputError(
-                "part must be the structure from which the model of this run was extracted; its"
-                " stiffness on the shapes of the model is another."
-            )
+        return total
 
 
 def chain(
     model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
 ) -> Chain:
-    """The chain to a part; InputError for a model without shapes."""
-    if model.shapes is None:
-        raise InputError("part needs a model with its shapes: extract it with shapes=True.")
-    psi = model.shapes
-    hidden = model.hidden_count
-    motions = []
+    """The chain to the part of a model with shapes.
+
+    Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
+    that beside it.
+    """
+    assert model.shapes is not None
+    beside = np.eye(model.n + 1)
+    beside[1:, 0] = -1.0
+    motions, hidden = [], model.hidden_count
     for slope, value in ((by.start, by.v), (by.load, by.g)):
         if modes.inertia is not None and value.any():
+            assert modes.shape is not None
             motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
-            motions.append((m.phi @ slope[hidden:], motion))
-    V = np.column_stack([psi[:, 0] - psi[:, 1:].sum(axis=1), psi[:, 1:]])
-    return Chain(model, m, local, V, motions)
+            own = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
+            motions.append((beside @ own, motion))
+    K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
+    M[0, 1:] = M[1:, 0] = model.m
+    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in m))
+    return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
-    """Derivatives of each chain by the numbers of a part's materials: of several {group: …}."""
-    to[0].check(part)
+def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
+    """The model of a part on the shapes of `model`, of one with damping that couples its modes.
+
+    Its constraint modes are those of V'KV and V'MV, and the damping is along them.
+    """
+    assert model.shapes is not None
+    assert isinstance(model.damping, DampingMatrix)
+    if not model.k0 > 0 or model.hidden_count or model.damping.factors:
+        raise InputError(
+            "derivatives by the materials of a part whose damping couples its modes need supports"
+            " that hold it, and no branches (prony=, tau=): give a function of x that builds the"
+            " part, and x."
+        )
+    K, M = (
+        dot(part.comm, model.shapes, multiply(matrix, model.shapes)) for matrix in (part.K, part.M)
+    )
+    square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
+    turn = scipy.linalg.block_diag(1.0, V)
+    turn[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
+    P = turn[:, 0] @ M @ turn[:, 1:]
+    turn[:, 1:] *= np.sign(P)
+    local = model.local_compliance and functional(part, site_of(model)).local_compliance
+    return replace(
+        model,
+        m0=float(turn[:, 0] @ M @ turn[:, 0] - P @ P),
+        k0=float(turn[:, 0] @ K @ turn[:, 0]),
+        m=P**2,
+        omega=np.sqrt(square),
+        local_compliance=local,
+        damping=along(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
+        shapes=None,
+        strain_error=None,
+        strain_misfit=None,
+    )
+
+
+def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
+    """Derivatives by the numbers of a part's materials, one result for each of `to`.
+
+    Of several materials they are {group: …}.
+    """
     if part.made_of is None:
         raise InputError(
             "the materials of an assembly, or of matrices, are not known: give a function of x that"
@@ -140,7 +165,7 @@ def by_part(to: Sequence[Chain], part: Structure) -> list[Values]:
                     one = other if several else other[""]
                     ends.append(Structure(mesh, one, part.supports, **options))
             for values, each in zip(found, to, strict=True):
-                slope = each.slope(ends[0], ends[1], step)
+                slope = each(ends[0], ends[1]) / step
                 own = values.setdefault(name, {}) if several else values
                 key = group if several else name
                 layered = hasattr(material, "layers")
@@ -218,7 +243,9 @@ def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
         else:
             estimated: ErrorOption = None if model.strain_error is None else "estimate"
             found = extract(part, site_of(model), model.n, error=estimated)
-    return replace(found, damping=model.damping)
+    # dampers of the part are in the coordinates of its own model
+    coupled = isinstance(found.damping, DampingMatrix)
+    return found if coupled else replace(found, damping=model.damping)
 
 
 def site_of(model: AntiOscillators) -> Site:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,47 +60,11 @@ def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class ByMatrices:
-    """Derivatives by the model's matrices in its own coordinates, K and M (C, C).
+class ByMatrices(NamedTuple):
+    """Derivatives by the model's matrices K and M in its own coordinates, symmetric (C, C)."""
 
-    The sums phi within phi' and -phi (within x + turned) phi' over the modes phi (C, J), x (J,)
-    their omega^2, made symmetric; with a massless site -r phi `first` and r phi x `first` in the
-    row of the site, and `corner` in its place.
-    """
-
-    phi: Array
-    within: Array
-    x: Array
-    turned: Array
-    first: Array
-    r: float
-    corner: float
-
-    @cached_property
-    def K(self) -> Array:
-        found = self.phi @ self.within @ self.phi.T
-        found[0] -= self.r * (self.phi @ self.first)
-        found[0, 0] += self.corner
-        return np.asarray((found + found.T) / 2)
-
-    @cached_property
-    def M(self) -> Array:
-        found = -self.phi @ (self.within * self.x + np.diag(self.turned)) @ self.phi.T
-        found[0] += self.r * (self.phi @ (self.x * self.first))
-        return np.asarray((found + found.T) / 2)
-
-    def lines(self) -> tuple[Array, Array, Array]:
-        """The first row of K, and the diagonals of K and M (C,) each, without the matrices."""
-        phi, both = self.phi, self.phi @ self.within
-        at_site = self.r * (phi @ self.first)
-        row = (phi @ (self.within.T @ phi[0] + self.within @ phi[0]) - at_site) / 2
-        diagonal = np.einsum("ij,ij->i", both, phi)
-        mass = -np.einsum("ij,ij->i", both * self.x + phi * self.turned, phi)
-        corner = self.corner - at_site[0]
-        row[0], diagonal[0] = diagonal[0] + corner, diagonal[0] + corner
-        mass[0] += self.r * float(phi[0] @ (self.x * self.first))
-        return row, diagonal, mass
+    K: Array
+    M: Array
 
 
 def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatrices:
@@ -134,10 +97,14 @@ def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatr
             first += model.m0 * float(phi[0] @ value) * slope
     apart = x - x[:, None]
     apart.flat[:: x.size + 1] = 1.0
-    turned = coupling.diagonal() / 2
     within = coupling / apart
     within.flat[:: x.size + 1] = square
-    return ByMatrices(phi, within, x, turned, first, modes.r, -(modes.r**2) * by.r)
+    K = phi @ within @ phi.T
+    M = -phi @ (within * x + np.diag(coupling.diagonal() / 2)) @ phi.T
+    K[0] -= modes.r * (phi @ first)
+    K[0, 0] -= modes.r**2 * by.r
+    M[0] += modes.r * (phi @ (x * first))
+    return ByMatrices((K + K.T) / 2, (M + M.T) / 2)
 
 
 def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values:
@@ -145,12 +112,11 @@ def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values
 
     With a massless site there is no derivative by m0: None.
     """
-    row, diagonal, mass = by.lines()
-    springs = row[0] + diagonal[1:] - 2 * row[1:]
+    springs = by.K[0, 0] + by.K.diagonal()[1:] - 2 * by.K[0, 1:]
     return {
-        "m0": None if modes.r > 0 else float(mass[0]),
-        "k0": float(row[0]),
-        "m": mass[1:] + model.omega**2 * springs,
+        "m0": None if modes.r > 0 else float(by.M[0, 0]),
+        "k0": float(by.K[0, 0]),
+        "m": by.M.diagonal()[1:] + model.omega**2 * springs,
         "omega": 2 * model.omega * model.m * springs,
     }
 
