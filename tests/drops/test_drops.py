@@ -24,7 +24,6 @@ from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 
-
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
 
 

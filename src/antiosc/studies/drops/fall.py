@@ -155,7 +155,7 @@ class Fall(Brief):
             steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
         begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
         end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
-        begin, end = max(begin, 0.0), min(end, self._known)
+        begin, end = max(begin, 0.0), min(end, self._lasting)
         steps += [one.duration / 50 for one in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
         step = max(min(steps), (end - begin) / MOST)
@@ -166,11 +166,11 @@ class Fall(Brief):
     def acceleration(self, times: ArrayLike, at: At = None) -> Array:
         """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`.
 
-        Beyond its end the fall goes on for as long as a filter remembers, as a flight without floor.
+        Beyond its end the fall goes on as a flight, for as long as a filter remembers.
         """
         t = checks.column("times", times)
-        if t.size and (t.min() < 0 or t.max() > self._known * (1 + 1e-12)):
-            raise InputError(f"times must lie within the fall, 0 to {self._known:g} s.")
+        if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
+            raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
         begins, parts = [0.0], list[State | Episode]([self.start])
         for one in self.episodes:
             begins += [one.start.time, one.end.time]
@@ -182,7 +182,7 @@ class Fall(Brief):
         return found
 
     @property
-    def _known(self) -> float:
+    def _lasting(self) -> float:
         """Time [s] up to which the motion is known: the end, and what filters remember."""
         return self.end.time + MEMORY / min(CLASSES.values())
 
@@ -390,9 +390,9 @@ class Fall(Brief):
             )
         if over > BLUNT:
             warn(
-                f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} of "
-                f"it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= that it "
-                f"has; where a face of area A lands flat on n corners, give "
+                f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
+                f"of it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= "
+                f"that it has; where a face of area A lands flat on n corners, give "
                 f"Floor(law=Linear(E*A/(n*thickness))).",
                 AccuracyWarning,
             )
