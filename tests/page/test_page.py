@@ -145,6 +145,7 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
 
 @pytest.mark.fem
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*times the radius")  # of a coarse plate
 @pytest.mark.parametrize("width", WIDTHS)
 def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, width):
     part, _ = plate
