@@ -31,7 +31,6 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.stiffeners import add_beams
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 
-
 #: Deviation from a line of points that lie on it, over the size of the part.
 ON_LINE = 1e-6
 
