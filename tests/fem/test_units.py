@@ -58,11 +58,11 @@ def test_materials_in_si_units_are_told_nothing_of():
     rubber, diamond = ao.Solid(5e6, 0.49, 1100.0), ao.Solid(1.05e12, 0.1, 3510.0)
     for one in (steel, rubber, diamond, ao.Laminate([SKIN, FOAM, SKIN])):
         assert plausible.of_material(one) == ""
-    assert plausible.of_part(99.0) == plausible.of_part(2e-3) == ""
+    assert plausible.of_part(19.0) == plausible.of_part(2e-3) == plausible.of_part(40.0, True) == ""
 
 
 def test_a_structure_in_other_units_is_told_of():
-    with pytest.warns(AntioscWarning, match=r"210 m long, more than 100 m.*unit="):
+    with pytest.warns(AntioscWarning, match=r"210 m long, more than 20 m.*unit="):
         ao.Structure(
             parts.box(n=(2, 1, 1), size=(200.0, 50.0, 40.0)),
             ao.Solid(**parts.STEEL),
@@ -92,9 +92,9 @@ def test_sizes_and_patches_larger_than_the_part_are_refused():
 
 
 def test_a_mesh_in_millimetres_is_blamed_before_its_facets():
-    far = parts.box(n=(2, 1, 1), size=(80.0, 20.0, 20.0))  # not long enough to be told of itself
+    far = parts.box(n=(2, 1, 1), size=(16.0, 4.0, 4.0))  # not long enough to be told of itself
     part = ao.Structure(far, ao.Solid(**parts.STEEL), [ao.Support("left")], order=1)
-    site = ao.Site((40.0, 10.0, 20.0), (0, 0, -1), radius=4e-3)
+    site = ao.Site((8.0, 2.0, 4.0), (0, 0, -1), radius=8e-4)
     with pytest.warns(AntioscWarning) as told:
         ao.extract(part, site, n=2)
     assert 'unit="mm"' in str(told[0].message)
@@ -154,3 +154,15 @@ def test_strengths_thicknesses_and_spheres_in_other_units_are_told_of():
     with pytest.warns(AntioscWarning, match="10 mm"):
         ao.Sphere(10.0, 210e9, 0.3, rho=7850.0)
     assert "7e+10 (70 GPa) or 7e+07 (70 MPa)" in plausible.of_modulus(70.0)
+
+
+def test_a_long_part_is_told_of_unless_its_unit_was_given(tmp_path):
+    script = tmp_path / "strip.geo"
+    script.write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 30, 10}; Physical Surface("p") = 1;'
+        'Physical Curve("left") = 4;'
+    )
+    strip = ao.Solid(**parts.STEEL, plane="stress", thickness=0.1)
+    ao.Structure(ao.read_mesh(script, size=5.0, unit="m"), strip, [ao.Support("left")])
+    with pytest.warns(AntioscWarning, match=r"31\.62 m long, more than 20 m.*unit=\"mm\""):
+        ao.Structure(ao.read_mesh(script, size=5.0), strip, [ao.Support("left")])

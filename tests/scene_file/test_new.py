@@ -83,3 +83,16 @@ def test_a_sheet_gets_the_anti_oscillators_that_its_waves_need(tmp_path):
     scene = tomllib.loads(template.text("s.toml", "sheet.geo", look(sheet)))
     assert scene["extract"]["n"] >= 100
     assert scene["simulate"]["duration"] > 0.02  # half a period of 22 Hz
+
+
+@pytest.mark.parametrize(("side", "unit"), [(60.0, "mm"), (3.0, "mm"), (2.0, None)])
+def test_a_geometry_of_three_units_or_more_is_taken_in_millimetres(side, unit, tmp_path):
+    script = tmp_path / "block.geo"
+    script.write_text(
+        f'SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, {side}, {side / 2}, {side / 2}}};'
+    )
+    found = look(script)
+    assert found.read.get("unit") == unit
+    length = 1e-3 * side if unit else side
+    assert found.length == pytest.approx(length)
+    assert found.read["size"] == pytest.approx(length / 20, rel=0.34)

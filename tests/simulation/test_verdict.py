@@ -178,3 +178,48 @@ class TestChoiceOfN:
             ao.simulate(model, striker, ao.Hertz(HERTZ), 0.5 * sum(first), n="auto", tol=0.3)
         assert len(told) == 1
         assert "ends during contact" in str(told[0].message)
+
+
+def sheet(thickness, **of):
+    """A model on a spring of 1e5 N/m, of a sheet of that thickness [m]."""
+    info = {} if thickness is None else {"thickness": thickness}
+    return ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.5], omega=[5e3], info=info, **of)
+
+
+FAR = r"'structure' deflects by .* mm, .* times the thickness .* mm of its sheet, more than 0.5"
+
+
+@pytest.mark.parametrize("scene", [False, True])
+def test_a_sheet_that_deflects_beyond_half_its_thickness_is_told(scene):
+    def run(thickness):
+        model, ball = sheet(thickness), ao.RigidMass(0.2, 1.0)
+        if not scene:
+            return ao.simulate(model, ball, ao.Linear(1e7), 0.02)
+        bodies = {"structure": model, "impactor": ball}
+        contacts = [ao.Contact("structure", "impactor", ao.Linear(1e7))]
+        return ao.Scene(bodies, contacts).run(0.02)
+
+    fine = run(None).at(np.linspace(0, 0.02, 20_001))["structure"]
+    u = abs(fine.displacement("structure")).max()
+    assert "deflects" not in run(u / 0.49).message
+    with pytest.warns(ao.AccuracyWarning, match=FAR):
+        hit = run(u / 0.52)
+    assert float(hit.message.split(" times the")[0].split()[-1]) == pytest.approx(0.52, rel=0.01)
+    assert "nonlinear" in hit.message
+
+
+def test_bodies_that_still_approach_are_told():
+    """The site runs ahead of a heavy mass, which follows and hits it again."""
+
+    def run(duration):
+        return ao.simulate(sheet(None), ao.RigidMass(1.0, 1.0), ao.Linear(1e7), duration)
+
+    whole = run(0.05)
+    assert len(whole.contacts) > 1
+    assert "approach" not in whole.message
+    (_, end), (start, _) = whole.contacts[:2]
+    short = run(0.5 * (end + start))
+    assert short.status == 0
+    assert short.restitution < 0
+    assert f"approach (restitution {short.restitution:.3g} < 0)" in short.message
+    assert "lengthen the duration" in short.message

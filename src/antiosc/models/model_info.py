@@ -101,6 +101,8 @@ class ModelInfo(Brief):
         what the estimate of the mesh's error leaves out.
     measured : of a model from measured frequency responses, what its bars follow from.
     doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
+    thickness : the least [m] of its sheets, unless these are held along one line alone, as a
+        cantilever is: their theory holds for small deflections.
     strike : dofs and errors of the meshes that `strike` has tried.
     notes : anything else, JSON values.
     """
@@ -130,6 +132,7 @@ class ModelInfo(Brief):
     measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
     wave_speed: float | None = None
+    thickness: float | None = None
     strike: Sequence[Mapping[str, object]] | None = None
     notes: Mapping[str, Any] = field(default_factory=dict)
 
@@ -184,6 +187,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
     **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
+    "thickness": ((int, float), "a number"),
     "model": ((Mapping, str), "a dict or a text"),
 }
 _RECORDS: dict[str, Any] = {

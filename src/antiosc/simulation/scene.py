@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -14,9 +14,17 @@ from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.base.memory import within_memory
 from antiosc.contact import ContactLaw
 from antiosc.simulation.errors.truncation import too_few
+from antiosc.simulation.histories.deflection import too_far
 from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.histories.history import History, SceneHistory
-from antiosc.simulation.histories.verdict import Ended, Verdict, tell_rotation, touching, verdict_of
+from antiosc.simulation.histories.verdict import (
+    STOPPED,
+    Ended,
+    Verdict,
+    tell_rotation,
+    touching,
+    verdict_of,
+)
 from antiosc.simulation.integrators.comparison import (
     MAX_CONTACTS,
     MAX_STEPS,
@@ -117,6 +125,7 @@ class Scene(SceneParts):
         history, verdict = solved(SceneHistory, assembly, duration, settings)
         tell_rotation(*history.largest_rotation())
         verdict.tell()
+        history = told(history)
         _tell_too_few(self, history)
         check_range(history, doubts)
         return history
@@ -143,7 +152,32 @@ def solved(
     contacts, touched = assembly.scene.contacts, {int(c) for c in run.events[:, 1]}
     apart = [one for c, one in enumerate(contacts) if c not in touched]
     message = " ".join([verdict.message, *assembly.notes, *order_notes(apart, assembly.bodies)])
-    return kind(assembly, run, error, verdict.status, message, given=step), verdict
+    history = kind(assembly, run, error, verdict.status, message, given=step)
+    if approaching := still_approaching(history):
+        history = replace(history, message=f"{message} {approaching}")
+    return history, verdict
+
+
+def still_approaching(history: History) -> str:
+    """A sentence if the bodies of the one contact approach after the last release; else ""."""
+    if history.status == STOPPED or len(history.contact_histories) > 1:
+        return ""
+    e = history.restitution
+    if e is None or e >= 0:
+        return ""
+    return (
+        f"After the last release the bodies still approach (restitution {e:.3g} < 0) and will touch"
+        f" again: peak force, impulse and restitution are those up to {history.run.time[-1]:g} s;"
+        f" lengthen the duration."
+    )
+
+
+def told(history: H) -> H:
+    """The history whose message tells what is outside the theory; a warning tells it too."""
+    if not (sentence := too_far(history)):
+        return history
+    warn(sentence, AccuracyWarning)
+    return replace(history, message=f"{history.message} {sentence}")
 
 
 def start(assembly: Assembly, cut: tuple[Array, Array] | None = None) -> None:

@@ -36,7 +36,7 @@ from antiosc.simulation.integrators.comparison import MAX_CONTACTS, MAX_STEPS, S
 from antiosc.simulation.problem.impacts import Impact
 from antiosc.simulation.problem.scene_parts import LAW
 from antiosc.simulation.problem.two_bodies import pose
-from antiosc.simulation.scene import check_range, solved
+from antiosc.simulation.scene import check_range, solved, told
 
 Budget = Callable[[History], ErrorBudget]
 
@@ -138,6 +138,7 @@ def simulate(
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
     tell_rotation(*history.largest_rotation())
+    history = told(history)
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:
         warn_low_band(history)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 #: Arguments of `read_mesh` besides the file.
 Read: TypeAlias = dict[str, Any]
-#: A mesh whose longest side is more than this is taken as one in millimetres.
-LONGEST_IN_METRES = 10.0
+#: A file without a unit whose longest side is this or more is taken as one in millimetres.
+LONGEST_IN_METRES = 3.0
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
 #: Words in the names of groups that hold a part, the likeliest first.
@@ -151,11 +151,14 @@ def look(path: Path) -> Look:
     if path.stat().st_size > LARGEST:
         raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
     with finite_element_packages():
-        from antiosc.io.reading import outline
+        from antiosc.io.reading import STATES_UNIT, outline
     read: Read = {}
+    states_unit = path.suffix.lower() in STATES_UNIT
     with without_warnings():
         if path.suffix.lower() in GEOMETRIES:
             length = float(np.ptp(outline(path).points, axis=0).max())
+            if length >= LONGEST_IN_METRES and not states_unit:
+                read["unit"], length = "mm", 1e-3 * length
             read["size"] = _one_digit(length / ELEMENTS)
         try:
             mesh = antiosc.read_mesh(str(path), **read)
@@ -165,7 +168,7 @@ def look(path: Path) -> Look:
         if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
             read["gdim"] = 3
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
-        if length > LONGEST_IN_METRES and path.suffix.lower() not in GEOMETRIES:
+        if length >= LONGEST_IN_METRES and not states_unit:
             read["unit"] = "mm"
         mesh = antiosc.read_mesh(str(path), **read)
     return _seen(mesh, read)

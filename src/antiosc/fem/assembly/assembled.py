@@ -114,6 +114,8 @@ class AssembledMatrices(StructureMatrices):
         found: Plausibility = {"doubts": doubts} if doubts else {}
         if known and not self.layout.condensed:
             found["wave_speed"] = max(one["wave_speed"] for one in known)
+        if sheets := [one["thickness"] for one in known if "thickness" in one]:
+            found["thickness"] = min(sheets)
         return found
 
     @property

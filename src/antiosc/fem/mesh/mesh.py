@@ -157,6 +157,8 @@ class Mesh(Brief):
     groups: Mapping[str, Mapping[int, IntArray]] = field(default_factory=dict)
     #: where it came from, for messages
     name: str = "mesh"
+    #: whether the unit of its lengths was given, or is stated by its file
+    stated: bool = False
 
     def __post_init__(self) -> None:
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")

@@ -31,7 +31,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree, collective, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import read
+from antiosc.io.reading import STATES_UNIT, read
 from antiosc.io.request import Refinement
 from antiosc.io.selection import Wanted
 from antiosc.io.unit_system import UnitSystem
@@ -179,7 +179,8 @@ def read_mesh(
     raw = on_root(comm, work)
     for sentence in raw.told:
         warn(comm, sentence)
-    return distributed(raw, file.name, comm)
+    stated = unit is not None or file.suffix.lower() in STATES_UNIT
+    return replace(distributed(raw, file.name, comm), stated=stated)
 
 
 def _check_refinements(refine: Sequence[Refinement]) -> None:

@@ -26,10 +26,15 @@ CLOSER = 6
 
 
 class Plausibility(TypedDict, total=False):
-    """Sentences on what is implausible of a part, and its fastest wave along bars, m/s."""
+    """What the extent of linear theory follows from.
+
+    doubts : sentences on what is implausible of a part; wave_speed : the fastest along bars [m/s];
+    thickness : the least of sheets [m], unless they are held along one line alone.
+    """
 
     doubts: list[str]
     wave_speed: float
+    thickness: float
 
 
 @dataclass(eq=False)

@@ -131,6 +131,8 @@ class MeshedStructure(StructureMatrices):
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
     #: sentences on what is implausible of its size and its materials
     doubts: tuple[str, ...] = ()
+    #: the least of a sheet [m], unless it is held along one line alone
+    thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
     #: its fixed dofs, as its forms are assembled with
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
@@ -198,6 +200,8 @@ class MeshedStructure(StructureMatrices):
     def plausibility(self) -> Plausibility:
         speed = max(material.bar_speed() for material, _ in self.parts)
         found: Plausibility = {"wave_speed": speed}
+        if self.thickness is not None:
+            found["thickness"] = self.thickness
         return {**found, "doubts": list(self.doubts)} if self.doubts else found
 
     @property

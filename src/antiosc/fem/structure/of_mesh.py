@@ -14,7 +14,7 @@ from antiosc.base.checks import several, whole
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.weak_form import Family, Parts, measure
+from antiosc.fem.elements.weak_form import Family, Parts, WeakForm, measure
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
@@ -30,6 +30,9 @@ from antiosc.fem.structure.attachments import (
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.stiffeners import add_beams
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
+
+#: Deviation from a line of points that lie on it, over the size of the part.
+ON_LINE = 1e-6
 
 
 def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
@@ -123,7 +126,7 @@ def assembled(
     materials = [*(one for one, _ in parts), *stiffeners]
     doubts = plausible.tell(
         [
-            plausible.of_part(mesh.extent()),
+            plausible.of_part(mesh.extent(), mesh.stated),
             *map(plausible.of_material, materials),
             *(_of_section(one, mesh.extent()) for one in materials),
         ]
@@ -187,6 +190,7 @@ def assembled(
         dampers=[damper for one in added for damper in one.dampers],
         conditions=conditions,
         doubts=doubts,
+        thickness=_stretched(mesh, form, fixed, [one for one, _ in parts]),
     )
 
 
@@ -198,6 +202,23 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
         rest.setValue(first + dof, first + dof, 1.0)
     rest.assemble()
     attach(K, S, rest)
+
+
+def _stretched(
+    mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Any]
+) -> float | None:
+    """The least thickness [m] of a sheet, None where it is held at points of one line alone.
+
+    Such a sheet bends as a cantilever does: large deflections hardly stretch it.
+    """
+    if not materials[0].kind.sheet:
+        return None
+    nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
+    x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
+    spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
+    if spread[1:].sum() <= ON_LINE * mesh.extent():
+        return None
+    return float(min(one.section.thickness for one in materials))
 
 
 def _of_section(material: Family, extent: float) -> str:

@@ -254,6 +254,12 @@ def with_flights(run: Run, system: System) -> Run:
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 
+def free_steps(run: Run, system: System) -> Array:
+    """Displacements (n, J) of the free modes at the steps' ends that the run has kept."""
+    assert run.states is not None
+    return _free(system, run.states[:, 0], run.states[:, 1])[0]
+
+
 def largest_rotation(
     run: Run, system: System, bodies: Mapping[str, Placed], parts: Mapping[str, slice]
 ) -> tuple[str, float]:
@@ -261,8 +267,7 @@ def largest_rotation(
 
     Of bodies whose inertia in space is known.
     """
-    assert run.states is not None
-    q, _ = _free(system, run.states[:, 0], run.states[:, 1])
+    q = free_steps(run, system)
     turned = [
         (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
         for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
