@@ -273,7 +273,7 @@ class HertzContact(NamedTuple):
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def told(self, remedy: str = "{}") -> str:
-        """That the contact yields, with the law that yields, as in a `remedy`; "" if it does not."""
+        """That the contact yields, and the law that does so, in a `remedy`; "" if it does not."""
         if not self.share > 1:
             return ""
         radius = (0.75 * self.stiffness / self.modulus) ** 2
@@ -281,8 +281,8 @@ class HertzContact(NamedTuple):
         law = remedy.format(f"Thornton.from_material({numbers})")
         return (
             f"under the contact itself the pressure is {engineering(self.pressure, 'Pa')},"
-            f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times on"
-            f" it yields there, and Hertz's force is too high; take {law}"
+            f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times"
+            f" on it yields there, and Hertz's force is too high; take {law}"
         )
 
 
