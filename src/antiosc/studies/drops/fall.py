@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -281,7 +281,7 @@ class Fall(Brief):
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
         every = range(max(len(self.groups), 1))
-        chosen = every if impacts is None else checks.column("impacts", impacts).astype(int)
+        chosen = list(every if impacts is None else map(int, checks.column("impacts", impacts)))
         periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
         for one in (one for k in chosen for one in self._episodes(k)):
             count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
@@ -302,16 +302,15 @@ class Fall(Brief):
             found = replace(found, _margin=replace(found._margin, contact=told))
         return WorstField(**vars(found), impact=impact)
 
-    def _contact_yield(self, impacts: Sequence[int] | None = None) -> str:
-        """That the contact itself yields in one of the impacts (all); "" if not, or unknown."""
-        chosen = range(len(self.groups)) if impacts is None else impacts
-        own = [one for k in chosen for one in self._episodes(k)]
+    def _contact_yield(self, impacts: Iterable[int]) -> str:
+        """That the contact itself yields in one of the impacts; "" if not, or unknown."""
+        own = [one for k in impacts for one in self._episodes(k)]
         return contact_yield(self.body, self.setting.floor, own)
 
     @property
     def notes(self) -> list[str]:
         """What was taken for granted, and that the contact itself yields."""
-        told = self._contact_yield()
+        told = self._contact_yield(range(len(self.groups)))
         return [*self.body.notes, *([told] if told else [])]
 
     # -- how far it is predictable, in words and pictures

@@ -116,8 +116,9 @@ def of_mesh(part: MeshedStructure) -> Skin:
     sizes = np.bincount(at[:, 0], length, len(x)) / np.maximum(
         np.bincount(at[:, 0], minlength=len(x)), 1
     )
-    own = dict(zip(("materials", "strengths", "half"), _materials(part), strict=True))
-    found = replace(of_points(x), normals=normals, sizes=sizes, **own)
+    materials, strengths, half = _materials(part)
+    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
+    found = replace(found, strengths=strengths, half=half)
     if count != 3:
         return found
     found = replace(found, triangles=ground.elements)

@@ -36,15 +36,16 @@ def _contacts(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Iter
     for one in episodes:
         for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0), strict=True):
             strength, radii = float(body.strengths[i]), tuple(body.radii[i].tolist())
-            law = law_of(floor, radii, body.materials[i])
-            if force > 0 and strength > 0 and _hertzian(law):
-                modulus = _modulus(law.stiffness, radii, body.materials[i])
-                yield HertzContact(law.stiffness, modulus, float(force), strength)
+            stiffness = _stiffness(law_of(floor, radii, body.materials[i]))
+            if force > 0 and strength > 0 and stiffness is not None:
+                modulus = _modulus(stiffness, radii, body.materials[i])
+                yield HertzContact(stiffness, modulus, float(force), strength)
 
 
-def _hertzian(law: ContactLaw) -> bool:
-    """Whether the force is k_H delta^1.5, damped or not."""
-    return isinstance(law, Hertz) or (isinstance(law, HuntCrossley) and law.exponent == 1.5)
+def _stiffness(law: ContactLaw) -> float | None:
+    """k_H [N m^-3/2] of a law by Hertz, damped or not; None of others."""
+    hertz = isinstance(law, Hertz) or (isinstance(law, HuntCrossley) and law.exponent == 1.5)
+    return float(law.stiffness) if hertz else None  # type: ignore[attr-defined]
 
 
 def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> float:
@@ -53,4 +54,5 @@ def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> f
     A stiffer law that is given is one of larger radii.
     """
     flat = relative_curvatures(radii, (np.inf, np.inf), 0.0)
-    return min(stiffness / hertz_stiffness(1.0, *flat), effective_modulus(*material, None, None))
+    E, nu = material.tolist()
+    return min(stiffness / hertz_stiffness(1.0, *flat), effective_modulus(E, nu, None, None))
