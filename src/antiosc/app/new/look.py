@@ -353,8 +353,9 @@ def draw(found: Look, path: Path, drop: bool = False) -> None:
     from antiosc.base.charts.figures import save_figure
     from antiosc.base.charts.surfaces import Deformed, deformed_figure
 
-    shade = np.zeros(len(found.points)) if drop else found.held.astype(float)
-    label = "" if drop else "1: held"
-    part = Deformed(found.points, found.points, found.faces, shade, label, 1.0)
+    height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
+    shade = height if drop else found.held.astype(float)
+    label = "height over its lowest point (mm)" if drop else "1: held"
+    part = Deformed(found.points, found.points, found.faces, shade, label, max(float(shade.max()), 1.0))
     arrow = None if drop else (np.array(found.point), np.array(found.direction))
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)
