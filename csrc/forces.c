@@ -4,7 +4,7 @@
 #ifndef SWEEPS /* tests try other numbers */
 #define SWEEPS 12
 #endif
-enum { NEWTON = 40 };
+enum { NEWTON = 100 }; /* friction along a soft sheet converges by 0.7 a step */
 
 #define SQUARED 1e-7 /* of the forces: Newton's correction after which none is needed */
 #define SETTLED 1e-12 /* of the forces: a sweep that changes them by less is the last */

@@ -24,6 +24,8 @@ from antiosc.studies.drops.orientation import tilted
 from antiosc.studies.drops.rotation import free_rotation
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 
+BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
+
 
 def test_a_ball_bounces_by_the_law_it_has() -> None:
     e, k = 0.8, 1e10
@@ -44,6 +46,68 @@ def test_a_ball_bounces_by_the_law_it_has() -> None:
     assert elastic.peak("force").value == pytest.approx(
         k**0.4 * (1.25 * mass * v[0] ** 2) ** 0.6, rel=2e-3
     )
+
+
+@pytest.mark.parametrize("e", [0.2, 0.5, 0.9])
+def test_the_restitution_of_a_floor_is_that_of_the_bounce(e: float) -> None:
+    one = ao.drop(BALL, 0.6, floor=ao.Floor(restitution=e), until=1).impacts[0]
+    assert one.speed_after / one.speed_before == pytest.approx(e, rel=2e-3)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.6])
+def test_the_loss_factor_of_a_layer_is_that_of_half_a_cycle(loss: float) -> None:
+    """Which dissipates pi loss of the energy that is left, all the time."""
+    layer = ao.SoftLayer(1e-3, 1e9, loss=loss)
+    one = ao.drop(BALL, 0.6, floor=ao.Floor(layer=layer), until=1).impacts[0]
+    left = (one.speed_after / one.speed_before) ** 2
+    assert left == pytest.approx(np.exp(-np.pi * loss), rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("layer", "word"), [((5e-3, 1e6), "m thick"), ((1e-2, 4e7), "up to 0.3")], ids=["deep", "sharp"]
+)
+def test_a_layer_pressed_beyond_its_law_is_told(layer: tuple[float, float], word: str) -> None:
+    floor = ao.Floor(layer=ao.SoftLayer(*layer))
+    with pytest.warns(ao.AccuracyWarning) as told:
+        ao.drop(block(), 0.05, floor=floor, until=1, tol=1e-2)
+    assert any(word in str(one.message) for one in told)
+
+
+def test_a_face_lands_on_a_layer_by_a_law_of_its_corners() -> None:
+    """As the warning of layers says: m g + sqrt((m g)^2 + k m v^2) with k = E A/t."""
+    E, thickness, height, part = 1e6, 0.01, 0.5, block()
+    area, weight = 4 * HALF[0] * HALF[1], part.mass * G
+    floor = ao.Floor(law=ao.Linear(E * area / (4 * thickness)))
+    fall = ao.drop(part, height, floor=floor, until=1)
+    peak = weight + np.sqrt(weight**2 + 2 * E * area / thickness * weight * height)
+    assert fall.peak_force == pytest.approx(peak, rel=1e-3)
+
+
+def test_a_filter_has_the_flight_after_the_last_impact() -> None:
+    """The same impact, whether it is the last one or not."""
+    part = ao.RigidBody(1.3, [2e-3] * 3, {"low": ((0, 0, -0.05), (0, 0, 1))})
+    floor, peaks = ao.Floor(law=ao.HuntCrossley(5e7, 0.8)), []
+    for until in (1, 2):
+        fall = ao.drop(part, 0.7, floor=floor, until=until)
+        t, a = fall.signal((0, 0, 0), 0, filter="CFC60")
+        change = a[:, 2].sum() * (t[1] - t[0])
+        assert change == pytest.approx(fall.impacts[0].impulse / 1.3, rel=1e-3)
+        peaks.append(a[:, 2].max())
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
+
+
+def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.contact_scene.LIMITS", (10_000, 60))
+    with pytest.warns(ao.AccuracyWarning, match="do not reach tol = 0.0001"):
+        ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
+
+
+def test_falls_of_an_ensemble_that_fail_are_told() -> None:
+    sites = {s: ((x, 0, -0.01), (0, 0, 1)) for s, x in (("a", -0.1), ("b", 0.1))}
+    rod, floor = ao.RigidBody(0.1, [1e-6, 3e-4, 3e-4], sites), ao.Floor(law=ao.Hertz(1e8))
+    with pytest.warns(ao.AccuracyWarning, match="falls failed.*on all sides of its centre"):
+        many = ao.drop(rod, 0.05, floor=floor, until=1, tol=1e-2, ensemble=ao.Tilts(np.inf), n=8)
+    assert 0 < len(many.failed) < 8
 
 
 def test_a_rigid_blocks_first_two_impacts_are_those_of_impulses() -> None:
@@ -342,6 +406,31 @@ def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> 
         begin = one.time - first - 1e-6
         during = (hit.time >= begin) & (hit.time <= begin + one.contact_time + 2e-6)
         assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.5])
+def test_a_heavy_ball_leaves_the_soil_again(radius: float) -> None:
+    """Its contact takes many episodes; where one ends at the deepest point, no part is at rest."""
+    ball, soil = ao.Sphere(radius, 30e9, 0.2, 2400.0), ao.soil_cone(0.25, 20e6, 0.3, 1800.0)
+    fall = ao.drop(ball, 2.0, floor=ao.Floor(model=soil), until=1)
+    law = ao.Hertz.from_radii(radius, 30e9, 0.2, np.inf, np.inf, 0.3)
+    striker = ao.RigidMass(ball.mass, np.sqrt(2 * G * 2.0))
+    whole = ao.simulate(soil, striker, law, duration=0.05, gravity=G)
+    parts, one = whole.contacts[0][1], fall.impacts[0]
+    assert len(fall.episodes) > 3
+    assert one.contact_time == pytest.approx(parts, rel=1e-3)
+    rebound = -np.interp(parts, whole.time, whole.impactor_velocity)
+    assert one.speed_after == pytest.approx(rebound, rel=1e-3)
+
+
+def test_a_ball_comes_to_rest_on_soil() -> None:
+    ball, soil = ao.Sphere(0.05, 30e9, 0.2, 2400.0), ao.soil_cone(0.1, 20e6, 0.3, 1800.0)
+    fall = ao.drop(ball, 0.1, floor=ao.Floor(model=soil, restitution=0.5))
+    assert fall.status == "at rest"
+    held = fall.episodes[-1].held
+    if held:
+        pressed = sum(float(one.force[0]) for one in held.values())
+        assert pressed == pytest.approx(ball.mass * G, rel=0.5)
 
 
 def test_friction_on_soil_spins_a_ball() -> None:

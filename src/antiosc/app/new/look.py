@@ -356,6 +356,7 @@ def draw(found: Look, path: Path, drop: bool = False) -> None:
     height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
     shade = height if drop else found.held.astype(float)
     label = "height over its lowest point (mm)" if drop else "1: held"
-    part = Deformed(found.points, found.points, found.faces, shade, label, max(float(shade.max()), 1.0))
+    most = max(float(shade.max()), 1.0)
+    part = Deformed(found.points, found.points, found.faces, shade, label, most)
     arrow = None if drop else (np.array(found.point), np.array(found.direction))
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)

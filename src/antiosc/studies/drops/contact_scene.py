@@ -105,10 +105,12 @@ def scene_of(
             closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
+    # springs of friction begin unstrained: what they press is added with them
+    drawn += system.R @ force - system.R[:, :p] @ force[:p]
+    drawn[p:] += system.R[p:, :p] @ force[:p]
+    system.offsets[:, :p] += drawn[:p]
     begin(assembly, (closing, force[:p]) if held else None)
     if drawn.any():
-        # springs of friction begin unstrained
-        drawn[p:] += system.R[p:] @ force
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
         breaks, loads = (
             np.array([0.0, DRAWN * assembly.lasting]),
@@ -153,7 +155,9 @@ def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
             "friction jams a point at its contact: the compliance of the modes that are left out "
             "permits no contact forces there; take more modes (modes=) or less friction."
         )
-    history = SceneHistory(assembly, found.run, {}, STOPPED if found.run.answer else COMPLETED, "")
+    error = {"force": found.force, "peak": found.peak}
+    status = STOPPED if found.run.answer else COMPLETED
+    history = SceneHistory(assembly, found.run, error, status, "")
     check_range(history)
     return history
 

@@ -78,7 +78,7 @@ def course(
         state, held = one.end, one.held
         pressed = max(pressed, one.pressed)  # dents of one impact stay when a point parts
         _check_depth(body, state, pressed, setting)
-        if _rests(body, state, setting):
+        if _rests(body, state, held, setting):
             status = "at rest"
         elif len(episodes) >= contacts:
             status = f"not at rest after {contacts:g} contacts"
@@ -107,14 +107,15 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
         )
 
 
-def _rests(body: FreeBody, state: State, setting: Setting) -> bool:
-    """Whether the body stands on points around its centre of mass that hardly move."""
+def _rests(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> bool:
+    """Whether the body stands on points around its centre of mass that hardly move, nor will."""
     arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
     low = arms[:, 2]
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
     carrying = arms[low < low.min() + CARRIES * body.extent]
     moving = _hindered(body, state, carrying, setting.floor.friction > 0)
+    moving += _pushed(body, state, held, setting) + _shaken(body, state, held, setting)
     if moving > REST * body.mass * setting.gravity * setting.height:
         return False
     return _around(carrying[:, :2], AROUND * body.extent)
@@ -129,6 +130,37 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
     own = across[:, : size.size][:, size > STILL * size[0]]
     taken = own.T @ W @ np.append(body.mass * state.velocity, state.momentum)
     return float(taken @ taken / 2)
+
+
+def _pushed(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> float:
+    """Energy [J] of the contacts beyond what carries the weight.
+
+    Of one contact with the force F and the way d it is (F - m g)^2 d/F: of a linear law twice the
+    energy, and no less than it of a force that grows faster than the way.
+    """
+    if not held:
+        return 0.0
+    W, points = body.rigid_modes(state.R)[0], list(held)
+    arms, ways = state.arms(body, points), np.diag([-h.height / h.force[0] for h in held.values()])
+    if setting.floor.ground is not None:
+        ways = ways + setting.floor.ground.compliance
+    forces = np.array([AXES[: h.force.size].T @ h.force for h in held.values()])
+    wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
+    wrench[2] -= body.mass * setting.gravity
+    up = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
+    # up ways^-1 up' is the stiffness against rigid motions
+    root = np.linalg.cholesky(np.linalg.inv(ways))
+    found = np.linalg.lstsq(up @ root, W @ wrench, rcond=STILL)[0]
+    return float(found @ found)
+
+
+def _shaken(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> float:
+    """Energy [J] of the body at the speed of the floor as it vibrates about its displacement."""
+    ground = setting.floor.ground
+    if ground is None:
+        return 0.0
+    speed = ground.speed(state.floor, sum(float(h.force[0]) for h in held.values()))
+    return 0.5 * body.mass * speed**2
 
 
 def _around(points: Array, close: float) -> bool:

@@ -108,7 +108,9 @@ def drop(
     -----
     AccuracyWarning
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
-        does not come to rest.
+        does not come to rest; contact forces that do not reach `tol` in 50 000 steps; a layer that
+        is pressed in deeper than its thickness or than 0.3 of the radius of a point; falls of an
+        ensemble that failed.
     """
     setting = Setting(
         as_floor(floor),

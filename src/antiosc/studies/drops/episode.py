@@ -89,6 +89,21 @@ class Episode:
         run, R = self.history.run, self.history.assembly.system.R
         return float((run.depth + run.force @ R.T)[:, : len(self.which)].max())
 
+    @property
+    def error(self) -> float:
+        """Estimated relative error of the forces; inf of a march that stopped at the end.
+
+        One that stopped in the flight after the end, without an estimate, has none: 0.
+        """
+        found, last = max(self.history.error.values()), float(self.history.time[-1])
+        after = self.duration < last * (1 - 1e-12)
+        return 0.0 if found == np.inf and after else found
+
+    def sunk(self) -> Array:
+        """Largest indentations (n,) [m] of the laws of the points."""
+        run = self.history.run
+        return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
+
     def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""

@@ -19,12 +19,12 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warni
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY
+from antiosc.studies.drops.contact_scene import BODY, LIMITS
 from antiosc.studies.drops.course import course, hung
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.studies.drops.flight import Flight, State, ringing
-from antiosc.studies.drops.floor import Setting
+from antiosc.studies.drops.floor import Setting, SoftLayer
 from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc.studies.drops.rotation import turned
 from antiosc.studies.drops.yielding import contact_yield
@@ -38,6 +38,8 @@ SAMPLES, MOST = 12, 200_000
 LOOKS, FEW, MANY = 8, 20, 200
 #: Spin over the lowest natural frequency above which the stiffening by the spin matters.
 STIFFENS = 0.02
+#: Indentation of a layer over the radius up to which the force of a ball is that of a paraboloid.
+BLUNT = 0.3
 NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 #: Nudges of the predictability: angle [rad], and what a peak force may differ by.
 NUDGE, SPREAD = 1e-4, 0.05
@@ -154,7 +156,7 @@ class Fall(Brief):
             steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
         begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
         end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
-        begin, end = max(begin, 0.0), min(end, self.end.time)
+        begin, end = max(begin, 0.0), min(end, self._lasting)
         steps += [one.duration / 50 for one in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
         step = max(min(steps), (end - begin) / MOST)
@@ -163,10 +165,13 @@ class Fall(Brief):
         return t, a if filter is None else cfc_filter(step, a, filter)
 
     def acceleration(self, times: ArrayLike, at: At = None) -> Array:
-        """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`."""
+        """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`.
+
+        Beyond its end the fall goes on as a flight, for as long as a filter remembers.
+        """
         t = checks.column("times", times)
-        if t.size and (t.min() < 0 or t.max() > self.end.time * (1 + 1e-12)):
-            raise InputError(f"times must lie within the fall, 0 to {self.end.time:g} s.")
+        if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
+            raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
         begins, parts = [0.0], list[State | Episode]([self.start])
         for one in self.episodes:
             begins += [one.start.time, one.end.time]
@@ -176,6 +181,11 @@ class Fall(Brief):
         for k in np.unique(which):
             found[which == k] = self._felt(parts[k], t[which == k] - begins[k], *point)
         return found
+
+    @property
+    def _lasting(self) -> float:
+        """Time [s] up to which the motion is known: the end, and what filters remember."""
+        return self.end.time + MEMORY / min(CLASSES.values())
 
     def _point(self, at: At) -> tuple[Array, Array]:
         """Arm (3,) of a point from the centre of mass, and shapes (3, J) of the modes there."""
@@ -355,7 +365,7 @@ class Fall(Brief):
         ]
 
     def warn(self) -> None:
-        """Warn of a spin that stiffens the part, and of a fall that does not come to rest."""
+        """Warn of what makes the fall inaccurate: spin, steps, a layer; and of one without rest."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if ratio > STIFFENS:
             warn(
@@ -366,6 +376,42 @@ class Fall(Brief):
             )
         if "not at rest" in self.status:
             warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+        off = np.array([one.error for one in self.episodes])
+        tol, most = self.setting.tol, off.max(initial=0.0)
+        if not most <= tol:
+            known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
+            warn(
+                f"the contact forces of {int(np.sum(off > tol))} of {len(off)} episodes do not "
+                f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
+                AccuracyWarning,
+            )
+        layer = self.setting.floor.layer
+        if layer is not None:
+            self._warn_of(layer)
+
+    def _warn_of(self, layer: SoftLayer) -> None:
+        """Warn of points pressed into a layer deeper than its law holds."""
+        deep, over, place = 0.0, 0.0, 0.0
+        for one in self.episodes:
+            radii = self.body.radii[one.which].min(axis=1)
+            depth = one.sunk()
+            k = int(np.argmax(depth / radii))
+            deep = max(deep, float(depth.max()))
+            over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
+        if deep > layer.thickness:
+            warn(
+                f"the layer is pressed in by {deep:.3g} m, and is {layer.thickness:g} m thick: its "
+                f"law knows no ground below. Take a thicker or a stiffer layer.",
+                AccuracyWarning,
+            )
+        if over > BLUNT:
+            warn(
+                f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
+                f"of it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= "
+                f"that it has; where a face of area A lands flat on n corners, give "
+                f"Floor(law=Linear(E*A/(n*thickness))).",
+                AccuracyWarning,
+            )
 
 
 def fall_of(body: FreeBody, start: State, setting: Setting) -> Fall:

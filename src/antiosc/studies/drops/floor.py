@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Given
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
-from antiosc.contact import ContactLaw, Hertz, HuntCrossley, Power
+from antiosc.contact import ContactLaw, Gonthier, Hertz, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.first_order import SideBySide
@@ -41,7 +41,8 @@ class SoftLayer(Given):
         Modulus across the sheet [Pa]: of foam or felt Young's, of rubber that cannot move sideways
         the larger modulus of confined compression.
     loss : float
-        Loss factor, the dissipated over 2 pi times the stored energy of a cycle.
+        Loss factor, the dissipated over 2 pi times the stored energy of a cycle: a bounce leaves
+        exp(-pi loss) of the energy, as half a cycle of a spring with it does.
     """
 
     thickness: float
@@ -65,7 +66,7 @@ def _cushioned(layer: SoftLayer, radii: tuple[float, float]) -> ContactLaw:
     if layer.loss == 0.0:
         return Power(stiffness, 2.0)
     # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
-    return HuntCrossley(stiffness, float(np.exp(-pi * layer.loss / 2)), 2.0)
+    return Gonthier(stiffness, float(np.exp(-pi * layer.loss / 2)), 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +80,8 @@ class Floor(Given):
     friction : float
         Coulomb's coefficient.
     restitution : float, optional
-        Coefficient of restitution of the contact itself (a Hunt-Crossley law); None: elastic. The
-        energy that goes into vibrations of the part is lost in addition.
+        Coefficient of restitution of the contact itself, that of free bodies (Gonthier's law);
+        None: elastic. The energy that goes into vibrations of the part is lost in addition.
     layer : SoftLayer, optional
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
@@ -119,6 +120,11 @@ class Floor(Given):
             raise InputError(f"a floor takes one of material, layer and law; got {given}.")
         if self.law is not None and self.restitution is not None:
             raise InputError("a floor with its own law takes no restitution: the law has it.")
+        if self.layer is not None and self.restitution is not None:
+            raise InputError(
+                "a floor with a layer takes no restitution: give SoftLayer(loss=), which leaves "
+                "the restitution exp(-pi loss/2)."
+            )
 
     @cached_property
     def ground(self) -> Ground | None:
@@ -158,6 +164,26 @@ class Ground:
     body: SiteModes
     modes: SideBySide
     shape: Array
+
+    @property
+    def compliance(self) -> float:
+        """Displacement of the modes under a constant force of 1 N [m/N]."""
+        return float(self.shape[0] @ self._held[0] + self.shape[1] @ self._held[1])
+
+    @property
+    def _held(self) -> Array:
+        """The modes (2, F) under a constant force of 1 N."""
+        (by_a, by_b), omega = self.shape, self.modes.omega
+        return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
+
+    def speed(self, floor: Array, force: float) -> float:
+        """Amplitude [m/s] of modes (2, F) about where a constant force [N] holds them.
+
+        Modes of different frequencies add up in squares.
+        """
+        (a, b), (by_a, by_b), omega = floor - force * self._held, self.shape, self.modes.omega
+        squares = (by_a**2 + (omega * by_b) ** 2) * (b**2 + (omega * a) ** 2)
+        return float(np.sqrt(squares.sum()))
 
     def start(self, floor: Array) -> ModalState:
         """How the body starts where the modes have displacements and rates (2, F)."""
@@ -211,7 +237,7 @@ def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> Contact
     law = _hertz(radii, RIGID if isnan(E) else (E, nu), (inf, inf), other)
     if floor.restitution is None or floor.restitution == 1.0:
         return law
-    return HuntCrossley(law.stiffness, floor.restitution)
+    return Gonthier(law.stiffness, floor.restitution)
 
 
 def constants(material: Any) -> tuple[float, float]:
