@@ -319,6 +319,9 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
     assert hardest(hard) == 0
     assert "1 doubtful" in hard.summary()
+    stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)
+    assert "largest stress 1.00 Pa at (60, 40, 30) mm" in stressed.summary()
+    assert "and the largest stress" in stressed.summary()
     mesh = meshio.read(hard.write(tmp_path / "map.vtu"))
     assert mesh.point_data["doubtful"].tolist() == [0.0, 1.0]
 

@@ -235,7 +235,8 @@ def test_a_scene_of_several_contacts(model, tmp_path):
 def test_the_c_file_is_the_same_run(model, tmp_path):
     ao.export(tmp_path / "blow.c", model, BALL, LAW, duration=DURATION, tol=1e-6)
     ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6)
-    build = ["cc", "-std=c99", "-O1", "-DBLOW_MAIN", "-o", "blow", "blow.c", "-lm"]
+    strict = ["-std=c99", "-O1", "-Wall", "-Werror"]
+    build = ["cc", *strict, "-DBLOW_MAIN", "-o", "blow", "blow.c", "-lm"]
     subprocess.run(build, cwd=tmp_path, check=True)
     table = subprocess.run([tmp_path / "blow"], capture_output=True, text=True, check=True)
     rows = np.array([line.split() for line in table.stdout.splitlines()], dtype=float)

@@ -273,6 +273,16 @@ def test_fitted_bodies_become_passive_models():
         assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()
 
 
+@pytest.mark.filterwarnings("error::antiosc.AntioscWarning")
+def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
+    none = Tail(np.zeros(0), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
+    body = Modes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
+    made = anti_oscillators(body, (), ModelInfo())
+    assert max(made.damping.ratio) == pytest.approx(0.3)
+    made.save(tmp_path / "fit.npz")
+    assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping
+
+
 def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
     """Two modes, half a per cent of noise: a body of 269 kg on a soft spring fitted its tail."""
     f = np.linspace(5.0, 2000.0, 400)

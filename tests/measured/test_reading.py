@@ -130,7 +130,7 @@ def test_universal_files_that_are_damaged(tmp_path):
 
 @pytest.mark.parametrize(
     "header",
-    ["frequency (Hz), real, imag", "Freq;Re;Im", "# f\tmagnitude\tphase (deg)", ""],
+    ["frequency (Hz), real, imag", "Hz re im", "Freq;Re;Im", "# f\tmagnitude\tphase (deg)", ""],
 )
 def test_tables(header, tmp_path):
     columns = [F, H.real, H.imag]
@@ -145,6 +145,13 @@ def test_tables(header, tmp_path):
     assert np.allclose(ao.read_frf(path, quantity="receptance").receptance, H)
     with pytest.raises(ao.InputError, match="quantity"):
         ao.read_frf(path)
+
+
+@pytest.mark.parametrize("header", ["x, real, imag", "Hz, u, v"])
+def test_a_header_without_known_names_is_told_which_are_known(header, tmp_path):
+    (tmp_path / "a.csv").write_text(header + "\n1, 2, 3\n2, 3, 4\n")
+    with pytest.raises(ao.InputError, match=r"only of .*frequency \(f, hz…\), real \(re…\)"):
+        ao.read_frf(tmp_path / "a.csv", quantity="mobility")
 
 
 def test_arrays_in_a_file(tmp_path):

@@ -28,6 +28,7 @@ from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
 from antiosc.simulation.march.given_step import checked_step, stepped
 from antiosc.simulation.problem.assembly import Assembly, assemble
+from antiosc.simulation.problem.rows import order_notes
 from antiosc.simulation.problem.scales import stiffness_at
 from antiosc.simulation.problem.scene_parts import SceneParts
 
@@ -139,7 +140,9 @@ def solved(
     verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
-    message = " ".join([verdict.message, *assembly.notes])
+    contacts, touched = assembly.scene.contacts, {int(c) for c in run.events[:, 1]}
+    apart = [one for c, one in enumerate(contacts) if c not in touched]
+    message = " ".join([verdict.message, *assembly.notes, *order_notes(apart, assembly.bodies)])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 

@@ -192,9 +192,12 @@ class ImpactMap(Brief):
                 row += f"{force:>12}  {place(self.points[i])}"
             rows.append(row)
         if self.doubtful.any():
-            rows.append(f"{self.doubtful.sum()} doubtful sites are left out of the peak forces")
+            stress = "" if self.peak_stress is None else " and the largest stress"
+            rows.append(
+                f"{self.doubtful.sum()} doubtful sites are left out of the peak forces{stress}"
+            )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
-            i = int(np.nanargmax(self.peak_stress))
+            i = hardest(self, of=self.peak_stress)
             assert self.stress_points is not None
             rows.append(
                 f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
@@ -213,13 +216,15 @@ class ImpactMap(Brief):
         return plot_map(self, path, quantity)
 
 
-def hardest(found: ImpactMap, own: IntArray | None = None) -> int:
+def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
     """Number of the site of the largest peak force, of some or all that are not doubtful.
 
-    Of those that are, where there are no others; of a map with impacts.
+    Of those that are, where there are no others; of a map with impacts. `of` (P,): of this quantity
+    in place of the force.
     """
-    assert found.peak_force is not None
+    of = found.peak_force if of is None else of
+    assert of is not None
     own = np.arange(len(found)) if own is None else own
     trusted = own[~found.doubtful[own]]
     own = trusted if trusted.size else own
-    return int(own[np.argmax(np.nan_to_num(found.peak_force[own], nan=-1.0))])
+    return int(own[np.argmax(np.nan_to_num(of[own], nan=-1.0))])

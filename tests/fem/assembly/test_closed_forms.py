@@ -98,12 +98,12 @@ PAGE = (ROOT / "docs" / "assemblies.md").read_text(encoding="utf-8")
 
 @pytest.mark.slow
 def test_the_example_runs(tmp_path, capsys):
-    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    program = "\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
     names = runpy.run_path(str(tmp_path / "program.py"))
     assert "peak force" in capsys.readouterr().out
     part, hit = names["both"], names["hit"]
-    screws = 4 * 7850.0 * np.pi * 3e-3**2 * 5e-3
+    screws = 4 * 7850.0 * np.pi * 3e-3**2 * 6e-3
     assert part.mass == pytest.approx(2700.0 * 0.2 * 0.1 * 0.025 + screws, rel=1e-9)
     ball = 7850.0 * 4 / 3 * np.pi * 0.01**3
     assert hit.impulse == pytest.approx(ball * (1.0 - hit.impactor_velocity[-1]), rel=1e-6)

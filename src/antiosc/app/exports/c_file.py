@@ -32,7 +32,11 @@ _HEAD = """\
  * Outputs:
 {outputs}
  */
+#if defined(__GNUC__)
+#define AOM_API static __attribute__((unused)) /* a run needs some of the functions */
+#else
 #define AOM_API static
+#endif
 #define {upper}_BYTES {size}
 """
 

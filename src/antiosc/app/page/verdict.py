@@ -94,8 +94,7 @@ def _most_dangerous(found: ImpactMap) -> str:
     assert found.peak_stress is not None
     assert found.stress_points is not None
     share = found.exposure
-    trusted = ~found.doubtful | found.doubtful.all()
-    i = int(np.nanargmax(np.where(trusted, found.peak_stress if share is None else share, np.nan)))
+    i = hardest(found, of=found.peak_stress if share is None else share)
     told = (
         f"A blow at {place(found.points[i])} stresses the part most:"
         f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"

@@ -83,7 +83,7 @@ class Section(Checked):
 
     @classmethod
     def circle(cls, d: float, shear: float = 0.9) -> Section:
-        """A full circle of diameter `d` in m; κ = 9/10."""
+        """A full circle of diameter `d` in m (not its radius); κ = 9/10."""
         d = positive("d", d, "m")
         A, I = math.pi * d**2 / 4, math.pi * d**4 / 64  # noqa: E741
         return cls(A=A, I=I, shear=shear, outline=_circle(d))

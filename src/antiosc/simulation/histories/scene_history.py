@@ -74,12 +74,12 @@ class OneContact:
 
     @property
     def peak_force(self) -> float:
-        """Largest contact force [N], also between the nodes."""
+        """Largest contact force [N] of all blows, also between the nodes."""
         return float(self._numbers.peak)
 
     @property
     def impulse(self) -> float:
-        """Time integral of the contact force [N s]."""
+        """Time integral of the contact force [N s] over the whole run: of all blows."""
         return float(self._numbers.impulse)
 
     @property

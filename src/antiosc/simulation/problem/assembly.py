@@ -20,7 +20,6 @@ from antiosc.simulation.problem.rows import (
     axes_of,
     find,
     give_axes,
-    order_notes,
     row_of,
     tangents_of,
 )
@@ -140,7 +139,6 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
     breaks, loads, offsets = acting(scene, bodies, spans, columns, axes, B, r, G, gaps, duration)
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
     laws, notes = _laws(scene, local)
-    notes += order_notes(scene, ends)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")

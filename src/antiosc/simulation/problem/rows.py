@@ -101,10 +101,11 @@ def row_of(
     return row, direction
 
 
-def order_notes(scene: SceneParts, ends: list[tuple[End, End]]) -> list[str]:
-    """Notes on contacts that push the second end against its site's direction."""
+def order_notes(contacts: Sequence[Contact], bodies: dict[str, Placed]) -> list[str]:
+    """Notes on contacts, which did not touch, that push the second end against its site."""
     notes = []
-    for contact, ((a, at), (b, bt)) in zip(scene.contacts, ends, strict=True):
+    for contact in contacts:
+        (a, at), (b, bt) = (find(end, bodies) for end in (contact.a, contact.b))
         push, other = a.pushes.get(at), b.pushes.get(bt)
         if other is not None and (push is None or push @ other > 0):
             notes.append(

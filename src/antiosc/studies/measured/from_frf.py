@@ -12,7 +12,13 @@ from scipy.signal import find_peaks
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.errors import (
+    AccuracyError,
+    AccuracyWarning,
+    InputError,
+    warn,
+    without_warnings,
+)
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
 from antiosc.models.modal import Damping
@@ -260,7 +266,8 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
     elastic = elastic[elastic > 0]
     own = omega[omega > 0]
     ratios = [float(zeta[np.argmin(np.abs(np.log(own / w)))]) for w in elastic]
-    return replace(model, damping=Damping(ratio=ratios), info=info)
+    with without_warnings():  # broad modes hide in the fit: nobody gave their ratios
+        return replace(model, damping=Damping(ratio=ratios), info=info)
 
 
 def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:

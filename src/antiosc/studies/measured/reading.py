@@ -19,8 +19,8 @@ from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity, stated
 
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
-    "f": "frequency", "re": "real", "im": "imag", "mag": "magnitude", "abs": "magnitude",
-    "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
+    "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude",
+    "abs": "magnitude", "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
     "sig": "sigma", "std": "sigma", "t": "time", "force": "force",
 }  # fmt: skip
 #: Columns of a table without a header.
@@ -43,9 +43,10 @@ def read_frf(
     path : str or Path
         ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
         ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
-        Anything else: a table of columns in text, whose header names frequency, real and imag (or
-        magnitude, and phase in degrees or rad), and perhaps coherence; without a header in this
-        order.
+        Anything else: a table of columns in text. Its header names them by words that begin with f
+        or Hz (frequency in Hz), re and im, or mag, abs or amp and pha (degrees or rad), and perhaps
+        coh or gam (coherence), sig or std (sigma); without a header frequency, real, imag,
+        coherence.
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
         by names of one's own. None: the one driving point in the file.
@@ -105,16 +106,26 @@ def _of_columns(
         in_degrees = columns.get("degrees", np.abs(turn).max(initial=0.0) > 2 * np.pi)
         values = columns["magnitude"] * np.exp(1j * (np.radians(turn) if in_degrees else turn))
     else:
-        raise InputError(
-            "a table needs columns frequency, real and imag, or magnitude and phase; it has"
-            f" {', '.join(sorted(known))}."
-        )
+        raise _missing("real and imag, or magnitude and phase", known)
     if "frequency" not in known:
-        raise InputError("the table has no column of frequencies [Hz].")
+        raise _missing("frequencies [Hz]", known)
     more = {name: columns[name] for name in ("coherence", "sigma") if name in known}
     if "sigma" in more:
         more["sigma"] = factor * more["sigma"]
     return FRF(columns["frequency"], factor * values, quantity, averages=averages, **more)
+
+
+def _missing(what: str, known: set[str]) -> InputError:
+    """The error for a table without what a measurement needs."""
+    begins: dict[str, list[str]] = {}
+    for key, name in COLUMNS.items():
+        begins.setdefault(name, []).append(key)
+    names = ("frequency", "real", "imag", "magnitude", "phase", "coherence", "sigma")
+    listed = ", ".join(f"{name} ({', '.join(begins[name])}…)" for name in names)
+    return InputError(
+        f"the table has no column of {what}, only of {', '.join(sorted(known)) or 'nothing'}. Name"
+        f" the columns in the header, by these beginnings: {listed}."
+    )
 
 
 def _arrays(path: Path) -> dict[str, Any]:
