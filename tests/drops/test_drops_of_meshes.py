@@ -134,3 +134,35 @@ def test_friction_that_jams_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("antiosc.studies.drops.contact_scene.exactly", stuck)
     with pytest.raises(ao.AccuracyError, match="jams"):
         ao.drop(ao.Sphere(0.01, 200e9, 0.3, 7800.0), 0.1, floor=ao.Floor(friction=0.6))
+
+
+@pytest.mark.parametrize("radius", [2e-3, None])
+def test_a_contact_that_yields_is_told(radius: float | None) -> None:
+    """The pressure is 1.5 F/(pi R delta); a law that yields and a soft one say nothing."""
+    solid = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6)
+    part = ao.Structure(ao.box_mesh((0.1, 0.05, 0.02), size=0.03), solid)
+    floor = ao.Floor(STEEL)
+    fall = ao.drop(part, 1.0, (20, 15, 0), floor, 1, modes=3, corner_radius=radius)
+    R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
+    F = fall.peak_force  # of one corner
+    pressure = 1.5 * F / (np.pi * R * (F / (4 / 3 * E * np.sqrt(R))) ** (2 / 3))
+    (told,) = (note for note in fall.notes if "Thornton" in note)
+    assert f", {pressure / 42e6:.3g} times the yield strength" in told
+    assert f"Floor(law=Thornton.from_material({E:.4g}, {R:.4g}, 6.72e+07))" in told
+    assert told in fall.summary()
+    assert told == fall.worst("von_mises").margin().contact
+    law = ao.Thornton.from_material(E, R, 1.6 * 42e6)
+    for gentle in (ao.Floor(law=law), ao.Floor(law=ao.Hertz(1e6))):
+        soft = ao.drop(fall.body, 1.0, (20, 15, 0), gentle, until=1)
+        assert soft.peak_force < F
+        assert not soft.worst("von_mises").margin().contact
+        assert "Thornton" not in soft.summary()
+
+
+def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:
+    """A corner parts in its dent, deeper than the next corner presses."""
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), ALUMINIUM)
+    floor = ao.Floor(law=ao.Thornton.from_material(2.236e10, 1e-3, 4.4e8), friction=0.3)
+    fall = ao.drop(part, 1.0, (10, 5, 0), floor, until=2, modes=12)
+    assert fall.status == "2 impacts"
+    assert np.all(np.diff(fall.energy()[1].sum(axis=1)) < 1e-3)

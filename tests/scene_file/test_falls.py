@@ -91,10 +91,30 @@ def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixt
     assert "drop.toml:16:" in capsys.readouterr().err
 
 
+def test_a_yield_strength_has_its_verdict(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    strong = FALL.replace("rho = 2700\n", "rho = 2700\nyield_strength = 275e6\n")
+    (folder / "drop.toml").write_text(strong + ASKED[: ASKED.index("filter")] + "[output]\n")
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    printed, page = capsys.readouterr().out, (folder / "page.html").read_text()
+    for text in (printed, page):
+        assert "yield is not reached" in text
+        assert "margin of safety" in text
+        assert "Floor(law=Thornton.from_material(2.236e+10, 0.001, 4.4e+08))" in text
+        assert "g (unfiltered), in impact 1" in text
+    margin = json.loads((folder / "out/result.json").read_text())["worst"]["margin"]
+    assert "the contact itself" in margin["sentence"]
+    assert margin["margin"] == pytest.approx(1 / margin["exposure"] - 1)
+
+
 @pytest.mark.parametrize("part", ["box.geo", "deck.inp"])
-def test_a_new_fall_has_no_mistakes(folder: Path, part: str) -> None:
+def test_a_new_fall_has_no_mistakes(
+    folder: Path, part: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "deck.inp").write_text("*NODE\n1, 0, 0, 0\n")
     assert cli.main(["new", "new.toml", part, "--drop"]) == 0
+    told = capsys.readouterr().out
+    assert not {"struck", "held"} & set(told.split())
+    assert ("dropped without supports" in told) == (part == "box.geo")
     found = compiled(read("new.toml"))
     assert found.does() == ["antiosc run"]
     assert found.fall is not None

@@ -251,6 +251,41 @@ def at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[
 FIRST_YIELD = 1.6
 
 
+class HertzContact(NamedTuple):
+    """A contact by Hertz's law k_H [N m^-3/2] of surfaces with E* [Pa], at its largest force.
+
+    `force` [N]; `strength` [Pa]: the yield strength of the part.
+    """
+
+    stiffness: float
+    modulus: float
+    force: float
+    strength: float
+
+    @property
+    def pressure(self) -> float:
+        """Largest pressure, Pa."""
+        return hertz_pressure(self.stiffness, self.modulus, self.force)
+
+    @property
+    def share(self) -> float:
+        """The pressure over that at first yield."""
+        return self.pressure / (FIRST_YIELD * self.strength)
+
+    def told(self, remedy: str = "{}") -> str:
+        """That the contact yields, and the law that does so, in a `remedy`; "" if it does not."""
+        if not self.share > 1:
+            return ""
+        radius = (0.75 * self.stiffness / self.modulus) ** 2
+        numbers = ", ".join(f"{n:.4g}" for n in (self.modulus, radius, FIRST_YIELD * self.strength))
+        law = remedy.format(f"Thornton.from_material({numbers})")
+        return (
+            f"under the contact itself the pressure is {engineering(self.pressure, 'Pa')},"
+            f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times"
+            f" on it yields there, and Hertz's force is too high; take {law}"
+        )
+
+
 def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
     """That the pressure of an impact exceeds that at first yield; "" where not, or unknown.
 
@@ -274,14 +309,7 @@ def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
         return ""
     E, nu, part_E, part_nu, strength = own
     modulus = effective_modulus(E, nu, part_E, part_nu)
-    pressure = hertz_pressure(law.stiffness, modulus, contacts[0].peak_force)
-    if pressure <= FIRST_YIELD * strength:
-        return ""
-    return (
-        f"under the contact itself the pressure is {engineering(pressure, 'Pa')}, above"
-        f" {FIRST_YIELD:g} times the yield strength: it yields there, and Hertz's force is too high"
-        " (see Thornton)"
-    )
+    return HertzContact(law.stiffness, modulus, contacts[0].peak_force, strength).told()
 
 
 #: Jumps over the largest stress from which the mesh does not resolve it.

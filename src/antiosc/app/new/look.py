@@ -119,8 +119,8 @@ class Look:
         bending = self.thickness * sqrt(E / (12 * (1 - nu**2) * rho))
         return float(f"{1.5 * self.length**2 / (LOWEST * bending):.1g}")
 
-    def sentences(self, name: str) -> list[str]:
-        """What was found, for the terminal."""
+    def sentences(self, name: str, drop: bool = False) -> list[str]:
+        """What was found, for the terminal; of a part that is dropped not how it is struck."""
         side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         unit = self.read.get("unit")
         told = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
@@ -137,6 +137,10 @@ class Look:
         told.append(
             f"it reaches from {in_words(self.low)} to {in_words(self.high)}; groups: {groups}."
         )
+        if drop:
+            point = _rounded(self.point)
+            how = "dropped without supports, z up, as [drop] says"
+            return [*told, f"{how}; an accelerometer is at {point} m."]
         return [*told, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
 
 
@@ -347,13 +351,15 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 
 
-def draw(found: Look, path: Path) -> None:
-    """A picture of the part: its outer faces, the nodes that hold it, and the impact."""
+def draw(found: Look, path: Path, drop: bool = False) -> None:
+    """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
     from antiosc.base.charts.figures import save_figure
     from antiosc.base.charts.surfaces import Deformed, deformed_figure
 
-    shade = found.held.astype(float)
-    label = "1: held"
-    part = Deformed(found.points, found.points, found.faces, shade, label, 1.0)
-    arrow = np.array(found.point), np.array(found.direction)
+    height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
+    shade = height if drop else found.held.astype(float)
+    label = "height over its lowest point (mm)" if drop else "1: held"
+    most = max(float(shade.max()), 1.0)
+    part = Deformed(found.points, found.points, found.faces, shade, label, most)
+    arrow = None if drop else (np.array(found.point), np.array(found.direction))
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)

@@ -56,7 +56,7 @@ def _band() -> float:
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 
 
-def _looked(part: Path) -> tuple[Look | None, list[str]]:
+def _looked(part: Path, drop: bool) -> tuple[Look | None, list[str]]:
     """What is found in a file, and sentences that tell it or why it is not known."""
     deck = part.suffix.lower() in DECK_ENDINGS
     try:
@@ -65,15 +65,15 @@ def _looked(part: Path) -> tuple[Look | None, list[str]]:
     except (AntioscError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
         return None, [f"{part.name} could not be looked at: {why}."]
-    return found, found.sentences(part.name)
+    return found, found.sentences(part.name, drop)
 
 
-def _pictured(found: Look, path: Path) -> list[str]:
+def _pictured(found: Look, path: Path, drop: bool) -> list[str]:
     """A sentence on the picture; none where it cannot be drawn."""
     if path.exists():
         return []
     try:
-        draw(found, path)
+        draw(found, path, drop)
     except AntioscError as error:
         return [f"{path.name} is not drawn: {error}"]
     return [f"a picture of it: {path}"]
@@ -99,7 +99,7 @@ def write(
     part = os.path.relpath(source, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    found, sentences = _looked(source)
+    found, sentences = _looked(source, drop)
     told += sentences
     content = text(target.name, part, found, drop)
     beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
@@ -114,7 +114,8 @@ def write(
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    return target, told + ([] if found is None else _pictured(found, target.with_suffix(".png")))
+    picture = target.with_suffix(".png")
+    return target, told + ([] if found is None else _pictured(found, picture, drop))
 
 
 def _absent(target: Path) -> None:

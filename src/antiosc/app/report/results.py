@@ -337,11 +337,16 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
         content[name]["doubt"] = peak.doubt
         if peak.mesh_error is not None:
             content[name]["mesh_error"] = peak.mesh_error[np.argmax(peak.values)]
-        if peak.exposure is not None:
-            keys = ("criterion", "exposure", "margin", "reached", "layer", "sentence", "point")
-            worst = {key: getattr(peak.margin(), key) for key in (*keys, "time")}
-            content[name]["margin"] = worst
+        content[name] |= _margin_numbers(peak)
     return content
+
+
+def _margin_numbers(peak: PeakField) -> Columns:
+    """The verdict where a strength is known."""
+    if peak.exposure is None:
+        return {}
+    keys = ("criterion", "exposure", "margin", "reached", "layer", "sentence", "point", "time")
+    return {"margin": {key: getattr(peak.margin(), key) for key in keys}}
 
 
 def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
@@ -472,11 +477,16 @@ def _fall(found: Results) -> Told:
     fall, worst, peaks = found.fall, found.worst, found.peaks or {}
     single, status = hasattr(fall, "summary"), getattr(fall, "status", "")
     table = dict(fall.impacts.columns()) if single else _quantiles(fall, QUANTITIES | {"lost": "J"})
-    told = [
-        (f"accelerometer {name}", f"at most {peak.g:.5g} g, in impact {peak.impact + 1}")
+    asked = found.compiled.document.data.get("accelerometers", {})
+    rows = [
+        (
+            f"accelerometer {name}",
+            f"at most {peak.g:.5g} g ({asked[name].get('filter', 'unfiltered')}),"
+            f" in impact {peak.impact + 1}",
+        )
         for name, peak in peaks.items()
     ]
-    rows = told if worst is None else [*told, (_words(worst.quantity), _largest(worst))]
+    rows += [] if worst is None else _stress_rows({worst.quantity: worst})
     numbers: Columns = {"fall": table | {"status": status}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
@@ -484,7 +494,7 @@ def _fall(found: Results) -> Told:
         about = "The part as it first touches, the heights (m), the energies (J) and the peak"
         pictures.append(Picture("Fall", f"{about} forces of the impacts (N).", fall.plot))
     if worst is not None:
-        numbers["worst"] = {worst.quantity: float(worst.values.max())}
+        numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
         about = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", about, worst.plot))
     return Told(
@@ -493,7 +503,7 @@ def _fall(found: Results) -> Told:
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
-        sections={"Fall": [table, rows, status]},
+        sections={"Fall": [table, rows, status, *(fall.notes if single else [])]},
         pictures=pictures,
     )
 

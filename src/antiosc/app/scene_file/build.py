@@ -131,11 +131,12 @@ DOING = {
     "impact_map": "mapping the surface",
     "nearby": "reducing structures nearby",
     "probe": "motion of the probes",
-    **dict.fromkeys(("peak_field", "by_strengths"), "largest stresses"),
+    **dict.fromkeys(
+        ("peak_field", "by_strengths", "Fall.worst", "worst_by_strengths"), "largest stresses"
+    ),
     "drop": "computing the fall",
     "find_impact": "finding the blow",
     "Fall.peak": "peaks of the accelerometers",
-    "Fall.worst": "largest stresses",
 }
 
 

@@ -35,6 +35,7 @@ from antiosc.simulation.histories.history import History
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
     from antiosc.results.peaks import PeakField
+    from antiosc.studies.drops.fall import Fall, WorstField
 
 T = TypeVar("T")
 #: Even times over a run at which its probes are taken, beside those of the run.
@@ -256,6 +257,9 @@ def compiled(document: Document) -> Compiled:
         given = {"self": found.fall}
         found.peaks = build.named("accelerometers", given | {"quantity": "acceleration"})
         found.worst = build.table("worst", given=given)
+        meshed = source(build) in _MESHED.split() and "ensemble" not in build.part("drop")
+        if "worst" not in build.data and meshed:
+            found.worst = Call(worst_by_strengths, given)
     found.batch = studies.sweep(build, found)
     found.map = studies.surface(build, found)
     found.sample = studies.monte_carlo(build, found)
@@ -580,3 +584,12 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
     with finite_element_packages():
         from antiosc.results.margin import criteria_of
     return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}
+
+
+def worst_by_strengths(self: Fall) -> WorstField | None:
+    """Of a fall the field of the criterion with the largest exposure; None without strengths."""
+    with finite_element_packages():
+        from antiosc.results.margin import criteria_of
+    structure: Any = self.body.structure
+    found = [self.worst(name) for name in criteria_of(structure)]
+    return max(found, key=lambda field: field.margin().exposure, default=None)

@@ -55,6 +55,7 @@ class FreeBody:
     centre : (3,) of mass in the axes of the mesh [m].
     radii : (V, 2) principal radii for the law of the contact [m].
     materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
+    strengths : (V,) yield strengths [Pa], NaN where not known; None: of none.
     omega, decay : (J,) of the elastic modes [rad/s], [1/s].
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
@@ -76,6 +77,7 @@ class FreeBody:
     extent: float
     notes: tuple[str, ...] = ()
     facing: Array | None = None
+    strengths: Array | None = None
     structure: Structure | None = None
     basis: Array | None = None
     residual: Callable[[IntArray], tuple[Array, Array]] | None = None
@@ -224,6 +226,7 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         balls=balls,
         radii=np.array([skin.radii(i, rounded) for i in own]),
         materials=skin.materials[own],
+        strengths=skin.strengths[own],
         omega=omega,
         decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
         shapes=np.moveaxis(moved[at], 1, 2).copy(),

@@ -45,7 +45,7 @@ def course(
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
-    state, held, status = start, dict[int, Held](), ""
+    state, held, status, pressed = start, dict[int, Held](), "", 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
@@ -63,7 +63,7 @@ def course(
         touch = flight.at(found)
         _check_sides(body, touch)
         if episodes:
-            _check_depth(body, touch, episodes[-1].pressed, setting)
+            _check_depth(body, touch, pressed, setting)
         # one impact: its flights are shorter than the longest period of the modes, or its contact
         soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
         if not (held or soon):
@@ -71,11 +71,13 @@ def course(
                 status = f"{len(groups)} impacts"
                 break
             groups.append([])
+            pressed = 0.0
         groups[-1].append(len(episodes))
         before = episodes[-1].duration if held else np.inf
         episodes.append(one := episode(body, touch, setting, held, before))
         state, held = one.end, one.held
-        _check_depth(body, state, one.pressed, setting)
+        pressed = max(pressed, one.pressed)  # dents of one impact stay when a point parts
+        _check_depth(body, state, pressed, setting)
         if _rests(body, state, held, setting):
             status = "at rest"
         elif len(episodes) >= contacts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,7 @@ from antiosc.studies.drops.flight import Flight, State, ringing
 from antiosc.studies.drops.floor import Setting, SoftLayer
 from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc.studies.drops.rotation import turned
+from antiosc.studies.drops.yielding import contact_yield
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -290,7 +291,7 @@ class Fall(Brief):
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
         every = range(max(len(self.groups), 1))
-        chosen = every if impacts is None else map(int, checks.column("impacts", impacts))
+        chosen = list(every if impacts is None else map(int, checks.column("impacts", impacts)))
         periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
         for one in (one for k in chosen for one in self._episodes(k)):
             count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
@@ -305,7 +306,22 @@ class Fall(Brief):
             found = peak_field(self.body.structure, whole, quantity, **options)
         begins = [self.episodes[own[0]].start.time for own in self.groups]
         impact = np.searchsorted(begins, found.times, side="right") - 1
-        return WorstField(**vars(replace(found, error=None)), impact=impact)
+        found = replace(found, error=None)
+        if found._margin is not None and found._margin.criterion == "yield":
+            told = self._contact_yield(chosen)
+            found = replace(found, _margin=replace(found._margin, contact=told))
+        return WorstField(**vars(found), impact=impact)
+
+    def _contact_yield(self, impacts: Iterable[int]) -> str:
+        """That the contact itself yields in one of the impacts; "" if not, or unknown."""
+        own = [one for k in impacts for one in self._episodes(k)]
+        return contact_yield(self.body, self.setting.floor, own)
+
+    @property
+    def notes(self) -> list[str]:
+        """What was taken for granted, and that the contact itself yields."""
+        told = self._contact_yield(range(len(self.groups)))
+        return [*self.body.notes, *([told] if told else [])]
 
     # -- how far it is predictable, in words and pictures
 
@@ -327,7 +343,7 @@ class Fall(Brief):
 
     def summary(self) -> str:
         """The impacts as a table, and how the fall ended."""
-        notes = "".join(f"\n{note}" for note in self.body.notes)
+        notes = "".join(f"\n{note}" for note in self.notes)
         return f"{self.impacts}\n{self.status} at {self.end.time:.4g} s{notes}"
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:

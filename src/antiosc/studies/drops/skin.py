@@ -38,6 +38,7 @@ class Skin:
     sharp : (P,) whether the vertex lies on an edge or a corner.
     sizes : (P,) mean length of the element edges there [m].
     materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
+    strengths : (P,) yield strengths [Pa]; NaN where not known.
     half : (P,) half the thickness of a sheet [m]; 0 of a solid.
     triangles : (T, 3) between the points.
     """
@@ -48,6 +49,7 @@ class Skin:
     sharp: BoolArray
     sizes: Array
     materials: Array
+    strengths: Array
     half: Array
     triangles: IntArray
 
@@ -97,7 +99,8 @@ def of_points(points: Array) -> Skin:
     zero, zeros = np.zeros(len(points)), np.zeros((len(points), 3))
     sharp, triangles = np.ones(len(points), dtype=bool), np.zeros((0, 3), dtype=int)
     unknown = np.full((len(points), 2), np.nan)
-    return Skin(points, zeros, zeros[:, :2], sharp, zero, unknown, zero, triangles)
+    known = zero, unknown, unknown[:, 0], zero
+    return Skin(points, zeros, zeros[:, :2], sharp, *known, triangles)
 
 
 def of_mesh(part: MeshedStructure) -> Skin:
@@ -113,8 +116,9 @@ def of_mesh(part: MeshedStructure) -> Skin:
     sizes = np.bincount(at[:, 0], length, len(x)) / np.maximum(
         np.bincount(at[:, 0], minlength=len(x)), 1
     )
-    materials, half = _materials(part)
-    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials, half=half)
+    materials, strengths, half = _materials(part)
+    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
+    found = replace(found, strengths=strengths, half=half)
     if count != 3:
         return found
     found = replace(found, triangles=ground.elements)
@@ -126,20 +130,22 @@ def of_mesh(part: MeshedStructure) -> Skin:
     return replace(found, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
-def _materials(part: MeshedStructure) -> tuple[Array, Array]:
-    """Young's modulus and Poisson's ratio (P, 2), and half the thickness (P,) at the vertices."""
+def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
+    """At the vertices moduli and Poisson's ratios (P, 2), yield strengths and half thicknesses."""
     faces = part.faces
     numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     vertices, index = np.unique(numbers, return_inverse=True)
     label = np.zeros(len(vertices), dtype=int)
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
     known, half = np.full((len(part.parts), 2), np.nan), np.zeros(len(part.parts))
+    strengths = np.full(len(part.parts), np.nan)
     for k, (material, _) in enumerate(part.parts):
         with suppress(InputError):  # of a material with directions
             known[k] = material.constants()[:2]
+            strengths[k] = getattr(material, "yield_strength", None) or np.nan
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness
-    return known[label], half[label]
+    return known[label], strengths[label], half[label]
 
 
 def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
