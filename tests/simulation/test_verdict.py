@@ -216,10 +216,10 @@ def test_bodies_that_still_approach_are_told():
 
     whole = run(0.05)
     assert len(whole.contacts) > 1
-    assert "approach" not in whole.message
+    assert "approach" not in whole.summary()
     (_, end), (start, _) = whole.contacts[:2]
     short = run(0.5 * (end + start))
     assert short.status == 0
     assert short.restitution < 0
-    assert f"approach (restitution {short.restitution:.3g} < 0)" in short.message
-    assert "lengthen the duration" in short.message
+    assert f"approach (restitution {short.restitution:.3g} < 0)" in short.summary()
+    assert "lengthen the duration" in short.explanation

@@ -18,7 +18,6 @@ from antiosc.simulation.histories.deflection import too_far
 from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.histories.history import History, SceneHistory
 from antiosc.simulation.histories.verdict import (
-    STOPPED,
     Ended,
     Verdict,
     tell_rotation,
@@ -152,24 +151,7 @@ def solved(
     contacts, touched = assembly.scene.contacts, {int(c) for c in run.events[:, 1]}
     apart = [one for c, one in enumerate(contacts) if c not in touched]
     message = " ".join([verdict.message, *assembly.notes, *order_notes(apart, assembly.bodies)])
-    history = kind(assembly, run, error, verdict.status, message, given=step)
-    if approaching := still_approaching(history):
-        history = replace(history, message=f"{message} {approaching}")
-    return history, verdict
-
-
-def still_approaching(history: History) -> str:
-    """A sentence if the bodies of the one contact approach after the last release; else ""."""
-    if history.status == STOPPED or len(history.contact_histories) > 1:
-        return ""
-    e = history.restitution
-    if e is None or e >= 0:
-        return ""
-    return (
-        f"After the last release the bodies still approach (restitution {e:.3g} < 0) and will touch"
-        f" again: peak force, impulse and restitution are those up to {history.run.time[-1]:g} s;"
-        f" lengthen the duration."
-    )
+    return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 
 def told(history: H) -> H:

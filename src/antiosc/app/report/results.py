@@ -271,7 +271,10 @@ def _impact(found: Results) -> Told:
         },
         plotted={**({} if several else {"force": hit}), **peaks},
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
-        sections={"Results": [_facts(hit), hit.message, asked, stresses], "Errors": _errors(hit)},
+        sections={
+            "Results": [_facts(hit), hit.explanation, asked, stresses],
+            "Errors": _errors(hit),
+        },
         pictures=_of_impact(found, probes),
     )
 

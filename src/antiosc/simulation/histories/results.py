@@ -21,6 +21,7 @@ from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of
+from antiosc.simulation.histories.verdict import STOPPED
 
 if TYPE_CHECKING:
     from antiosc.simulation.histories.history import History
@@ -225,8 +226,21 @@ class HistoryResults(Results):
             "error_covers": covers(own),
             "sites": {name: list(point) for name, point in sites(own).items()},
             "status": int(own.status),
-            "message": str(own.message),
+            "message": self.explanation,
         }
+
+    @property
+    def explanation(self) -> str:
+        """The message, and whether the bodies of the one contact approach each other in the end."""
+        own = cast("History", self)
+        e = own.restitution if own.status != STOPPED and len(own.contact_histories) == 1 else None
+        if e is None or e >= 0:
+            return own.message
+        return (
+            f"{own.message} After the last release the bodies still approach (restitution {e:.3g} <"
+            f" 0) and will touch again: peak force, impulse and restitution are those up to"
+            f" {own.run.time[-1]:g} s; lengthen the duration."
+        )
 
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
@@ -244,7 +258,7 @@ class HistoryResults(Results):
                 ("energy drift", f"{own.energy.drift:.1e}"),
                 ("step", engineering(own.step, "s")),
                 ("force error", covered(own)),
-                ("status", own.message),
+                ("status", self.explanation),
             ]
             return "\n".join(f"{name:<13} {value}" for name, value in rows)
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
@@ -256,7 +270,7 @@ class HistoryResults(Results):
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {own.energy.drift:.1e}; force error {covered(own)}")
-        return "\n".join([*lines, own.message])
+        return "\n".join([*lines, self.explanation])
 
     def _facts(self) -> list[tuple[str, str]]:
         own = cast("History", self)
