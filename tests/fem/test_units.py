@@ -59,6 +59,7 @@ def test_materials_in_si_units_are_told_nothing_of():
     for one in (steel, rubber, diamond, ao.Laminate([SKIN, FOAM, SKIN])):
         assert plausible.of_material(one) == ""
     assert plausible.of_part(19.0) == plausible.of_part(2e-3) == plausible.of_part(40.0, True) == ""
+    assert plausible.of_part(90.0, lines=True) == "" != plausible.of_part(110.0, lines=True)
 
 
 def test_a_structure_in_other_units_is_told_of():

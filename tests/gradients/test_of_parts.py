@@ -11,7 +11,7 @@ from scipy.linalg import null_space
 
 import antiosc as ao
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore:.*deflects by")]
 E, RHO = 70e9, 2700.0
 SITE = {"point": (0.15, 0.02, 0.01), "direction": (0, 0, -1), "radius": 0.024}
 

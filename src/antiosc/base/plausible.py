@@ -23,8 +23,8 @@ MASSLESS_WAVE = 1e8
 #: No solid as dense as this, kg/m³, has slower waves than this, m/s; none has faster ones than
 #: light.
 DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
-#: Parts measure this, m.
-SHORTEST_PART, LONGEST_PART = 1e-3, 20.0
+#: Parts measure this, m; those of lines, frames and trusses, may be longer.
+SHORTEST_PART, LONGEST_PART, LONGEST_OF_LINES = 1e-3, 20.0, 100.0
 #: Rounding of lengths.
 ROUNDING = 1e-9
 #: Patches have at least this share of the size of the part as radius.
@@ -88,14 +88,15 @@ def _meant(E: float | None, rho: float | None) -> str:
     return ""
 
 
-def of_part(extent: float, stated: bool = False) -> str:
+def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
     """What is implausible of the diagonal [m] of the box around a part; "" for nothing.
 
-    `stated`: its unit was given, or its file states one: it may be long.
+    `stated`: its unit was given, or its file states one: it may be long. `lines`: it is of lines.
     """
-    if extent > LONGEST_PART and not stated:
+    longest = LONGEST_OF_LINES if lines else LONGEST_PART
+    if extent > longest and not stated:
         return (
-            f"the part is {extent:.4g} m long, more than {LONGEST_PART:g} m: units are SI; a mesh "
+            f"the part is {extent:.4g} m long, more than {longest:g} m: units are SI; a mesh "
             'in millimetres is read with unit="mm", a mesh that is so long with unit="m".'
         )
     if extent < SHORTEST_PART:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array, IntArray
 from antiosc.base.brief import Brief
 from antiosc.base.checks import (
+    flag,
     instance,
     shown,
 )
@@ -164,6 +165,7 @@ class Mesh(Brief):
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
         instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
         instance("name", self.name, str, "a text")
+        flag("stated", self.stated)
         compat.name_coordinates(self.dolfinx)
 
     @property

@@ -126,7 +126,7 @@ def assembled(
     materials = [*(one for one, _ in parts), *stiffeners]
     doubts = plausible.tell(
         [
-            plausible.of_part(mesh.extent(), mesh.stated),
+            plausible.of_part(mesh.extent(), mesh.stated, mesh.tdim == 1),
             *map(plausible.of_material, materials),
             *(_of_section(one, mesh.extent()) for one in materials),
         ]
