@@ -151,6 +151,8 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     assert f"Floor(law=Thornton.from_material({E:.4g}, {R:.4g}, 6.72e+07))" in told
     assert told in fall.summary()
     assert told == fall.worst("von_mises").margin().contact
+    damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
+    assert "Thornton" in damped.summary()
     law = ao.Thornton.from_material(E, R, 1.6 * 42e6)
     for gentle in (ao.Floor(law=law), ao.Floor(law=ao.Hertz(1e6))):
         soft = ao.drop(fall.body, 1.0, (20, 15, 0), gentle, until=1)

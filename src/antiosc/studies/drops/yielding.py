@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import without_warnings
-from antiosc.contact import ContactLaw, Hertz, HuntCrossley
+from antiosc.contact import ContactLaw, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact
 from antiosc.studies.drops.body import FreeBody
@@ -43,9 +43,9 @@ def _contacts(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Iter
 
 
 def _stiffness(law: ContactLaw) -> float | None:
-    """k_H [N m^-3/2] of a law by Hertz, damped or not; None of others."""
-    hertz = isinstance(law, Hertz) or (isinstance(law, HuntCrossley) and law.exponent == 1.5)
-    return float(law.stiffness) if hertz else None  # type: ignore[attr-defined]
+    """k_H [N m^-3/2] of a law by Hertz, with whatever damping; None of others."""
+    stiffness, exponent = (getattr(law, name, None) for name in ("stiffness", "exponent"))
+    return stiffness if isinstance(law, Hertz) or exponent == 1.5 else None
 
 
 def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> float:
