@@ -205,3 +205,12 @@ def test_a_function_of_other_names_is_told():
     speeds = {"v": ao.uniform(1.0, 2.0)}
     with pytest.raises(ao.InputError, match="run takes no argument 'v'; its arguments"):
         ao.monte_carlo(lambda speed: speed, speeds, 5)
+
+
+def test_a_file_of_another_kind_is_not_overwritten(tmp_path):
+    speeds = {"v": ao.uniform(1.0, 2.0)}
+    for text in ("mass,force\n1,2", "a letter without an end of line", "mass,force\n"):
+        (tmp_path / "mine.csv").write_text(text)
+        with pytest.raises(ao.InputError, match="name a new file"):
+            ao.monte_carlo(lambda v: v, speeds, 5, store=tmp_path / "mine.csv")
+        assert (tmp_path / "mine.csv").read_text() == text

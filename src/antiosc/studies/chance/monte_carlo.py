@@ -116,15 +116,7 @@ def monte_carlo(
             keep(part)
             done += len(found)
             ready(done)
-    sample = sample_of(drawn, [rows[i] for i in range(size)])
-    if sample.failed:
-        first = next(iter(sample.failed.values()))
-        warn(
-            f"{len(sample.failed)} of {size} runs failed and are left out of what is said of the"
-            f" others (see .failed); the first one: {first}",
-            AccuracyWarning,
-        )
-    return sample
+    return sample_of("runs", drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
@@ -201,10 +193,17 @@ def _result(name: str, value: Any) -> float:
     return checks.number(name, value)
 
 
-def sample_of(drawn: dict[str, Array], rows: list[Row]) -> Sample:
+def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
+    """The sample of the rows of all runs or falls (`what`); it is told how many failed."""
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):
-        raise AntioscError(f"all {len(rows)} runs failed, the first one so: {failed[0]}")
+        raise AntioscError(f"all {len(rows)} {what} failed, the first one so: {failed[0]}")
+    if failed:
+        warn(
+            f"{len(failed)} of {len(rows)} {what} failed and are left out of what is said of the"
+            f" others (see .failed); the first one: {next(iter(failed.values()))}",
+            AccuracyWarning,
+        )
     names = list(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))
     values = {
         name: np.array([np.nan if isinstance(r, str) else r.get(name, np.nan) for r in rows])
@@ -220,8 +219,13 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     check_readable(path, "a campaign")
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            lines = [line for line in file if line.endswith("\n")]  # the last may be cut
-        return dict(_run_of(line, drawn) for line in csv.DictReader(lines, strict=True))
+            lines = list(file)
+        whole = [line for line in lines if line.endswith("\n")]  # the last may be cut
+        table = csv.DictReader(whole, strict=True)
+        lacking = {NUMBER, *drawn, ERROR} - set(table.fieldnames or ())
+        if lines and lacking:
+            raise ValueError(f"it has no column {min(lacking)}")
+        return dict(_run_of(line, drawn) for line in table)
     except (OSError, ValueError, TypeError, KeyError, csv.Error) as error:
         said = getattr(error, "strerror", None) or " ".join(str(error).split())
         shown = checks.shown(str(path))

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief, Given
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.errors import InputError
 from antiosc.base.progress import counting
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
@@ -135,18 +135,11 @@ def tumbles(
         for k, rows in made(partial(_tumble, drawn), parts, executor):
             found[k] = rows
             ready(sum(map(len, found.values())))
-    sample = sample_of({}, [row for k in sorted(found) for row in found[k]])
+    sample = sample_of("falls", {}, [row for k in sorted(found) for row in found[k]])
     table = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES
     }
-    if sample.failed:
-        first = next(iter(sample.failed.values()))
-        warn(
-            f"{len(sample.failed)} of {n} falls failed, and no quantile has them (`failed` says "
-            f"why); the first so: {first}",
-            AccuracyWarning,
-        )
     count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
     return Drops(table, np.array([drawn(s)[1].R for s in seeds]), count, sample.failed)
 
