@@ -24,6 +24,7 @@ from scipy.linalg import block_diag
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
+from antiosc.contact import ContactLaw
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies.bodies import RigidBody
 from antiosc.simulation.bodies.impactors import Sphere
@@ -228,6 +229,30 @@ APART = 0.04
 UNKNOWN_NU = 0.3
 
 
+@dataclass(frozen=True, eq=False)
+class Bed:
+    """The surface of a body in pieces.
+
+    Attributes
+    ----------
+    places : (P, 3 + 3 J) points relative to the centre of mass [m], and displacements in the modes.
+    triangles : (T, 3) between the points, counted from outside; areas : (T, 3) their normals [m^2].
+    piece : (T,) number of the piece that a triangle belongs to, of `count`.
+    round : (V,) whether a vertex of the hull is round: it touches by itself, with its radii.
+    """
+
+    places: Array
+    triangles: IntArray
+    areas: Array
+    piece: IntArray
+    round: BoolArray
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.piece.max()) + 1
+
+
 @dataclass(eq=False)
 class FreeBody:
     """A free body with the points that may touch, V of them.
@@ -247,6 +272,8 @@ class FreeBody:
     notes : what was taken for granted.
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
+    bed : its surface, if it falls on a layer.
+    laws, idle : of a body on a bed, the laws of pieces by their numbers, and (V,) what is no contact.
     """
 
     mass: float
@@ -266,6 +293,10 @@ class FreeBody:
     structure: Structure | None = None
     basis: Array | None = None
     residual: Callable[[IntArray], tuple[Array, Array]] | None = None
+    bed: Bed | None = None
+    laws: dict[int, ContactLaw] = field(default_factory=dict)
+    idle: BoolArray | None = None
+    deepest: float = 0.0
     _known: dict[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -308,8 +339,10 @@ class FreeBody:
         found = np.zeros(len(self.points), dtype=bool)
         found[which] = True
         if self.facing is not None:
+            by_itself = ~self.facing.any(axis=1)
             for i in which:
                 near = np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
+                near &= ~(by_itself | by_itself[i])
                 found |= near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
         return found
 

@@ -24,6 +24,7 @@ from antiosc.models.motion import unit_vector
 from antiosc.simulation.sweep import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
+from antiosc.studies.drops.bed import bedded
 from antiosc.studies.drops.body import MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.fall import Fall, fall_of
@@ -359,6 +360,8 @@ def drop(
         for name, given in (("spin", spin), ("velocity", velocity))
     }
     body = free_body(part, modes, damping, corner_radius)
+    if setting.floor.layer is not None:
+        body = bedded(body)
     whirl = body.extent * float(np.linalg.norm(moving["spin"]))
     _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))

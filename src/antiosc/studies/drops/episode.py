@@ -27,6 +27,7 @@ from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import Contact
 from antiosc.simulation.problem.scene_states import between, forces, located, marched_states
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
+from antiosc.studies.drops.bed import laid
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Setting, law_of
@@ -89,7 +90,7 @@ def scene_of(
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
+            body.laws.get(i) or law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
             gap=0.0,
             friction=floor.friction,
             tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
@@ -99,7 +100,10 @@ def scene_of(
     gravity = (0.0, 0.0, -setting.gravity)
     assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
-    gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
+    gaps = [
+        max(h, 0.0) if i in body.laws else max(h, 0.0) if one is None else one.height
+        for h, i, one in zip(heights, which.tolist(), on, strict=True)
+    ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
     closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
     for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
@@ -293,13 +297,15 @@ class Episode:
     ----------
     start, end : states of the body; the scene is linear about that at the start.
     history : of the scene, whose time begins with `start`; it goes on beyond `end`.
-    which : (n,) numbers of the points in contact, sites "0" and on of the scene's body.
+    body : as it touches: on a layer its points are pieces of its surface.
+    which : (n,) numbers of its points in contact, sites "0" and on of the scene's body.
     held : number of a point -> its contact, of those that go on at the end.
     """
 
     start: State
     end: State
     history: SceneHistory
+    body: FreeBody
     which: IntArray
     held: dict[int, Held]
 
@@ -335,10 +341,11 @@ class Episode:
         run = self.history.run
         return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
 
-    def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
+    def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
         times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
+        body = self.body
         path, at = path_of(body, self.start, self.history, times), np.searchsorted(times, t)
         R, a, momentum = path.R[at], self.history.at(t)[BODY].a, body.rigid_modes(self.start.R)[1]
         spin, turning = (
@@ -368,7 +375,28 @@ def episode(
     held : number of a point -> its contact, of those that go on from an episode before; `before`:
         how long that lasted [s].
     """
+    own = laid(body, start, setting)
+    found = _episode(own, start, setting, held, before)
+    if not own.laws:
+        return found
+    import os
+    fr=float(os.environ.get("FR","0.5"))
+    for _ in range(int(os.environ.get("RUNS","1"))):
+        depth = dict(zip(found.which.tolist(), found.sunk().tolist(), strict=True))
+        t, F = found.forces()
+        at = fr * t[np.argmax(F.sum(axis=1))]
+        mid = replace(start, R=found.motion(np.array([at]))[0][0])
+        found = _episode(laid(body, mid, setting, depth), start, setting, held, before)
+    return found
+
+
+def _episode(
+    body: FreeBody, start: State, setting: Setting, held: dict[int, Held], before: float
+) -> Episode:
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
+    if body.idle is not None:
+        heights[body.idle] = np.inf
+        held = {i: one for i, one in held.items() if not body.idle[i]}
     which = np.array([np.argmin(heights)])
     base = scene_of(body, start, setting, which, held)
     time, turns, cuts = base.lasting, TURNS, 0
@@ -402,7 +430,7 @@ def episode(
             break
         touched = np.append(which, missed)
     state, below = handed_over(body, start, history, path, which)
-    return Episode(start, state, history, which, below if touching else {})
+    return Episode(start, state, history, body, which, below if touching else {})
 
 
 def _stalls(changes: list[float]) -> bool:
@@ -431,7 +459,7 @@ def _candidates(
     way, chosen = REACH * float(speeds.max()) * time, [*held]
     taken = body.touching_as(chosen)
     for i in np.argsort(heights, kind="stable").tolist():
-        if chosen and (heights[i] > way or len(chosen) >= MOST):
+        if chosen and (heights[i] > way or len(chosen) >= MOST + len(body.laws)):
             break
         if not taken[i]:
             chosen.append(i)
@@ -472,7 +500,7 @@ def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntA
     lowest = heights + (found - found[0]).min(axis=0)
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
-    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST)
+    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
     worst = int(np.argmin(lowest))

@@ -241,7 +241,7 @@ class Fall(Brief):
         state or in an episode."""
         body, gravity = self.body, self.setting.gravity
         if isinstance(part, Episode):
-            R, spin, turning, a = part.motion(body, since)
+            R, spin, turning, a = part.motion(since)
             linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
             elastic = a[:, 6:]
         else:
@@ -425,7 +425,7 @@ class Fall(Brief):
         """Warn of points pressed into a layer deeper than its law holds."""
         deep, over, place = 0.0, 0.0, 0.0
         for one in self.episodes:
-            radii = self.body.radii[one.which].min(axis=1)
+            radii = one.body.radii[one.which].min(axis=1)
             depth = one.sunk()
             k = int(np.argmax(depth / radii))
             deep = max(deep, float(depth.max()))
