@@ -56,23 +56,19 @@ from antiosc.contact.power import (
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
 )
-from antiosc.fem.assembly.bushing import (
-    Bolt as Bolt,
-    Bushing as Bushing,
-)
 from antiosc.fem.assembly.from_deck import (
     read_model as read_model,
 )
 from antiosc.fem.assembly.pins import (
     Ball as Ball,
+    Bolt as Bolt,
+    Bushing as Bushing,
     Equation as Equation,
     Hinge as Hinge,
-    Slider as Slider,
-    Weld as Weld,
-)
-from antiosc.fem.assembly.spiders import (
     Mean as Mean,
     Rigid as Rigid,
+    Slider as Slider,
+    Weld as Weld,
 )
 from antiosc.fem.assembly.tie import (
     Tie as Tie,
@@ -96,24 +92,20 @@ from antiosc.fem.elements.solid import (
 from antiosc.fem.extraction.extract import (
     extract as extract,
 )
-from antiosc.fem.extraction.natural_modes import (
-    StructureModes as StructureModes,
-    natural_modes as natural_modes,
-)
 from antiosc.fem.extraction.superposition import (
+    StructureModes as StructureModes,
     full as full,
+    natural_modes as natural_modes,
     superposition as superposition,
 )
-from antiosc.fem.mesh.boxes import (
-    box_mesh as box_mesh,
-)
-from antiosc.fem.mesh.mesh import (
+from antiosc.fem.mesh import (
     Mesh as Mesh,
 )
 from antiosc.fem.mesh.reading import (
+    box_mesh as box_mesh,
     read_mesh as read_mesh,
 )
-from antiosc.fem.site.site import (
+from antiosc.fem.site import (
     Site as Site,
 )
 from antiosc.fem.structure.attachments import (
@@ -122,7 +114,7 @@ from antiosc.fem.structure.attachments import (
     PointMass as PointMass,
     Spring as Spring,
 )
-from antiosc.fem.structure.placement import (
+from antiosc.fem.structure.matrices import (
     Placement as Placement,
 )
 from antiosc.fem.structure.structure import (

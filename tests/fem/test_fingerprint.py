@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.fem.platform import mpi
-from antiosc.fem.platform.fingerprint import fingerprint, named, number
+from antiosc.fem.platform.mpi import fingerprint, named, number
 
 pytestmark = pytest.mark.fem
 

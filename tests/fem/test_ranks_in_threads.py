@@ -176,7 +176,7 @@ def test_what_all_ranks_made_has_one_number(guarded):
         return [Made(1.0), Made(2.0)]
 
     (a, b), (c, d) = on_ranks(lambda comm: make(Thing(comm)))
-    from antiosc.fem.platform.fingerprint import fingerprint, named
+    from antiosc.fem.platform.mpi import fingerprint, named
 
     assert fingerprint(a) == fingerprint(c) != fingerprint(b)
     assert fingerprint(b) == fingerprint(d)
@@ -186,9 +186,9 @@ def test_what_all_ranks_made_has_one_number(guarded):
 
 def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
     """Also where one part has several names; superelements are whole on every rank already."""
-    from antiosc.fem.assembly import parts as share
+    from antiosc.fem.assembly import parts
 
-    monkeypatch.setattr(share, "whole", lambda mesh: f"{mesh}, whole")
+    monkeypatch.setattr(parts, "whole", lambda mesh: f"{mesh}, whole")
 
     class Part(Thing):
         mesh = "mesh"
@@ -198,7 +198,7 @@ def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
 
     def call(comm):
         shared, own = Part(comm), Part(SimpleNamespace(size=1))
-        made = share.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
+        made = parts.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
         return made["a"], made["b"] is own, made["c"]
 
     assert on_ranks(call) == [("mesh, whole", True, "mesh, whole")] * 2

@@ -149,13 +149,13 @@ def solvers() -> list[str]:
 def _cholmod() -> str:
     """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
     try:
-        from antiosc.fem.linalg import cholmod, cholmod_library
+        from antiosc.fem.linalg import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not tried: {error}"
     refusal = cholmod.refusal()
     if refusal:
         return f"through PETSc: {refusal}"
-    numbers = cholmod_library.version(cholmod_library.library())
+    numbers = cholmod.version(cholmod.library())
     return f"{'.'.join(map(str, numbers))}  called directly"
 
 

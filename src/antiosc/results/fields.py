@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
-from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.base.errors import InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
-from antiosc.fem.fields.series import Frames, listing, write_frames
+from antiosc.fem.fields.series import Frames, listing, write_frames, write_vtx
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.structure.structure import Structure
@@ -86,7 +86,7 @@ def write_series(
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = filled("times", times)
     if one_folder:
-        _write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        write_vtx(target, structure, own, at, amplitudes(history, at, body))
         return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
     factors = amplitudes(history, at, body)
@@ -136,16 +136,6 @@ def save_fields(
     factors = amplitudes(history, at, body)
     on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
     return target
-
-
-def _write_vtx(
-    target: Path, structure: Structure, shapes: Array, times: Array, factors: Array
-) -> None:
-    try:
-        from antiosc.fem.fields import vtx
-    except ImportError:
-        raise MissingDependencyError("a .bp series needs dolfinx: write a .pvd.") from None
-    vtx.write(target, structure, shapes, times, factors)
 
 
 @collective(history=counted)

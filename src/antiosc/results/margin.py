@@ -23,7 +23,7 @@ from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_pressure
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
-from antiosc.fem.recovery.place import NodeTensors, Place, layers_of
+from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.histories.body_motion import Motions, amplitudes
 
@@ -322,7 +322,7 @@ def mesh_error(
     structure: Structure, shapes: Array, part: str | None, history: Motions, times: Array, body: str
 ) -> Array | None:
     """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
-    from antiosc.fem.fields.stress_errors import stress_jumps  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
     factors = amplitudes(history, at, body)[number.ravel()]
@@ -331,7 +331,7 @@ def mesh_error(
 
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
     """A sentence on the largest stress at x (3,), whose error is this share of it; "" if none."""
-    from antiosc.fem.fields.stress_errors import corner_at  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import corner_at  # needs dolfinx
 
     angle, held = corner_at(structure, shapes, x, part)
     if angle >= RE_ENTRANT:
@@ -354,7 +354,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
 
 def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
     """That the error of the stresses of a part without solids is not known, if it has sheets."""
-    from antiosc.fem.fields.stress_errors import families  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import families  # needs dolfinx
 
     if "sheet" not in families(structure, shapes, part):
         return ""

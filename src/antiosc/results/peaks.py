@@ -21,7 +21,7 @@ from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform.mpi import collective, warn
-from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.recovery import Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search
 from antiosc.results.fields import counted, shapes_of

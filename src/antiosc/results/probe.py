@@ -23,9 +23,8 @@ from antiosc.base.threads import one_thread
 from antiosc.fem.elements.sections import Section
 from antiosc.fem.fields import source
 from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.recovery.place import NO_OUTLINE, Place, on_outlines, place
-from antiosc.fem.site.named_points import motions_without_mesh, point_of
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
+from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.histories.body_motion import amplitudes, times_of

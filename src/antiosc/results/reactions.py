@@ -28,7 +28,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.site_shapes import beside_rigid
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform.mpi import collective
-from antiosc.fem.site.site import Site
+from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
 from antiosc.simulation.histories.body_motion import amplitudes, forces_of, times_of

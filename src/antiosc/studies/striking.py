@@ -35,10 +35,10 @@ from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.extraction.extract import extract
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.site.site import Site
+from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -11,13 +11,14 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.sheet_strains import (
+from antiosc.fem.error.shell import (
     SheetRecovery,
+    ShellErrors,
     StrainsOfSheets,
+    layers_of,
     section_forces,
     smooth_pieces,
 )
-from antiosc.fem.error.shell import ShellErrors, layers_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh

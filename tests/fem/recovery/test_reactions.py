@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 
 pytestmark = pytest.mark.fem
 

@@ -11,9 +11,8 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
-from antiosc.fem.fields.stress_errors import interior_angle
-from antiosc.fem.recovery import at_nodes
-from antiosc.fem.recovery.place import Place
+from antiosc.fem.fields.mesh_fields import interior_angle
+from antiosc.fem.recovery import Place, at_nodes
 from static_loads import held
 
 pytestmark = pytest.mark.fem

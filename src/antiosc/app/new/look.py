@@ -30,7 +30,7 @@ from antiosc.base.errors import (
 )
 
 if TYPE_CHECKING:
-    from antiosc.fem.mesh.mesh import Mesh
+    from antiosc.fem.mesh import Mesh
     from antiosc.fem.mesh.surface import Faces
 
 #: Arguments of `read_mesh` besides the file.

@@ -66,7 +66,7 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     if "band" in asked:
         until = asked["band"] / (2 * pi)
         return [("anti-oscillators", f"as many as needed up to {engineering(until, 'Hz')}")]
-    from antiosc.fem.extraction.site_models import DEFAULT_COUNT
+    from antiosc.fem.extraction.extract import DEFAULT_COUNT
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]

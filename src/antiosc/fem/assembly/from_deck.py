@@ -21,7 +21,7 @@ from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solver import Choice
-from antiosc.fem.mesh.mesh import distributed
+from antiosc.fem.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform.mpi import collective, on_root, warn

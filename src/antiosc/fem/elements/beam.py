@@ -15,18 +15,20 @@ from antiosc.base._types import Array, Box
 from antiosc.base.checks import array, flag, instance, number, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
 from antiosc.fem.elements.sections import Section
 from antiosc.fem.elements.weak_form import (
+    DIRECTION,
+    Direction,
     Isotropic,
     Kind,
     Parts,
     WeakForm,
     coefficient,
     measure,
+    shown_direction,
     tangent,
 )
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agreed
 

@@ -25,7 +25,7 @@ from antiosc.fem.elements.weak_form import (
     coefficient,
     measure,
 )
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:

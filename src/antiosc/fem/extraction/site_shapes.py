@@ -33,7 +33,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.site.site import Functional
+from antiosc.fem.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.motion import Inertia
 from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE

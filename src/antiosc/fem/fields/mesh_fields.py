@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -13,24 +14,24 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh import closest_point
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree
-from antiosc.fem.recovery import at_nodes as nodal
-from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import (
+from antiosc.fem.recovery import (
     NO_OUTLINE,
     NodeTensors,
     Origin,
     Place,
+    at_nodes as nodal,
     layers_of,
     on_outlines,
     strength_of,
 )
-from antiosc.fem.recovery.points import PointsInCells
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery.tensors import PointsInCells, evaluator
+from antiosc.fem.site import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import FACETS, KINDS
@@ -119,16 +120,16 @@ def _recovered(
 
 def _nearest(
     candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
-) -> tuple[Member, closest_point.ClosestPoints, Array]:
+) -> tuple[Member, ClosestPoints, Array]:
     """The part next to points (P, 3), its points next to them, and its shapes."""
     parts = [
-        (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
+        (member, closest_many(member.part.mesh, member.at.own(points)), own)
         for member, own in candidates
     ]
     member, found, own = min(parts, key=lambda part: float(part[1].distance.sum()))
     far, mesh = int(np.argmax(found.distance)), member.part.mesh
     there = member.at.placed(found.x[far][None])[0]
-    element = partial(closest_point.size_at, mesh, found[far])
+    element = partial(size_at, mesh, found[far])
     reach.check(points[far], there, mesh.extent(), element)
     return member, found, own
 
@@ -234,7 +235,7 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
     return points, np.vstack(faces), found
 
 
-def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:
+def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
     """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
     mesh, form = member.part.mesh, member.part.form
     shapes = compat.with_ghosts(form.space, shapes)
@@ -325,3 +326,103 @@ def _side_by_side(
         [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
         np.concatenate([shapes for _, _, shapes in gathered]),
     )
+
+
+#: Corners of the edges of plane cells, dolfinx's numbers.
+PLANE_EDGES = {
+    "triangle": [(0, 1), (0, 2), (1, 2)],
+    "quadrilateral": [(0, 1), (2, 3), (0, 2), (1, 3)],
+}
+#: Distance of equal points over the size of the part.
+SAME = 1e-9
+#: Angle (rad) that may lack of the full circle around an edge within the solid.
+WITHIN = 1e-3
+
+
+def interior_angle(part: MeshedStructure, x: Array) -> float:
+    """Largest angle [degree] between outer faces that meet at the corner of a cell next to x (3,).
+
+    0 for a point within the solid. To be called on all ranks.
+    """
+    mesh = part.mesh
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    cells = mesh.geometry.nodes[:owned, : len(mesh.geometry.corners)]
+    distance = np.linalg.norm(cells - x, axis=-1)
+    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned else None
+    own = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
+    vertex = min(chain(*mesh.comm.allgather(own)), key=lambda pair: pair[0])[1]
+    tolerance = SAME * mesh.extent()
+    found: list[tuple[Array, float]] = []
+    for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
+        found += _angles(mesh.cell, cells[cell], int(at))
+    every: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
+    keys = np.round(np.array([end for end, _ in every]) / tolerance)
+    _, edge = np.unique(keys, axis=0, return_inverse=True)
+    angles = np.bincount(edge.ravel(), [angle for _, angle in every])
+    return float(np.degrees(angles[angles < 2 * np.pi - WITHIN].max(initial=0.0)))
+
+
+def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
+    """(other end of an edge, angle [rad] of the cell around it) of a corner; in the plane (the
+    corner itself, angle between its edges)."""
+    edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
+    ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
+    along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
+    if len(ends) == 2:
+        return [(x[corner], _between(*along))]
+    found = []
+    for k, end in enumerate(ends):
+        across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
+        found.append((end, _between(*across)))
+    return found
+
+
+def _between(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def stress_jumps(
+    structure: Structure, shapes: Array, factors: Array, part: str | None = None
+) -> Array | None:
+    """Estimated errors [Pa] of the von Mises stress at the points of `at_nodes`, on rank 0.
+
+    `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
+    """
+    if "solid" not in families(structure, shapes, part):
+        return None
+    parts = with_parts(structure).fields(shapes, part)
+    found, start = [], 0
+    for member, own in parts:
+        comm = member.part.mesh.comm
+        sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
+        first = start + sum(sizes[: comm.rank])
+        here = np.zeros(sizes[comm.rank])
+        if member.part.kind.name == "solid":
+            here = nodal.jumps(member.part, own, factors[first : first + len(here)])
+        found += comm.gather(here, root=0) or []
+        start += sum(sizes)
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+    """Kinds of the parts that are looked at: "solid", "sheet", "beam", "truss"."""
+    fields = with_parts(structure).fields(shapes, part)
+    return {member.part.kind.name for member, _ in fields}
+
+
+def corner_at(
+    structure: Structure, shapes: Array, x: Array, part: str | None = None
+) -> tuple[float, bool]:
+    """(interior angle [degree] of the solid at its node x (3,), whether this node is held)."""
+    parts = with_parts(structure).fields(shapes, part)
+    best = (np.inf, 0.0, False)
+    for member, own in parts:
+        if member.part.kind.name != "solid":
+            continue
+        mesh, point = member.part.mesh, member.at.own(x[None])[0]
+        distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
+        moves = np.abs(displacements_of_rank(member.part, own)[distance.argmin()]).max(initial=0)
+        nearest = min(mesh.comm.allgather((float(distance.min()), bool(moves == 0))))
+        if nearest[0] < best[0]:
+            best = (nearest[0], interior_angle(member.part, point), nearest[1])
+    return best[1:]

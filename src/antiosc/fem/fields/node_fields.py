@@ -8,9 +8,8 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.recovery.place import NodeTensors, Place
-from antiosc.fem.site.functionals import check_reach
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery import NodeTensors, Place
+from antiosc.fem.site import Reach, check_reach
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 

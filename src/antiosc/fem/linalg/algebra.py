@@ -83,7 +83,7 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def by_strains(matrix: Matrix) -> bool:
-    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
     return not by_scipy(matrix) and bool(_petsc().by_strains(matrix))
 
 

@@ -98,7 +98,7 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
 
 def by_strains(matrix: PETSc.Mat) -> bool:
-    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
     return matrix.getAttr(PRODUCT) is not None
 
 

@@ -12,21 +12,271 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from antiosc.base import memory
-from antiosc.base._types import Array
-from antiosc.base.errors import NotConvergedError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.memory import ran_out
 from antiosc.fem.linalg import cholmod
-from antiosc.fem.linalg.algebra import by_strains
+from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.petsc_algebra import csr, dense, lower, watch
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply, watch
 from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
-from antiosc.fem.linalg.strains import Refined
-from antiosc.fem.linalg.substructures import Substructures, interface
-from antiosc.fem.platform.mpi import on_root, warn
+from antiosc.fem.platform.mpi import agree, on_root, warn
+
+#: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
+ENERGY = 1e-11
+#: Largest error accepted if rounding, or the largest number of steps, ends the solve.
+STALLED, MOST_CG_STEPS = 1e-6, 60
+#: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
+RIDGE = 1e-14
+#: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
+SOLUTION_GROWTH_BY_STRAINS = 1e24
+
+
+def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
+    """Make `multiply` compute products with K = SᵀS + rest from the strains."""
+    back = PETSc.Mat()
+    S.transpose(back)
+
+    def product(x: Array) -> Array:
+        return np.asarray(multiply(back, multiply(S, x)) + multiply(rest, x))
+
+    K.setAttr(PRODUCT, product)
+
+
+class Refined(Solver):
+    """Conjugate gradients with A's accurate product, preconditioned by a solver of its entries.
+
+    Parameters
+    ----------
+    A : a matrix whose product is by strains
+    make : gives a solver of a matrix
+
+    Raises
+    ------
+    NotConvergedError
+        A has no factor.
+    """
+
+    growth = SOLUTION_GROWTH_BY_STRAINS
+
+    def __init__(self, A: PETSc.Mat, make: Callable[[PETSc.Mat], Solver]) -> None:
+        self._make = make
+        super().__init__(A)
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor; 0 of a solver without one."""
+        return float(getattr(self._inner, "entries", 0.0))
+
+    def _set_up(self) -> None:
+        try:
+            self._inner = self._make(self.A)
+        except NotConvergedError:
+            stiffer = self.A.copy()
+            stiffer.setDiagonal((1 + RIDGE) * self.A.getDiagonal())
+            self._inner = self._make(stiffer)
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k).
+
+        Raises AccuracyError where the solver of the entries is too far from A.
+        """
+        for X, rest, energy in conjugate_gradients(
+            R,
+            lambda x: multiply(self.A, x),
+            self._inner.solve_block,
+            self._inner_products,
+            MOST_CG_STEPS,
+        ):
+            if (rest <= ENERGY**2 * energy).all():
+                return X
+        left = float(np.max(np.sqrt(np.abs(quotient(rest, energy)))))
+        if not left <= STALLED:
+            raise AccuracyError(
+                f"a solve stopped at a relative error of {left:.1e} in energy after "
+                f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
+                "elements this short double precision does not resolve the bending stiffness; "
+                "use fewer elements, or support loose parts."
+            )
+        return X
+
+    def force_sizes(self, R: Array) -> Array:
+        """√(rᵀA⁻¹r): in the Euclidean norm the rounding of x alone makes A x large."""
+        return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
+
+    def _inner_products(self, x: Array, y: Array) -> Array:
+        return np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", x, y)))
+
+
+class Substructures(Factorization):
+    """Cholesky factor of a matrix whose rows are spread over the ranks.
+
+    Parameters
+    ----------
+    interface : global rows of Γ, ascending, from `interface`
+    """
+
+    def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
+        self._interface = interface
+        super().__init__(A)
+
+    def _set_up(self) -> None:
+        A, comm = self.A, self.comm
+        first, last = A.getOwnershipRange()
+        pointers, columns, values = A.getValuesCSR()
+        own = scipy.sparse.csr_matrix(
+            (values, columns, pointers), shape=(last - first, A.getSize()[0])
+        )
+        # places in Γ of the rows of this rank in it, and those rows
+        self._at = np.flatnonzero((self._interface >= first) & (self._interface < last))
+        self._mine = self._interface[self._at] - first
+        within = np.ones(last - first, dtype=bool)
+        within[self._mine] = False
+        self._inner = np.flatnonzero(within)
+        whole = self._between(own[self._mine])
+        # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
+        # come before the diagonal.
+        rows = own[self._inner]
+        position = np.full(A.getSize()[0], -1, dtype=np.int32)
+        position[self._interface] = np.arange(len(self._interface))
+        met = position[rows.indices]
+        self._met = np.unique(met[met >= 0])
+        count = len(self._met)
+        position[self._interface[self._met]] = np.arange(count)
+        position[first + self._inner] = count + np.arange(len(self._inner))
+        n = count + len(self._inner)
+        rows = scipy.sparse.csr_matrix(
+            (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
+        )
+        corner = whole[self._met][:, self._met]
+        S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
+        error: Exception | None = None
+        try:
+            if len(self._inner):
+                corner.resize((count, n))
+                local = scipy.sparse.vstack([corner, rows], format="csr")
+                self._factor = Cholesky(local, A.getBlockSize(), last=count)
+                del local, rows, own
+                self._to = np.argsort(self._factor.permutation)  # where a row stands in L
+                order, self._L = self._factor.corner(count)
+                self._positions = self._to[order]
+                self._met = self._met[order]
+                S[np.ix_(self._met, self._met)] += _square(self._L)
+                S[np.ix_(self._met, self._met)] -= whole[self._met][:, self._met].toarray()
+        except NotPositiveDefiniteError as caught:
+            error = NotConvergedError(SINGULAR.format(caught))
+        except Exception as caught:  # the other ranks must not wait for this one
+            error = caught
+        agree(comm, error)
+        comm.Allreduce(MPI.IN_PLACE, S)
+        try:
+            self._S = scipy.linalg.cho_factor(S, lower=True, overwrite_a=True) if len(S) else None
+        except scipy.linalg.LinAlgError as caught:
+            raise NotConvergedError(SINGULAR.format(caught)) from caught
+
+    def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+        """A_ΓΓ on all ranks, from the rows of Γ that each has."""
+        part = rows[:, self._interface].tocoo()
+        found = self.comm.allgather((self._at[part.row], part.col, part.data))
+        row, column, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        n = len(self._interface)
+        return scipy.sparse.csr_matrix((value, (row, column)), shape=(n, n))
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factors of all ranks, and of the interface's."""
+        own = self._factor.supernodes.values.size if len(self._inner) else 0
+        return float(self.comm.allreduce(own) + len(self._interface) ** 2)
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows of this rank, k)."""
+        load = np.zeros((len(self._interface), R.shape[1]))
+        load[self._at] = R[self._mine]
+        if len(self._inner):
+            B = np.zeros((len(self._to), R.shape[1]), order="F")
+            B[self._to[-len(self._inner) :]] = R[self._inner]
+            Y = self._factor.forward(B)
+            load[self._met] += self._L @ Y[self._positions]
+        self.comm.Allreduce(MPI.IN_PLACE, load)
+        U = scipy.linalg.cho_solve(self._S, load) if self._S else load
+        X = np.empty(R.shape, order="F")
+        X[self._mine] = U[self._at]
+        if len(self._inner):
+            Y[self._positions] = self._L.T @ U[self._met]
+            X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
+        return X
+
+
+def _square(L: Array) -> Array:
+    """L Lᵀ of a lower triangle, with a third of the operations of a product."""
+    if not L.size:  # this part meets no other
+        return np.zeros(L.shape)
+    reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
+    upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
+    square = np.triu(upper)[::-1, ::-1]
+    return np.asarray(square + np.tril(square, -1).T)
+
+
+def interface(A: PETSc.Mat) -> IntArray:
+    """Global rows of whole nodes that separate the rows of different ranks."""
+    comm = A.getComm().tompi4py()
+    block = A.getBlockSize()
+    first, last = A.getOwnershipRange()
+    pointers, columns, _ = A.getValuesCSR()
+    away = np.flatnonzero((columns < first) | (columns >= last))
+    rows = first + np.searchsorted(pointers, away, side="right") - 1
+    pairs = np.unique(np.column_stack([rows, columns[away]]) // block, axis=0)
+    found = comm.gather(pairs)
+    starts = np.array(comm.allgather(first)) // block
+
+    def cut() -> IntArray:
+        both = np.vstack(found)
+        return _cut(both[both[:, 0] < both[:, 1]], starts)
+
+    nodes = on_root(comm, cut)
+    return np.asarray(block * nodes[:, None] + np.arange(block)).ravel()
+
+
+def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
+    """Nodes that cover every pair of coupled nodes of two ranks, the smallest number for each two
+    ranks."""
+    owners = np.searchsorted(starts, pairs, side="right") - 1
+    taken = np.zeros(0, dtype=int)
+    for ranks in np.unique(owners, axis=0):
+        some = pairs[(owners == ranks).all(axis=1)]
+        some = some[~np.isin(some, taken).any(axis=1)]
+        if len(some):
+            taken = np.union1d(taken, _cover(some))
+    return taken
+
+
+def _cover(pairs: IntArray) -> IntArray:
+    """The least vertex cover of a bipartite graph, by its largest matching (Kőnig's theorem)."""
+    left, i = np.unique(pairs[:, 0], return_inverse=True)
+    right, j = np.unique(pairs[:, 1], return_inverse=True)
+    n, m = len(left), len(right)
+    graph = scipy.sparse.csr_matrix((np.ones(len(pairs)), (i, j)), shape=(n, m))
+    mate = maximum_bipartite_matching(graph, perm_type="column")
+    matched = np.flatnonzero(mate >= 0)
+    # reached from single nodes on the left, to the right by any pair and back by matched ones
+    source = n + m
+    single = np.flatnonzero(mate < 0)
+    tails = np.concatenate([i, n + mate[matched], np.full(len(single), source)])
+    heads = np.concatenate([n + j, matched, single])
+    paths = scipy.sparse.csr_matrix(
+        (np.ones(len(tails)), (tails, heads)), shape=(source + 1, source + 1)
+    )
+    reached = np.zeros(source + 1, dtype=bool)
+    reached[breadth_first_order(paths, source, return_predecessors=False)] = True
+    return np.concatenate([left[~reached[:n]], right[reached[n:source]]])
+
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55

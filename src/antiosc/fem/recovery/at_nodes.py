@@ -6,8 +6,7 @@ two materials has two. In sheets and beams each cell has its own: neighbours may
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from types import ModuleType
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -17,26 +16,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.stresses import PAIRS, equivalent
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.mpi import agree
-from antiosc.fem.recovery import beam, sheet, solid, truss
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.points import PointsInCells
-from antiosc.fem.recovery.sheet import SheetAxes
+from antiosc.fem.recovery import Place
+from antiosc.fem.recovery.tensors import PointsInCells, evaluator
 from antiosc.fem.structure.meshed import MeshedStructure
-
-FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet, "truss": truss}
-#: Gives a quantity (P, …, columns) at points.
-Evaluate = Callable[[PointsInCells], Array]
-
-
-def evaluator(part: MeshedStructure, quantity: str, place: Place) -> Evaluate:
-    """What gives "strain", "stress", "rotation" or "section_forces"; to be made on all ranks."""
-    family = FAMILIES[part.kind.name]
-    function = getattr(family, quantity)
-    if family is sheet and quantity != "rotation":
-        axes = SheetAxes(part)
-        return lambda at: function(at, place, axes)
-    return lambda at: function(at, place)
-
 
 #: Points at which shapes are evaluated at once.
 AT_ONCE = 4096

@@ -15,23 +15,23 @@ from antiosc.base.checks import in_words as text
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.ends import Motion
+from antiosc.fem.assembly.joint import Motion
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh import closest_point
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.site.named_points import middle_of, motion_of
-from antiosc.fem.site.site import (
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, size_at
+from antiosc.fem.site import (
     LEAST_FREE_SHARE,
     Functional,
     Reach,
     Site,
     constrained,
+    middle_of,
+    motion_of,
     tangents,
 )
 from antiosc.fem.site.sites import Sites, loads, located, on_free_dofs, patches, sums, tell
+from antiosc.fem.structure.matrices import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.fem.structure.placement import in_space
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
@@ -221,7 +221,7 @@ def _on_mesh(
     mesh = structure.mesh
     given = [_in_space(mesh, structure.form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
-    nearest = closest_point.closest_many(mesh, points)
+    nearest = closest_many(mesh, points)
     extent = mesh.extent()
     for i, site in enumerate(sites):
         _check_distance(mesh, extent, site, placed(np.array([points[i], nearest[i].x])), nearest[i])
@@ -337,7 +337,7 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
 
 
 def _check_distance(
-    mesh: Mesh, extent: float, site: Site, points: Array, nearest: closest_point.ClosestPoint
+    mesh: Mesh, extent: float, site: Site, points: Array, nearest: ClosestPoint
 ) -> None:
     """InputError for a site too far off; `points` (2, 3): the site and the nearest to it."""
     on = ON_STRUCTURE * extent
@@ -345,7 +345,7 @@ def _check_distance(
         return
     free = isinstance(site.snap, bool)
     reach = Reach("the point of the site", None if free else max(site.snap, on))
-    reach.check(points[0], points[1], extent, partial(closest_point.size_at, mesh, nearest))
+    reach.check(points[0], points[1], extent, partial(size_at, mesh, nearest))
     if site.snap is False:
         raise InputError(
             f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off the "

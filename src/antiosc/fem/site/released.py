@@ -9,13 +9,11 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.assemble import eliminate
+from antiosc.fem.assembly.assembled import AssembledMatrices, rigid_motions
 from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.site import Functional, Site, algebraic
 from antiosc.fem.site.at_points import before_joining
-from antiosc.fem.site.functionals import algebraic
-from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
 

@@ -23,9 +23,8 @@ from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.platform.fingerprint import of_petsc
-from antiosc.fem.platform.mpi import agree, agreed, alike
-from antiosc.fem.structure import null_space
+from antiosc.fem.platform.mpi import agree, agreed, alike, of_petsc
+from antiosc.fem.structure import matrices
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
 from antiosc.io.matrices.dof_map import DofMap, rows_of
 
@@ -169,7 +168,7 @@ def matrices_of_pair(
     given = None
     if rigid_modes is not None:
         given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
-    modes, shift, factor = null_space.of_matrices(K, M, given)
+    modes, shift, factor = matrices.of_matrices(K, M, given)
     parts = K, M, fixed, modes, shift
     if C is not None:
         C = _damping(C, K, fixed)

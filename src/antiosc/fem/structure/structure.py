@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc.fem.elements.weak_form import Family
-    from antiosc.fem.mesh.mesh import Mesh
+    from antiosc.fem.mesh import Mesh
     from antiosc.fem.structure.attachments import Attachment
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
@@ -115,7 +115,7 @@ class Structure(Brief):
         """Assemble the structure of a mesh."""
         started = time.perf_counter()
         with finite_element_packages():
-            from antiosc.fem.structure.of_mesh import assembled
+            from antiosc.fem.structure.meshed import assembled
         options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
         made = assembled(mesh, material, supports, **options)
         self._hold(made, started)

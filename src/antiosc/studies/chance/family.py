@@ -13,8 +13,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.algebra import dot, multiply, rows
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Functional, Site
+from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 

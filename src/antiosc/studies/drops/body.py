@@ -246,8 +246,7 @@ def _residual(
     structure: Structure, phi: Array, omega: Array, skin: Skin, own: IntArray, which: IntArray
 ) -> tuple[Array, Array]:
     """Shapes and residual compliances of patches at vertices of the hull `own`; see `sites`."""
-    from antiosc.fem.site.functionals import functionals
-    from antiosc.fem.site.site import Site
+    from antiosc.fem.site import Site, functionals
 
     sites = []
     for k in own[which].tolist():

@@ -196,8 +196,7 @@ class Fall(Brief):
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
         from antiosc.fem.fields import source
-        from antiosc.fem.site.named_points import point_of
-        from antiosc.fem.site.site import Reach
+        from antiosc.fem.site import Reach, point_of
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

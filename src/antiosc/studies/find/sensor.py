@@ -12,9 +12,8 @@ from antiosc.base._types import Array
 from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
 from antiosc.fem.fields import source
-from antiosc.fem.recovery.place import place
-from antiosc.fem.site.named_points import point_of
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery import place
+from antiosc.fem.site import Reach, point_of
 from antiosc.fem.structure.structure import Structure
 
 #: Quantities of sensors: the time derivative of the displacement that each is made of.

@@ -17,11 +17,9 @@ import scipy.linalg
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.fem.extraction.extract import extract
-from antiosc.fem.extraction.site_models import ErrorOption
+from antiosc.fem.extraction.extract import ErrorOption, extract
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Site
+from antiosc.fem.site import Site, functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping_matrix import DampingMatrix, along
