@@ -73,13 +73,13 @@ from antiosc.fem.assembly.pins import (
 from antiosc.fem.assembly.tie import (
     Tie as Tie,
 )
+from antiosc.fem.elements import (
+    Layer as Layer,
+    Section as Section,
+)
 from antiosc.fem.elements.beam import (
     Beam as Beam,
     Truss as Truss,
-)
-from antiosc.fem.elements.sections import (
-    Layer as Layer,
-    Section as Section,
 )
 from antiosc.fem.elements.shell import (
     Laminate as Laminate,
@@ -108,14 +108,14 @@ from antiosc.fem.mesh.reading import (
 from antiosc.fem.site import (
     Site as Site,
 )
+from antiosc.fem.structure import (
+    Placement as Placement,
+)
 from antiosc.fem.structure.attachments import (
     Damper as Damper,
     Footing as Footing,
     PointMass as PointMass,
     Spring as Spring,
-)
-from antiosc.fem.structure.matrices import (
-    Placement as Placement,
 )
 from antiosc.fem.structure.structure import (
     Structure as Structure,

@@ -12,7 +12,7 @@ from antiosc.fem.fields import mesh_fields
 from antiosc.fem.mesh.soundness import _SIMPLICES
 from antiosc.fem.platform import compat
 from antiosc.fem.site import Reach
-from antiosc.fem.structure.matrices import Placement
+from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet

@@ -19,7 +19,7 @@ from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames, listing, write_frames, write_vtx
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.modal import combined
 from antiosc.results.saved_fields import SavedFields

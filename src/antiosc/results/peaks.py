@@ -20,7 +20,7 @@ from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
-from antiosc.fem.platform.mpi import collective, warn
+from antiosc.fem.platform import collective, warn
 from antiosc.fem.recovery import Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import peak_search

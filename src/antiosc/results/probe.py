@@ -20,9 +20,9 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.stresses import von_mises
 from antiosc.base.threads import one_thread
-from antiosc.fem.elements.sections import Section
+from antiosc.fem.elements import Section
 from antiosc.fem.fields import source
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, on_root
 from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure

@@ -25,9 +25,9 @@ from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
 from antiosc.base.threads import one_thread
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.extraction.site_shapes import beside_rigid
+from antiosc.fem.extraction import beside_rigid
 from antiosc.fem.linalg.algebra import dot
-from antiosc.fem.platform.mpi import collective
+from antiosc.fem.platform import collective
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
@@ -109,7 +109,7 @@ def reactions(
     at = times_of(history, times)
     sites = _named(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
-    from antiosc.fem.site.released import Released  # needs dolfinx
+    from antiosc.fem.site.at_points import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
     _check(structure, history)

@@ -20,7 +20,7 @@ from antiosc.base.progress import counting
 from antiosc.base.stresses import equivalent
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
-from antiosc.fem.platform.mpi import on_root
+from antiosc.fem.platform import on_root
 from antiosc.fem.recovery import NodeTensors, Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.histories.body_motion import Force, motions

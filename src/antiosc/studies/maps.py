@@ -23,6 +23,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.extraction import shapes_of_models
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
     at_one_site,
@@ -31,8 +32,7 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.fem.extraction.site_shapes import shapes_of_models
-from antiosc.fem.platform.mpi import agree, collective, on_root
+from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.site.sites import Sites, doubtful_patches
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes

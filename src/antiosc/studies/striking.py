@@ -36,8 +36,7 @@ from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, compat, on_root
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support

@@ -16,7 +16,7 @@ from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places
-from antiosc.fem.structure.matrices import Placement
+from antiosc.fem.structure import Placement
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
 

@@ -15,7 +15,7 @@ from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.matrices import Placement, skew
+from antiosc.fem.structure import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet

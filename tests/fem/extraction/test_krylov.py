@@ -9,8 +9,8 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
+from antiosc.fem.extraction import site_shapes
 from antiosc.fem.extraction.krylov import Lanczos
-from antiosc.fem.extraction.site_shapes import site_shapes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site import functional
 from antiosc.models.driving_point import samples, stiffness_at_sites, stiffness_error

@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.base import memory
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, solver, solver_choice
+from antiosc.fem.linalg import Factorization, cholmod, solver_choice
 
 pytestmark = pytest.mark.fem
 
@@ -108,7 +108,7 @@ def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
     monkeypatch.setattr(memory, "free_memory", lambda: 2 * need)
-    assert isinstance(part.factorize(), solver.Factorization)
+    assert isinstance(part.factorize(), Factorization)
 
 
 def test_unknown_solver():

@@ -246,7 +246,7 @@ def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
 
 def test_shear_stresses_of_layers_are_in_equilibrium():
     """Their integral is the shear force, and the surfaces are free; 3/2 Q/t in the middle."""
-    from antiosc.fem.elements.sections import shear_stresses
+    from antiosc.fem.elements import shear_stresses
 
     layers = [PLY.rotated(a) for a in (0, 90, 45, 20)]
     x, w = np.polynomial.legendre.leggauss(3)

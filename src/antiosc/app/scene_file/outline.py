@@ -32,7 +32,7 @@ from antiosc.base.errors import (
 from antiosc.fem.site import SNAP_SHARE
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.matrices import Placement
+    from antiosc.fem.structure import Placement
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000
@@ -123,7 +123,7 @@ def outlines(found: Compiled) -> list[Outline]:
 def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
-        from antiosc.fem.structure.matrices import placement
+        from antiosc.fem.structure import placement
     data = found.document.data
     at = {} if found.structure is None else found.structure.arguments.get("at", {})
     boxes = {

@@ -76,6 +76,6 @@ def on_first(work: Callable[[], T]) -> T:
     comm = communicator()
     if comm is None or comm.size == 1:
         return work()
-    from antiosc.fem.platform.mpi import on_root
+    from antiosc.fem.platform import on_root
 
     return on_root(comm, work)  # type: ignore[no-any-return]

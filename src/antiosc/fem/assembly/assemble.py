@@ -1,4 +1,10 @@
-"""`assemble`: one structure of several parts."""
+"""`assemble`: one structure of several parts, u = T q eliminated from constraints C u = 0.
+
+A row is solved for a dof that occurs in no other row, as long as there are such rows (a triangular
+elimination, which keeps T sparse). What is left, the rows that overlap or form circles, is solved
+in connected blocks by a QR factorization with pivots, which also finds rows that follow from
+others.
+"""
 
 from __future__ import annotations
 
@@ -48,11 +54,11 @@ from antiosc.fem.assembly.parts import (
     communicator,
     on_every_rank,
 )
+from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.petsc_algebra import from_csr
-from antiosc.fem.linalg.solver import Choice, checked_choice
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure import Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
-from antiosc.fem.structure.matrices import Placement
 from antiosc.fem.structure.meshed import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support

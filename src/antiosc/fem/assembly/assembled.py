@@ -1,4 +1,9 @@
-"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q."""
+"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; strainless motions.
+
+The rigid motions of all connected pieces of the parts span the motions without strain before the
+parts are joined. Those that satisfy all constraints and stretch no spring are the null vectors of
+K: the rigid motions of the whole, and the mechanisms that the joints leave.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +26,15 @@ from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row
 from antiosc.fem.assembly.parts import MOVE, TURN, Share
 from antiosc.fem.linalg.algebra import by_strains, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
-from antiosc.fem.platform.mpi import on_root
-from antiosc.fem.structure import support
-from antiosc.fem.structure.matrices import (
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure import (
     SHIFT,
     Dissipation,
     Plausibility,
     StructureMatrices,
     orthonormal,
     skew,
+    support,
 )
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.support import on_dofs, polynomials

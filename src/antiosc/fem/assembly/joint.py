@@ -1,4 +1,11 @@
-"""What joints, supports and attachments add: constraints C u = 0, springs and masses."""
+"""What joints, supports and attachments add: C u = 0, springs and masses; the ends they hold.
+
+An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
+Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
+of several, or of the surface within the radius, the mean displacement and the mean rotation, by
+which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
+closest to the motion of the group.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +23,8 @@ from antiosc.base.errors import InputError, known, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
 from antiosc.fem.mesh.surface import Quadrature, largest, quadrature
+from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import NEAR, Damper, PointMass, Spring, values_of
-from antiosc.fem.structure.matrices import in_space, skew
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 from antiosc.io.matrices.dof_map import COMPONENTS

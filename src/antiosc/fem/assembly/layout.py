@@ -2,8 +2,14 @@
 
 The vector u holds the dofs of each part (in the axes of the part) one after the other, first of
 parts with meshes, then of superelements, and then six dofs (in the axes of the assembly) for each
-reference point. A linear functional of u is a row of a
-sparse matrix with as many columns as u has dofs.
+reference point. A linear functional of u is a row of a sparse matrix with as many columns as u has
+dofs.
+
+Wide functionals: if k of them act on c dofs, elimination would couple all c of them. Instead these
+dofs get a basis of their own that is orthonormal and nested (multiwavelets; Alpert, *SIAM J. Math.
+Anal.* 24 (1993)): in each half of the group, and in each half of it, all but k vectors are chosen
+so that the functionals vanish on them. Of the whole group k vectors remain on which the functionals
+act. A dof takes part in k vectors for each of log(c) levels, so that K stays sparse.
 """
 
 from __future__ import annotations
@@ -20,7 +26,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.parts import MOVE, Condensed, Superelement
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.matrices import Placement
+from antiosc.fem.structure import Placement
 from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix

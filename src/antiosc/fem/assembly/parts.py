@@ -1,4 +1,9 @@
-"""The parts of an assembly: arguments of `assemble`, parts whole on every rank, rows of each."""
+"""The parts of an assembly: meshes whole on every rank, and superelements of a few dofs.
+
+A superelement is an anti-oscillator model of several sites (the form of Craig and Bampton, see
+`antiosc.models.reduced_matrices`), or given matrices whose nodes have coordinates. Joints act on
+the displacements of its sites, or on the dofs of its nodes; its other dofs are amplitudes of modes.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +24,8 @@ from antiosc.base.errors import InputError, known, without_warnings
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, local_groups
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed, alike
-from antiosc.fem.structure.matrices import (
+from antiosc.fem.platform import agreed, alike, compat
+from antiosc.fem.structure import (
     NodalMatrices,
     Placement,
     in_space,

@@ -1,4 +1,4 @@
-"""Linear constraints of ends: `Weld`, `Ball`, `Hinge`, `Slider` at one point, and `Equation`."""
+"""Joints of ends: welds, balls, hinges, sliders, bushings, bolts; points of groups; equations."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
+from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
-from antiosc.fem.structure.matrices import checked_axis, in_space
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.io.matrices.dof_map import COMPONENTS
 

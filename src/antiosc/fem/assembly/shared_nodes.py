@@ -1,4 +1,12 @@
-"""Meshes that share nodes, and constraints between numbered nodes, as decks have them."""
+"""Meshes that share nodes, numbered nodes of decks, and constraints between them.
+
+Between nodes: the displacements here are richer than those of a deck's elements. Where constraints
+determine all nodes of an edge or a face of a cell, the dofs between these nodes follow by the
+functions of the cell's map, by which the deck's own elements move there; where all nodes slide
+across one direction, so do the dofs between them; where all lie on one cell to which they are tied,
+the dofs between them follow that cell. Beams bend between their nodes: they follow where both nodes
+are of one rigid body.
+"""
 
 from __future__ import annotations
 

@@ -9,6 +9,11 @@ follower's nodes and ψ of the leader's, both integrated over what the surfaces 
 A state of constant stress passes through the tie, and the order of convergence is that of the
 coarser side. Where nodes of the follower are held or follow another joint already, their test
 functions are added to those of the nodes beside them, so that the sum of all stays 1.
+
+An edge of a shell on a face of a solid, which has no rotations: through the thickness t of the
+shell, along its normal n, the displacement of the face is compared with a straight line, u(s) ≈ u₀
++ s g for |s| <= t/2 (least squares). The edge moves by u₀, and the fibre n of the shell turns with
+g = θ × n: θ − (θ·n) n = n × g. The rotation about the normal is left to the shell.
 """
 
 from __future__ import annotations
@@ -28,7 +33,7 @@ from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.joint import NAME, Between, Held, Rows, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
-from antiosc.fem.structure.matrices import skew
+from antiosc.fem.structure import skew
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.

@@ -15,7 +15,7 @@ from antiosc.base._types import Array, Box
 from antiosc.base.checks import array, flag, instance, number, positive
 from antiosc.base.declared import checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.sections import Section
+from antiosc.fem.elements import Section
 from antiosc.fem.elements.weak_form import (
     DIRECTION,
     Direction,
@@ -29,8 +29,7 @@ from antiosc.fem.elements.weak_form import (
     tangent,
 )
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed
+from antiosc.fem.platform import agreed, compat
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

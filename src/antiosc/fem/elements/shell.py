@@ -1,4 +1,16 @@
-"""`Shell`, `Laminate`: Reissner–Mindlin plates and shells on triangles or quadrilaterals."""
+"""`Shell`, `Laminate`: Reissner–Mindlin plates and shells on triangles or quadrilaterals.
+
+At every point of the surface a frame (e1, e2, n) follows from the Jacobian, and for layers from
+their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α the
+lengths along e_α,
+
+    membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
+    bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
+
+The drilling strain is penalized with the shear modulus, so that θ·n is the in-plane rotation of the
+surface and moments are transmitted at folds. The result does not depend on the sign of n, unless
+the layers are unsymmetric.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +28,7 @@ from antiosc.base._types import Array, Box
 from antiosc.base.checks import array, in_words, number, positive, store
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.sections import Layer, PlateSection, stacked
+from antiosc.fem.elements import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (
     DIRECTION,
     Direction,
@@ -29,8 +41,7 @@ from antiosc.fem.elements.weak_form import (
     measure,
 )
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree
+from antiosc.fem.platform import agree, compat
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -451,7 +462,7 @@ class Laminate(Sheet):
     Angles count from the axis toward normal × axis; the normal points to the top. The element, its
     components and its cells are those of `Shell`; both may be used in one mesh, by group. `section`
     holds the matrices A, B, D, S in the axes of the laminate. The transverse shear stiffness S
-    follows from the shear energy, not from a factor 5/6 (`antiosc.fem.elements.sections`).
+    follows from the shear energy, not from a factor 5/6 (`antiosc.fem.elements`).
 
     Raises
     ------

@@ -1,8 +1,13 @@
-"""Interface of an element family (Solid, Beam, …) to `Structure`, and shared functions.
+"""What every element family is to `Structure`, functions shared by them, and axes of layers.
 
 A material is a frozen dataclass of its constants that answers as `Family` says. Its method
 `weak_form(mesh, parts, order)` gets `parts`, a list of (material, cells), where `cells` are the
 cells of this rank that the material fills. All materials of one structure are of one `Kind`.
+
+Layers are stacked along the normals of the cells, which follow from the order of their nodes, or
+toward a given `top`; on a plane mesh, where the node order is arbitrary, toward +z. Where a stack
+differs from itself seen from the other side, cells with a common edge must have their normals on
+one side: the energy alone does not show an error in this.
 """
 
 from __future__ import annotations
@@ -20,8 +25,7 @@ from antiosc.base.checks import array, in_words, nonnegative, poisson, positive,
 from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed, on_root
+from antiosc.fem.platform import agreed, compat, on_root
 
 if TYPE_CHECKING:
     from dolfinx import fem

@@ -1,4 +1,12 @@
-"""What an extraction with error="estimate" adds to its models."""
+"""What an extraction with error="estimate" adds to its models, gaps of flat faces included.
+
+Gaps between flat faces and the curved surface that they may stand for: the normals at the corners
+of a face are those of the surface, means over the faces around (weighted as Max, J. Graphics Tools
+4 (1999) 2: exact on spheres, and on circles by the inverse lengths). Along a side of length l with
+the normals n, n' at its ends x, x' the curvature times l² is (n' - n)·(x' - x); a linear face is
+off the surface by a twelfth of that in the mean over a segment, and by a twenty-fourth of its sum
+over the sides of a triangle or a quadrilateral.
+"""
 
 from __future__ import annotations
 

@@ -29,9 +29,8 @@ from antiosc.fem.error.bisection import (
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import bounds, on_root, warn
-from antiosc.fem.structure.matrices import in_space
+from antiosc.fem.platform import bounds, compat, on_root, warn
+from antiosc.fem.structure import in_space
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.meshing import SizeField
 from antiosc.io.neutral import RawMesh

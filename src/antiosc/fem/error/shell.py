@@ -26,6 +26,14 @@ equilibrium with it (D. N. Arnold, R. S. Falk, SIAM J. Numer. Anal. 26 (1989) 12
 Where the section changes, m jumps likewise in such a mesh, and both sides have a layer: with c =
 ℓ/D66 of each, their moments are in the ratio that gives them one rotation, and their energy is that
 of the jump with c1 c2/(c1 + c2). At folds and ribs the other sheet, or the rib, holds the rotation.
+
+The strains are those that made the stiffness matrix, with the interpolated shear strain
+(`antiosc.fem.elements.shell`); beside it stands what the interpolation changed in it.
+
+A piece ends at folds, where three cells or more meet, at stiffeners, and where the section of the
+sheet changes: there section forces jump, and no continuous function stands for them. Strains are
+compared in axes that turn with the surface: over a piece they follow one coordinate axis, or those
+of the layers.
 """
 
 from __future__ import annotations

@@ -25,8 +25,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, NotConvergedError
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import conjugate_gradients
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import warn
+from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of

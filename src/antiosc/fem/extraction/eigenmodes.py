@@ -22,7 +22,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.extraction.site_shapes import SiteShapes
+from antiosc.fem.extraction import SiteShapes
 from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
@@ -33,7 +33,7 @@ from antiosc.fem.linalg.algebra import (
     norm,
     row_range,
 )
-from antiosc.fem.platform.mpi import on_root
+from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""`extract`: the anti-oscillators of a structure at a site."""
+"""`extract`: the anti-oscillators of a structure at one site, or at several."""
 
 from __future__ import annotations
 
@@ -25,6 +25,13 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.threads import one_thread
+from antiosc.fem.extraction import (
+    SiteShapes,
+    inertia_of,
+    shapes_of_models,
+    uniform_inertia,
+    weights_of,
+)
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import BASIS_STEP, Reached, by_krylov, every_mode, with_damping
 from antiosc.fem.extraction.oscillators import (
@@ -40,15 +47,8 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.fem.extraction.site_shapes import (
-    SiteShapes,
-    inertia_of,
-    shapes_of_models,
-    uniform_inertia,
-    weights_of,
-)
 from antiosc.fem.linalg.algebra import dot
-from antiosc.fem.platform import mpi
+from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -157,7 +157,7 @@ def models_of(
                 model = errors.added_to(model, target)
         if terms or structure.matrices.lossy:
             model = with_damping(structure, model, static, terms)
-        mpi.on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
+        on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
@@ -349,7 +349,7 @@ def extract(
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> list[AntiOscillators]: ...
-@mpi.collective()
+@collective()
 @within_range
 @one_thread()
 def extract(
@@ -495,7 +495,7 @@ def _checked_options(
         )
     if band is None:
         what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
-        free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
+        free = on_root(structure.comm, memory.free_memory) / structure.comm.size
         memory.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
     else:
         band = positive("band", band, "rad/s")

@@ -25,6 +25,19 @@ are known one block later.
 The shift s is 0 if K is regular. A shift inside the band (s < 0) would save at most a fifth of the
 steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
 but requires a second, indefinite factorization, whose solves are slower.
+
+With dampers, a model's shapes V span what the sites and the ends of the dampers start: the Krylov
+space of A⁻¹M from A⁻¹[MΦ, Gᵀ], into which A⁻¹C leads too; a layer that relaxes adds A⁻¹CV of each
+block. K, M and C are projected on V alike: VᵀCV is semidefinite for every number of shapes, so that
+every model is passive.
+
+Bound: the model's displacements Vy under unit forces on the sites at the complex frequency s leave
+the residual ρ, the error of the receptance is ρᵀD⁻¹ρ with D = K + sC + s²M. For Re s > 0
+
+    |xᴴDx| ≥ Re(s̄ xᴴDx)/|s| ≥ Re s/|s| (xᴴKx + |s|² xᴴMx),
+
+since damping gives no energy: ‖ΔH‖ ≤ |s|/Re s max(1, σ/|s|²) ‖ρ‖² in the norm of A⁻¹, A = K + σM.
+The residual lies in the space of the vectors that follow V in the recurrence.
 """
 
 from __future__ import annotations
@@ -38,11 +51,11 @@ import numpy as np
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
+from antiosc.fem.extraction import SiteShapes
 from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.oscillators import Found, Kept, Remainder
-from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.structure.matrices import Dissipation, ends, projected
+from antiosc.fem.structure import Dissipation, ends, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -21,10 +21,10 @@ import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.base.errors import AccuracyError, AccuracyWarning
+from antiosc.fem.extraction import SiteShapes
 from antiosc.fem.extraction.eigenmodes import Modes, residuals
-from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
-from antiosc.fem.platform import mpi
+from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.free_modes import MASSLESS
@@ -339,7 +339,7 @@ def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
             f"the constraint modes fail their own check: {name} {value:.1e}, limit "
             f"{USABLE * limit:.0e}; {why}"
         )
-    mpi.warn(
+    warn(
         comm,
         f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
         f"{limit:.0e}): {why}",

@@ -1,4 +1,4 @@
-"""The structure in its natural modes: mode superposition, and the unreduced model.
+"""The structure in its natural modes: the modes, their superposition, and the unreduced model.
 
 Both are references for an anti-oscillator model, and `simulate` accepts them as models:
 `superposition` keeps n modes (as Goldsmith and Stronge, Article section 1), `full` keeps all modes,
@@ -21,10 +21,7 @@ from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
-from antiosc.fem.extraction.extract import DEFAULT_COUNT, SEARCHED
-from antiosc.fem.extraction.oscillators import REPEATED, check_modes
-from antiosc.fem.extraction.site_shapes import (
+from antiosc.fem.extraction import (
     SiteShapes,
     beside_rigid,
     inertia_of,
@@ -32,10 +29,13 @@ from antiosc.fem.extraction.site_shapes import (
     uniform_inertia,
     weights_of,
 )
+from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
+from antiosc.fem.extraction.extract import DEFAULT_COUNT, SEARCHED
+from antiosc.fem.extraction.oscillators import REPEATED, check_modes
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.linalg.algebra import dot
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.body import Body

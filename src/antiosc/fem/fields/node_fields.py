@@ -10,7 +10,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.recovery import NodeTensors, Place
 from antiosc.fem.site import Reach, check_reach
-from antiosc.fem.structure.matrices import NodalMatrices
+from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
 

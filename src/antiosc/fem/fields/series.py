@@ -1,4 +1,4 @@
-"""A series of displacement fields for ParaView: a `.pvd` file that lists `.vtu` files.
+"""A series of displacement fields for ParaView: `.pvd` with `.vtu` files, or one `.bp` folder.
 
 VTK's XML format for unstructured grids, version 0.1: the mesh is encoded once, a field in each
 frame. Arrays are in base64, each a row of blocks of zlib with their sizes before them. The mesh is
@@ -28,7 +28,7 @@ from antiosc import fem
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.fem.platform.mpi import on_root
+from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure, on_mesh
 
 #: Bytes of an array that are compressed at once.

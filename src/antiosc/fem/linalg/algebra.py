@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray, Matrix
-from antiosc.fem.platform.mpi import SERIAL
+from antiosc.fem.platform import SERIAL
 
 if TYPE_CHECKING:
     from mpi4py import MPI

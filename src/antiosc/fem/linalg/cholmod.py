@@ -1,4 +1,4 @@
-"""CHOLMOD's supernodal Cholesky factor, called directly.
+"""CHOLMOD's supernodal Cholesky factor, called directly in the library that PETSc has loaded.
 
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
@@ -9,6 +9,10 @@ The table in benchmarks/speed/cholmod_or_mumps.md shows what this wins over MUMP
 times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
+
+The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
+(SuiteSparse 7.10) as far as they are declared here. `library` compares the version, and every
+default that CHOLMOD sets at its start, before anything else is called.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.platform.mpi import alike
+from antiosc.fem.platform import alike
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4

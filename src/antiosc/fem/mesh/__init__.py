@@ -20,8 +20,7 @@ from antiosc.base.checks import (
     shown,
 )
 from antiosc.base.errors import InputError, known
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import bounds
+from antiosc.fem.platform import bounds, compat
 from antiosc.io.neutral import RawMesh
 from antiosc.io.selection import keys
 

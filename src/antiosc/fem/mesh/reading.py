@@ -1,4 +1,4 @@
-"""`read_mesh`: the mesh of a file, of a geometry or of dolfinx."""
+"""`read_mesh`, `box_mesh`: the mesh of a file, of a geometry, of dolfinx, or of given lengths."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree, collective, on_root, warn
+from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import STATES_UNIT, read

@@ -1,4 +1,8 @@
-"""Checks of the cells of a file before they become a mesh: errors and warnings."""
+"""Checks of the cells of a file before they become a mesh: each by itself, and with others.
+
+A nonconforming mesh runs and represents another part: overlapping cells double the mass, and cells
+that touch without common nodes form a crack. Of that only vertices are checked, not curved sides.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""The faces of a part at which impacts are possible: the outer facets of a solid, the cells of a
-shell.
+"""Points on a mesh: of its groups with weights, on its outer faces, and the closest to others.
 
-Both are treated in the same way.
+The faces at which impacts are possible are the outer facets of a solid and the cells of a sheet.
 """
 
 from __future__ import annotations

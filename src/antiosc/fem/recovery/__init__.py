@@ -1,4 +1,4 @@
-"""Where in a sheet's thickness or a beam's section a stress is taken, and in which axes."""
+"""Recovery; here where in a thickness or a section a stress is taken, and in which axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
-from antiosc.fem.elements.sections import Layer, Section
+from antiosc.fem.elements import Layer, Section
 
 #: What is said of beams on whose outline a stress is asked.
 NO_OUTLINE = (

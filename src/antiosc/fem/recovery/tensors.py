@@ -1,4 +1,12 @@
-"""Points within cells at which strains are evaluated: shape functions, their slopes, frames."""
+"""Strain, stress, rotation and section forces at points of solids, bars, beams and sheets.
+
+In beams the strains of the section are taken at the Gauss points of the stiffness, where they are
+most accurate, and interpolated between them.
+
+In sheets they are those of the element (`antiosc.fem.elements.shell`): on triangles the shear
+strain has the interpolated rotations, on quadrilaterals it is taken at the 2×2 points of its
+quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +18,8 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import PAIRS, full
+from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.elements.sections import Layer, shear_stresses
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import axes_and_sides

@@ -1,7 +1,13 @@
-"""`Site`: point and direction of an impact, and `Functional`, its load vector b.
+"""`Site`: point and direction of an impact; its load vector b; points by their names.
 
 bᵀu is the displacement of the structure at the site along the direction of impact, and b contains
 the nodal forces of a unit force there.
+
+On nodes of given matrices a patch has Hertz's pressure √(1 − r²/a²) over the circle of radius a
+across the direction of impact; each node takes the load of the points that are next to it. Nodes
+below the surface do not count: those that another node covers against the direction of impact.
+
+A named group is the point next to the centroid of its entities.
 """
 
 from __future__ import annotations
@@ -24,7 +30,7 @@ from antiosc.base.errors import InputError, known
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
-from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices, in_space
+from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.matrices.dof_map import component_of
 

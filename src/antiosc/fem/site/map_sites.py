@@ -20,7 +20,7 @@ from antiosc.fem.mesh.surface import Faces, closest_many
 from antiosc.fem.site import LEAST_FREE_SHARE
 from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
 from antiosc.fem.site.sites import Sites, located, tell
-from antiosc.fem.structure.matrices import in_space
+from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.

@@ -1,6 +1,9 @@
-"""Masses, springs, dampers and footings at points of a structure.
+"""What is fastened to a structure: masses, springs, dampers, footings; beams along edges.
 
 None has dofs of its own: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
+
+A beam along edges is assembled on a mesh of these, whose dofs are dofs of the sheet: K + Tᵀ K_beam
+T.
 """
 
 from __future__ import annotations
@@ -34,9 +37,8 @@ from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, closest
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree
-from antiosc.fem.structure.matrices import Dissipation, in_space
+from antiosc.fem.platform import agree, compat
+from antiosc.fem.structure import Dissipation, in_space
 from antiosc.io.matrices.dof_map import COMPONENTS
 
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.

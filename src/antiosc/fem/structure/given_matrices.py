@@ -20,12 +20,10 @@ from antiosc import fem
 from antiosc.base._types import Array, BoolArray, IntArray, Matrix
 from antiosc.base.checks import LARGEST, SMALLEST, array
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg import Solver, algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
-from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.platform.mpi import agree, agreed, alike, of_petsc
-from antiosc.fem.structure import matrices
-from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
+from antiosc.fem.platform import agree, agreed, alike, of_petsc
+from antiosc.fem.structure import NodalMatrices, StructureMatrices, of_matrices
 from antiosc.io.matrices.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
@@ -168,7 +166,7 @@ def matrices_of_pair(
     given = None
     if rigid_modes is not None:
         given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
-    modes, shift, factor = matrices.of_matrices(K, M, given)
+    modes, shift, factor = of_matrices(K, M, given)
     parts = K, M, fixed, modes, shift
     if C is not None:
         C = _damping(C, K, fixed)

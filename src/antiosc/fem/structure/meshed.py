@@ -1,4 +1,4 @@
-"""`MeshedStructure`: K, M, mesh and weak form of a part; `Member`: the part in an assembly."""
+"""`MeshedStructure`: K, M, mesh and weak form of a part, and how they are assembled."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure, restricted
+from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import (
@@ -33,9 +33,8 @@ from antiosc.fem.mesh.surface import (
     largest,
     quadrature,
 )
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import bounds, warn
-from antiosc.fem.structure import support
+from antiosc.fem.platform import bounds, compat, warn
+from antiosc.fem.structure import Dissipation, Placement, Plausibility, StructureMatrices, support
 from antiosc.fem.structure.attachments import (
     Attachment,
     Matrices,
@@ -44,7 +43,6 @@ from antiosc.fem.structure.attachments import (
     add_beams,
     attachments_of,
 )
-from antiosc.fem.structure.matrices import Dissipation, Placement, Plausibility, StructureMatrices
 from antiosc.fem.structure.support import NO_DOFS, Support, about, dofs_of_group, fixed_dofs
 from antiosc.models.motion import Inertia
 

@@ -1,4 +1,10 @@
-"""`Support`: displacement components that are fixed, as dofs."""
+"""`Support`: displacement components that are fixed; rigid-body motions that remain.
+
+On a mesh the rigid-body motions and the shift of a free body come from polynomial displacement
+fields (with half their curl as the rotations of beams and shells): the rigid motions among them
+that vanish on the fixed dofs are exact null vectors of K, and the lowest Rayleigh–Ritz value of the
+quadratic ones is of the order of the first elastic ω², from which the shift is taken.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +24,8 @@ from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed, bounds
-from antiosc.fem.structure.matrices import (
+from antiosc.fem.platform import agreed, bounds, compat
+from antiosc.fem.structure import (
     RIGID_FORCE,
     SHIFT,
     Placement,

@@ -22,7 +22,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.threads import one_thread
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.platform.mpi import collective, warn
+from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import Damping, as_damping
