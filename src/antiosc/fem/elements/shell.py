@@ -422,7 +422,7 @@ class Shell(Isotropic, Sheet):
 
     Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
     cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with
-    the same moments along the edges, so that thin plates do not lock (`shell_strains`).
+    the same moments along the edges, so that thin plates do not lock (see `_dropped_of_cubics`).
     Quadrilaterals are quadratic. Their shear strain is integrated at 2×2 points, with a share of
     full integration that vanishes with the thickness. The same holds for the membrane strain of
     curved quadrilaterals, which are for smooth surfaces only: use triangles where surfaces or

@@ -516,7 +516,7 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
-    """(θ×n) along e1 and e2 (P, 2, columns), of triangles interpolated as in `shell_strains`."""
+    """(θ×n) along e1 and e2 (P, 2, columns), of triangles interpolated as in the energy."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":
