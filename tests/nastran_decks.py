@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from antiosc.io.deck import Deck
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from antiosc_decks.sources import Sources
 

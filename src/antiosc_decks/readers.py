@@ -9,9 +9,8 @@ from typing import Any
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Deck, listed
-from antiosc.io.neutral import FileMesh, Model
+from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc.io.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh, model as nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources

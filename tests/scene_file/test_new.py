@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
-from antiosc.app.new import template
-from antiosc.app.new.look import look
+from antiosc.app import new as template
+from antiosc.app.new import look
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import LARGEST_NUMBER, Array, Block, IntArray, Numbering, Place, whole_number
-from antiosc.io.shapes import CORNERS, EDGES
+from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.table import GENERATORS
 

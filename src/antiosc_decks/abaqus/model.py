@@ -13,8 +13,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
-from antiosc.io.neutral import Model, Term
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card, Row
 from antiosc_decks.abaqus.joints import read_joints

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.io.deck import Array, Block, IntArray, Place
-from antiosc.io.shapes import CORNERS, EDGES
+from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.model.constraints import Constraints

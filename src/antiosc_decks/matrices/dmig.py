@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Matrix
-from antiosc.io.matrices.formats import (
+from antiosc.io.matrices import (
     Entries,
     Labels,
     MatrixFormat,

@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.io.matrices.formats import Entries, MatrixFormat, Source, fortran
+from antiosc.io.matrices import Entries, MatrixFormat, Source, fortran
 
 #: A Fortran format of one kind of number: (10I8), (1P,4E20.12), (3D25.16).
 _FORMAT = re.compile(r"\((?:\d*P,?)?(\d*)([IEDFG])(\d+)(?:\.(\d+))?(?:E\d+)?\)")

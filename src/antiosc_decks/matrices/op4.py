@@ -19,7 +19,7 @@ import scipy.sparse
 
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import InputError
-from antiosc.io.matrices.formats import Entries, Labels, MatrixFormat, Source, fortran, is_text
+from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text
 
 #: Rows from which one word does not hold length and row of a string.
 BIGMAT_ROWS = 65536

@@ -12,8 +12,7 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, IntArray, Place
-from antiosc.io.neutral import Term
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import Term, UnitSystem
 from antiosc_decks.model.constraints import Constraints
 from antiosc_decks.model.pieces import SPRINGS, one_piece
 from antiosc_decks.model.properties import Material

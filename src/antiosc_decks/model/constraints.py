@@ -15,8 +15,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, Deck, IntArray, Place
-from antiosc.io.neutral import Joints, Term
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import Joints, Term, UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
 #: Coefficients below this share of the largest of a constraint are rounding.

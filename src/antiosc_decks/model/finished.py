@@ -15,8 +15,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.neutral import Model, Term
-from antiosc.io.shapes import EDGES
+from antiosc.io.neutral import EDGES, Model, Term
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, Arguments, ModelBuilder
 from antiosc_decks.model.pieces import connected, held_apart

@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
-from antiosc.io.shapes import CORNERS
+from antiosc.io.neutral import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, through
 from antiosc_decks.nastran.coordinates import SCOPE, Systems, label_of, moved_parts, scope_parts

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.io.deck import IntArray, Place
-from antiosc.io.neutral import Model
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import Model, UnitSystem
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.finished import finished

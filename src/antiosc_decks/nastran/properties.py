@@ -10,7 +10,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
-from antiosc.io.shapes import CORNERS
+from antiosc.io.neutral import CORNERS
 from antiosc_decks.model import geometry
 from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
 from antiosc_decks.model.properties import Material, isotropic, symmetric, tube

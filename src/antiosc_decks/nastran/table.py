@@ -12,7 +12,7 @@ from antiosc_decks.nastran.cards import Entry
 class Cell(NamedTuple):
     """An element that is a cell of a mesh, and the places of its fields (from 0)."""
 
-    #: a key of `antiosc.io.shapes.EDGES`
+    #: a key of `antiosc.io.neutral.EDGES`
     shape: str
     role: str
     #: those that give its section

@@ -16,7 +16,7 @@ import pytest
 from abaqus_decks import alike
 from antiosc.base.errors import AntioscError
 from antiosc.io.deck import Deck
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from antiosc_decks.sources import Sources

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.io.deck import Place
-from antiosc.io.unit_system import UnitSystem
+from antiosc.io.neutral import UnitSystem
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.profiles import BeamProfiles

@@ -236,7 +236,7 @@ def _check_together(build: Builder) -> None:
 
 def compiled(document: Document) -> Compiled:
     """The objects of a document; SceneFileError with all its mistakes."""
-    from antiosc.app.scene_file import studies
+    from antiosc.app.scene_file import run as studies
 
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)

@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array
-from antiosc.base.checks import coordinates, instance, positive, shown
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import checked_by, coordinates, instance, positive, shown
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, end_text, motion, tell_gap
 from antiosc.fem.assembly.joint import NAME, Between, Stiffness
@@ -19,7 +18,7 @@ from antiosc.fem.assembly.pins import COINCIDENT, carried
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.structure.attachments import by_components
 from antiosc.fem.structure.placement import in_space
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 AXES = (*COMPONENTS, "axial")
 OF_AXES = checked_by(by_components, "Bushing", AXES)

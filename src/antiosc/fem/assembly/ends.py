@@ -17,8 +17,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, in_words, positive, shown
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import array, checked_by, in_words, positive, shown
 from antiosc.base.errors import InputError, known, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
@@ -26,7 +25,7 @@ from antiosc.fem.mesh.entities import Quadrature, quadrature
 from antiosc.fem.structure.attachments import NEAR
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.placement import in_space, skew
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import text
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, checked_by, text
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, motion
 from antiosc.fem.assembly.layout import Layout, Sparse
@@ -21,7 +20,7 @@ from antiosc.fem.structure.attachments import Damper, PointMass, Spring, values_
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.placement import in_space
 from antiosc.fem.structure.support import Support
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 #: (joint, the joints from which some of its rows follow, number of these rows)
 Redundant = tuple[str, list[str], int]

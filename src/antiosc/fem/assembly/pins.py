@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array
-from antiosc.base.checks import coordinates, number, shown, store
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import checked_by, coordinates, number, shown, store
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion, tell_gap
 from antiosc.fem.assembly.joint import NAME, Between, Held, Joint, Rows

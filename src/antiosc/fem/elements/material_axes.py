@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import array, in_words, positive
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import array, checked_by, in_words, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh

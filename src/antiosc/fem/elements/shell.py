@@ -13,8 +13,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, number, positive, store
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, number, positive, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.sections import Layer, PlateSection, stacked

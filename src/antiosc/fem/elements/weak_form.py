@@ -16,8 +16,7 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box, IntArray
-from antiosc.base.checks import array, nonnegative, poisson, positive, shown
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, nonnegative, poisson, positive, shown
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat

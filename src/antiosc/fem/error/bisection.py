@@ -24,7 +24,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 
 #: Least and largest change of a size at once: what is coarse already does not become much coarser,
 #: for its errors would grow by more than is expected.

@@ -26,7 +26,7 @@ from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Least eigenvalue that is made positive, of a matrix with a diagonal of ones.

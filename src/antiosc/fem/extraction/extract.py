@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, get_args, overload
 
-from antiosc.base import memory
+from antiosc.base import process
 from antiosc.base.checks import (
     choice,
     flag,
@@ -20,7 +20,7 @@ from antiosc.base.checks import (
     within_range,
 )
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.extraction.krylov import BASIS_STEP
 from antiosc.fem.extraction.site_models import (
     DEFAULT_COUNT,
@@ -226,8 +226,8 @@ def _checked_options(
         )
     if band is None:
         what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
-        free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
-        memory.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
+        free = mpi.on_root(structure.comm, process.free_memory) / structure.comm.size
+        process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
     else:
         band = positive("band", band, "rad/s")
     accuracy = positive("accuracy", accuracy)

@@ -9,9 +9,9 @@ import numpy as np
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Brief
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import check_modes

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Brief
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import check_modes

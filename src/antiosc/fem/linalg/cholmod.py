@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, NotConvergedError
-from antiosc.base.threads import as_many_as_pay, one_thread
+from antiosc.base.process import as_many_as_pay, one_thread
 from antiosc.fem.linalg.cholmod_library import (
     LONG,
     REAL,

@@ -18,7 +18,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
-from antiosc.base.memory import SMALLER, ran_out
+from antiosc.base.process import SMALLER, ran_out
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)

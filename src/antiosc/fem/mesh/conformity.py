@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.io.neutral import FACETS, CellKind, IntArray
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3

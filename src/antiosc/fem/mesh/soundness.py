@@ -14,7 +14,7 @@ from antiosc.base.errors import MeshError, warn
 from antiosc.fem.mesh import conformity
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import IntArray, RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 
 #: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.
 TWO_SIDES = ("quadrilateral", "hexahedron")

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
 from antiosc.base.errors import InputError
-from antiosc.io.matrices.dof_map import component_of
+from antiosc.base.texts import Given
+from antiosc.io.dof_map import component_of
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE = 1e-9

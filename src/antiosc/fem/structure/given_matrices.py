@@ -27,7 +27,7 @@ from antiosc.fem.platform.fingerprint import of_petsc
 from antiosc.fem.platform.mpi import agree, agreed, alike
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
-from antiosc.io.matrices.dof_map import DofMap, rows_of
+from antiosc.io.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -18,7 +18,7 @@ from antiosc.fem.structure import null_space
 from antiosc.fem.structure.dissipation import Dissipation
 from antiosc.fem.structure.null_space import RIGID_FORCE
 from antiosc.fem.structure.placement import rigid_motions
-from antiosc.io.matrices.dof_map import DofMap
+from antiosc.io.dof_map import DofMap
 from antiosc.models.motion import Inertia
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².

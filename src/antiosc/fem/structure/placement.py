@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, BoolArray
-from antiosc.base.checks import array, coordinates, number, shown
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import InputError
 
 

@@ -10,9 +10,9 @@ import dolfinx
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.brief import Given
 from antiosc.base.checks import coordinates, in_words, nonnegative, shown, store
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.platform import compat

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
 from antiosc.base.progress import counting
+from antiosc.base.texts import Brief, Given
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody

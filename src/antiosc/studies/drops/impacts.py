@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
+from antiosc.base.texts import Given
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import Episode
 from antiosc.studies.drops.flight import State

@@ -11,7 +11,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.io.matrices.formats import Labels, Source
+from antiosc.io.matrices import Labels, Source
 
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30

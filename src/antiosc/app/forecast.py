@@ -5,15 +5,14 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
-from antiosc.app.report.results import advice_of, lines
+from antiosc.app.results import advice_of, lines
 from antiosc.app.scene_file.document import Table
 from antiosc.app.scene_file.outline import outlines
-from antiosc.app.scene_file.run import Results, results
+from antiosc.app.scene_file.run import Results, results, varied
 from antiosc.app.scene_file.scene import Compiled
-from antiosc.app.scene_file.studies import varied
-from antiosc.base.engineering import engineering
 from antiosc.base.errors import AntioscError
-from antiosc.base.memory import free_memory
+from antiosc.base.process import free_memory
+from antiosc.base.texts import engineering
 from antiosc.simulation.integrators.comparison import FIRST
 from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL

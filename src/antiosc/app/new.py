@@ -1,10 +1,13 @@
-"""What a part is, seen from its mesh: family, unit, where it is held and where it is struck.
+"""`antiosc new`: what a part is, seen from its mesh, and the commented scene that is written for it.
 
-`antiosc new` writes it into a scene that runs as it stands.
+Family, unit, where the part is held and where it is struck: the scene runs as it stands.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -18,20 +21,26 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import antiosc
+from antiosc.app.report import rendered
 from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
+from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import in_words
 from antiosc.base.errors import (
     AntioscError,
+    InputError,
     MeshError,
     finite_element_packages,
     warnings_to,
     without_warnings,
 )
+from antiosc.simulation.bodies.impactors import Sphere
+from antiosc.simulation.problem.two_bodies import impact_band
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh.mesh import Mesh
     from antiosc.fem.mesh.surface import Faces
+
 
 #: Arguments of `read_mesh` besides the file.
 Read: TypeAlias = dict[str, Any]
@@ -353,8 +362,8 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
 
 def draw(found: Look, path: Path, drop: bool = False) -> None:
     """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
-    from antiosc.base.charts.figures import save_figure
-    from antiosc.base.charts.surfaces import Deformed, deformed_figure
+    from antiosc.base.charts import save_figure
+    from antiosc.base.surfaces import Deformed, deformed_figure
 
     height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
     shade = height if drop else found.held.astype(float)
@@ -363,3 +372,115 @@ def draw(found: Look, path: Path, drop: bool = False) -> None:
     part = Deformed(found.points, found.points, found.faces, shade, label, most)
     arrow = None if drop else (np.array(found.point), np.array(found.direction))
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)
+
+
+#: Endings of decks, which describe materials and supports themselves.
+DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
+
+#: The geometry of a scene for which no part is given.
+PLATE = """\
+// A plate of 300 x 200 mm, held at one end; its size of elements is that of the scene.
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.3, 0.2};
+Physical Surface("plate") = {1};
+Physical Curve("clamp") = {4};
+"""
+
+
+def text(name: str, source: str, found: Look | None, drop: bool = False) -> str:
+    """The scene as a text; `source` is the file of the part as the scene names it.
+
+    `found`: what is known of the part. `drop`: it falls.
+    """
+    ending = Path(source).suffix.lower()
+    return rendered(
+        Path(__file__).with_name("page") / "scene.toml",
+        name=name,
+        source=json.dumps(source, ensure_ascii=False),
+        deck=ending in DECK_ENDINGS,
+        closed=ending == ".stl",
+        look=found,
+        read=dict.fromkeys(("unit", "size", "gdim", "merge")) | dict(found.read if found else {}),
+        family="Solid" if found is None else found.family,
+        point=[0.0, 0.0, 0.1] if found is None else found.point,
+        direction=[0.0, 0.0, -1.0] if found is None else found.direction,
+        band=_band(),
+        drop=drop,
+        json=json.dumps,
+    )
+
+
+def _band() -> float:
+    """Highest circular frequency [rad/s] that the impact of the scene excites, two digits."""
+    ball = Sphere(radius=0.01, **STEEL, velocity=1.0)
+    return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
+
+
+def _looked(part: Path, drop: bool) -> tuple[Look | None, list[str]]:
+    """What is found in a file, and sentences that tell it or why it is not known."""
+    deck = part.suffix.lower() in DECK_ENDINGS
+    try:
+        with progress.doing(f"looking at {part.name}"):
+            found = look_at_deck(part) if deck else look(part)
+    except (AntioscError, OSError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
+        return None, [f"{part.name} could not be looked at: {why}."]
+    return found, found.sentences(part.name, drop)
+
+
+def _pictured(found: Look, path: Path, drop: bool) -> list[str]:
+    """A sentence on the picture; none where it cannot be drawn."""
+    if path.exists():
+        return []
+    try:
+        draw(found, path, drop)
+    except AntioscError as error:
+        return [f"{path.name} is not drawn: {error}"]
+    return [f"a picture of it: {path}"]
+
+
+def write_scene(
+    path: str | os.PathLike[str], part: str | None = None, drop: bool = False
+) -> tuple[Path, list[str]]:
+    """Write a new scene file, complete or absent; its path, and what is told of the part.
+
+    InputError if it exists.
+    """
+    target = checks.new_file("the scene file", path)
+    _absent(target)
+    told: list[str] = []
+    source = target.with_suffix(".geo") if part is None else Path(part)
+    if part is None:
+        _absent(source)
+        files.write_text(source, PLATE, "the geometry")
+        told.append(f"{source} is a plate to begin with; put your own part in its place.")
+    else:
+        checks.path("the file of the part", part)
+    part = os.path.relpath(source, target.parent)
+    if not f"{target.name}{part or ''}".isprintable():
+        raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
+    found, sentences = _looked(source, drop)
+    told += sentences
+    content = text(target.name, part, found, drop)
+    beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
+    try:
+        with beside.open("x", encoding="utf-8") as stream:
+            stream.write(content)
+        try:
+            os.link(beside, target)  # fails if the target exists; a rename would replace it
+        finally:
+            beside.unlink()
+    except FileExistsError:
+        _absent(target)
+    except OSError as error:
+        raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
+    picture = target.with_suffix(".png")
+    return target, told + ([] if found is None else _pictured(found, picture, drop))
+
+
+def _absent(target: Path) -> None:
+    """InputError for a file that exists."""
+    if target.exists():
+        raise InputError(
+            f"{str(target)!r} exists already, and is left as it is; choose another name."
+        )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.charts.figures import finished, new_figure
+from antiosc.base.charts import finished, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
