@@ -1,4 +1,4 @@
-"""`antiosc new`: what a part is, seen from its mesh, and the commented scene that is written for it.
+"""`antiosc new`: what a part is, seen from its mesh, and the commented scene written for it.
 
 Family, unit, where the part is held and where it is struck: the scene runs as it stands.
 """

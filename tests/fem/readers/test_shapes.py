@@ -11,8 +11,8 @@ import pytest
 from antiosc.io import neutral
 from antiosc.io.conversion import NodeTable
 from antiosc.io.mesh_files import GMSH_FACES
-from antiosc_decks.abaqus.mesh import element_type
-from antiosc_decks.abaqus.ties import SOLID_FACES
+from antiosc_decks.abaqus_joints import SOLID_FACES
+from antiosc_decks.abaqus_mesh import element_type
 
 BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 POINTS = {

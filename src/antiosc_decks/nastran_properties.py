@@ -11,15 +11,12 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.neutral import CORNERS
-from antiosc_decks.model import geometry
-from antiosc_decks.model.builder import Arguments, Family, ModelBuilder, Rod
-from antiosc_decks.model.properties import Material, isotropic, symmetric, tube
-from antiosc_decks.nastran.beams import offset_along, orientation
-from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.coordinates import SCOPE, label_of
-from antiosc_decks.nastran.mesh import Beam, NastranDeck, defined_once, property_of
-from antiosc_decks.nastran.profiles import BeamProfiles
-from antiosc_decks.nastran.table import CELLS, PROPERTIES
+from antiosc_decks import properties as geometry
+from antiosc_decks.builder import Arguments, Family, ModelBuilder, Rod
+from antiosc_decks.nastran_beams import BeamProfiles, offset_along, orientation
+from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
+from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
+from antiosc_decks.properties import Material, isotropic, symmetric, tube
 
 #: Material -> the field of its density.
 MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}

@@ -14,16 +14,20 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
 from antiosc.io.neutral import Model, Term, UnitSystem
-from antiosc_decks.abaqus.assembly import Instance, Whole
-from antiosc_decks.abaqus.cards import Card, Row
-from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.abaqus.properties import Orientations, around_axis, materials_of
-from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
-from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import along
-from antiosc_decks.model.finished import finished
-from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
-from antiosc_decks.model.pieces import separate_copies
+from antiosc_decks.abaqus_assembly import Instance, Whole
+from antiosc_decks.abaqus_cards import Card, Row
+from antiosc_decks.abaqus_joints import read_joints
+from antiosc_decks.abaqus_sections import (
+    SECTION_CARDS,
+    Orientations,
+    Sections,
+    around_axis,
+    materials_of,
+    vary_thickness,
+)
+from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
+from antiosc_decks.constraints import along, separate_copies
+from antiosc_decks.finished import finished
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
 BESIDE = {

@@ -9,12 +9,10 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Deck, IntArray, Numbering, Place
-from antiosc_decks.abaqus.cards import Card, Row, cards as read_cards
-from antiosc_decks.abaqus.mesh import NONE, Mesh, mesh_of
-from antiosc_decks.abaqus.table import account_for
-from antiosc_decks.account import Account
-from antiosc_decks.model.constraints import lever
-from antiosc_decks.sources import Sources
+from antiosc_decks.abaqus_cards import Card, Row, account_for, cards as read_cards
+from antiosc_decks.abaqus_mesh import NONE, Mesh, mesh_of
+from antiosc_decks.constraints import lever
+from antiosc_decks.sources import Account, Sources
 
 #: Numbers in the whole deck from which elements are not cells.
 OTHER = 2**40

@@ -15,8 +15,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import LARGEST_NUMBER, Array, Block, IntArray, Numbering, Place, whole_number
 from antiosc.io.neutral import CORNERS, EDGES
-from antiosc_decks.abaqus.cards import Card, Row
-from antiosc_decks.abaqus.table import GENERATORS
+from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
 
 Role = Literal["solid", "shell", "beam", "plane stress", "plane strain", "rod", "other"]
 

@@ -1,4 +1,9 @@
-"""Joints of Nastran decks: rigid elements, MPC, springs, dampers, gaps; and masses at nodes."""
+"""Nastran decks as whole models: supports, joints, masses, springs, dampers, and properties.
+
+The model and the single-point constraints of the first subcase are read (all constraints without
+case control). Unsupported entries that would change the result raise an error with their line;
+loads are ignored and listed.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +12,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, real_number, whole_number
-from antiosc.io.neutral import Term
-from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.constraints import along, lever
-from antiosc_decks.model.nonstructural import add_mass, add_total
-from antiosc_decks.model.properties import symmetric
-from antiosc_decks.nastran.beams import orientation
-from antiosc_decks.nastran.cards import Entry, motions_of, through
-from antiosc_decks.nastran.coordinates import coincident, place_in
-from antiosc_decks.nastran.mesh import SETS, NastranDeck, its_property, property_of
+from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.io.neutral import Model, Term, UnitSystem
+from antiosc_decks import nastran_beams as beams
+from antiosc_decks.builder import ModelBuilder, add_mass, add_total
+from antiosc_decks.constraints import along, lever, separate_copies
+from antiosc_decks.finished import finished, hold_without_stiffness
+from antiosc_decks.nastran_beams import orientation
+from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
+from antiosc_decks.nastran_mesh import (
+    SETS,
+    NastranDeck,
+    coincident,
+    constraints,
+    grid_defaults,
+    its_property,
+    place_in,
+    property_of,
+    set_groups,
+)
+from antiosc_decks.nastran_properties import Properties
+from antiosc_decks.properties import symmetric
+from antiosc_decks.sources import lines
 
 ALL = (0, 1, 2, 3, 4, 5)
 #: Share of an arm below which it lies along the spring.
@@ -375,3 +392,59 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
     found = motions_of(text, entry.place)
     entry.needs(found and "0" not in text, f"{text!r} are not components from 1 to 6.")
     return tuple(found)
+
+
+def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Model:
+    """The deck's model in SI units; its groups and fixed nodes go into the deck."""
+    found.account.refuse()
+    tell_damping(found.account, found.bulk.entries)
+    given = found.parameter("WTMASS")
+    factor = given.real(1, None) if given else 1.0
+    ends = beams.divide(found)
+    copies = separate_copies(found.deck)
+    set_groups(found)
+    builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
+    Properties(found, builder, factor).read()
+    builder.find_nodes()
+    _supports(found, builder)
+    joints = Joints(found, builder, factor)
+    joints.read()
+    beams.join(builder, ends)
+    builder.join_copies(copies)
+    joints.read_masses()
+    autospc = found.parameter("AUTOSPC")
+    if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
+        hold_without_stiffness(builder)
+    found.deck.left.clear()
+    builder.ignored += [*found.converted, *found.account.ignored()]
+    return finished(builder)
+
+
+def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
+    defaults = grid_defaults(found.bulk.entries)
+    for row, grid in enumerate(found.grids):
+        permanent = grid.text(6) or defaults.get(grid.place.scope, grid).text(6)
+        if permanent:
+            _fix(found, builder, np.array([row]), permanent, grid.place)
+    moved: list[Place] = []
+    for number in sorted(found.used_sets("SPC")):
+        for rows, components, entry in constraints(found, number):
+            entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
+            _fix(found, builder, rows, components, entry.place)
+            if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
+                moved.append(entry.place)
+    if moved:
+        builder.ignored.append(f"the motion of SPC ({lines(moved)}), fixed instead")
+
+
+def _fix(
+    found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
+) -> None:
+    motions = motions_of(components, place)
+    scalar, turned = (np.isin(rows, list(some)) for some in (found.scalar, found.systems_of))
+    builder.fix(rows[scalar], [0])
+    builder.fix(rows[~scalar & ~turned], motions)
+    for row in rows[turned]:
+        own = np.isin(np.arange(6), motions)
+        frame = found.frame(int(row), place)
+        builder.fixed[row] |= builder.joints.fixed_along(int(row), own, frame)
