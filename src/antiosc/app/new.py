@@ -153,7 +153,7 @@ class Look:
         return [*told, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
 
 
-def look(path: Path) -> Look:
+def look_at_part(path: Path) -> Look:
     """Read or mesh the file of a part and look at it.
 
     Raises
@@ -421,7 +421,7 @@ def _looked(part: Path, drop: bool) -> tuple[Look | None, list[str]]:
     deck = part.suffix.lower() in DECK_ENDINGS
     try:
         with progress.doing(f"looking at {part.name}"):
-            found = look_at_deck(part) if deck else look(part)
+            found = look_at_deck(part) if deck else look_at_part(part)
     except (AntioscError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
         return None, [f"{part.name} could not be looked at: {why}."]

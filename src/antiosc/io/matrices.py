@@ -218,7 +218,7 @@ class MatrixFormat(NamedTuple):
     labelled: bool = False
 
 
-def formats() -> list[MatrixFormat]:
+def matrix_formats() -> list[MatrixFormat]:
     """The registered formats."""
     return [loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")]
 
@@ -401,7 +401,7 @@ def _matrices(source: Source) -> Entries | dict[str, Entries]:
     content = source.content
     if content[:14].lower() == BANNER.lower():
         return read_matrix_market(source)
-    for form in formats():
+    for form in matrix_formats():
         if form.matches(content):
             return form.read(source)
     if not is_text(content):

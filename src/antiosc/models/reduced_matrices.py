@@ -24,7 +24,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Given
 from antiosc.io.dof_map import component_of
-from antiosc.io.matrices import formats, write_matrix_market
+from antiosc.io.matrices import matrix_formats, write_matrix_market
 
 #: Names of K and M in OP4 and DMIG files.
 NAMES = ("KAA", "MAA")
@@ -77,7 +77,7 @@ class ReducedMatrices(Given):
         target = checks.path("path", path)
         ending = target.suffix.lower()
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        every = {one: form for form in formats() for one in form.endings}
+        every = {one: form for form in matrix_formats() for one in form.endings}
         if (form := every.get(ending)) and form.write:
             with files.complete(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
