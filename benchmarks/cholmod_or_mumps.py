@@ -28,7 +28,7 @@ import scipy.sparse
 from petsc4py import PETSc
 
 import antiosc as ao
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances

@@ -29,7 +29,7 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base.charts.figures import few_log_ticks
+from antiosc.base.charts import few_log_ticks
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.histories.error_bars import differences
 

@@ -116,7 +116,8 @@ def with_names(index: str) -> str:
 def first_sentence(name: str, module: str) -> str:
     """Of the docstring of a public name."""
     path = ROOT / "src" / module.replace(".", "/")
-    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    file = path.with_suffix(".py")
+    file = file if file.is_file() else path / "__init__.py"
     tree = ast.parse(file.read_text(encoding="utf-8"))
     kinds = (ast.FunctionDef, ast.ClassDef)
     found = [node for node in tree.body if isinstance(node, kinds) and node.name == name]

@@ -16,7 +16,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import errors, isolation, progress
+from antiosc.base import errors, process, progress
 from antiosc.fem.structure.structure import Structure
 
 
@@ -95,7 +95,7 @@ def test_what_another_thread_sets_while_something_compiles_stays(monkeypatch):
         sys.path.append("/application")
 
     try:
-        with isolation.restored(), ThreadPoolExecutor(1) as pool:
+        with process.restored(), ThreadPoolExecutor(1) as pool:
             pool.submit(application).result()
         assert os.environ.get("ANTIOSC_TEST_SET") == "1"
         assert "ANTIOSC_TEST_GONE" not in os.environ

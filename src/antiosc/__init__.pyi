@@ -1,10 +1,10 @@
 # The public names and the modules that hold them: the one list of them, for type checkers and for
 # the package itself, which loads a module when one of its names is first used.
 
-from antiosc.app.exports.export import (
+from antiosc.app.export import (
     export as export,
 )
-from antiosc.app.report.report import (
+from antiosc.app.report import (
     write_report as write_report,
 )
 from antiosc.base.errors import (

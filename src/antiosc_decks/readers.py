@@ -9,11 +9,9 @@ from typing import Any
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Deck, listed
-from antiosc.io.neutral import FileMesh, Model
+from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly, model as abaqus_model
-from antiosc_decks.nastran import mesh, model as nastran_model
+from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 
@@ -40,7 +38,7 @@ def _reader(
     return reader
 
 
-ABAQUS = FileReader(_reader(assembly.read, abaqus_model.model_of), model=True)
-NASTRAN = FileReader(_reader(mesh.read, nastran_model.model_of), model=True)
+ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
+NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
 #: Files of Nastran with endings that other programs use too.
 BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)

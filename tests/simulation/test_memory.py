@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import memory
+from antiosc.base import process
 from antiosc.simulation.march import engine
 from antiosc.simulation.problem import impacts, scene_states
 from scenes import case_two
@@ -71,8 +71,8 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     bodies = {f"m{i}": ao.RigidMass(0.01, 1.0) for i in range(60)}
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(memory, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(process, "UNNOTICED", 0)
     monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from antiosc.base import threads
-from antiosc.base.isolation import loading, restored, start_petsc
+from antiosc.base import process
+from antiosc.base.process import loading, restored, start_petsc
 
 #: Of a package that is installed and cannot be imported.
 BROKEN = "fails to load"
@@ -170,7 +170,7 @@ def blas() -> Blas:
     path = _mapped("libblas.so")
     if path and not any(name in path for name in BLAS_NAMES):
         return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
-    for pool in threads.pools() or ():
+    for pool in process.pools() or ():
         kind = pool["internal_api"]
         return Blas(BLAS_NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
     return Blas("unknown", path, slow=False)
@@ -187,14 +187,14 @@ def _mapped(name: str) -> str:
 
 
 def _threads() -> str:
-    count = f"{threads.cores()} cores"
-    chosen = threads.chosen()
+    count = f"{process.cores()} cores"
+    chosen = process.chosen()
     if chosen:
         variable, number = chosen
         return f"{number} ({variable}), {count}"
-    if threads.pools() is None:
+    if process.pools() is None:
         return f"as many as BLAS takes (threadpoolctl is missing), {count}"
-    return f"1, more for large factors while cores are free; {count}, {threads.free_cores()} free"
+    return f"1, more for large factors while cores are free; {count}, {process.free_cores()} free"
 
 
 def _attribute(module: str) -> Callable[[], str]:

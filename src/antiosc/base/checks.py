@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import fields
 from functools import wraps
 from math import inf, isfinite
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, overload
+from typing import Any, ClassVar, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.base.memory import within_memory
+from antiosc.base.process import within_memory
+from antiosc.base.texts import Given
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -387,3 +389,23 @@ def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) 
 
 def _in(unit: str) -> str:
     return f" (in {unit})" if unit else ""
+
+
+def checked_by(check: Callable[..., Any], *others: Any) -> Mapping[str, Any]:
+    """Metadata of a field that holds `check(name, value, *others)` of the value given for it."""
+    return {"check": lambda name, value: check(name, value, *others)}
+
+
+class Checked(Given):
+    """Base of frozen dataclasses whose fields say by which function they are checked.
+
+    A field with the default None may be None.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name, None)
+            if "check" in one.metadata and not (value is None and one.default is None):
+                store(self, **{one.name: one.metadata["check"](one.name, value)})

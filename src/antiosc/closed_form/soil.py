@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base.brief import Given
+from antiosc.base.texts import Given
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.modal import ModalBody

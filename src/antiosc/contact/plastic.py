@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.declared import checked_by
-from antiosc.base.engineering import engineering
+from antiosc.base.checks import checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering
 from antiosc.contact.base import Compiled
 
 

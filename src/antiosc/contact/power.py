@@ -16,7 +16,7 @@ from math import inf, log1p, sqrt
 from typing import ClassVar
 
 from antiosc.base import checks, march
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import checked_by
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.contact.base import Compiled, State
 from antiosc.contact.geometry import Radii, effective_modulus, hertz_stiffness, relative_curvatures

@@ -25,9 +25,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief, engineering
 from antiosc.models import reduced_modes, saved_models, softened
 from antiosc.models.body import several_contact_points
 from antiosc.models.damping_matrix import DampingMatrix, along
@@ -241,7 +240,7 @@ class AntiOscillators(Brief, Parameters):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.base.charts.curves import plot_model
+        from antiosc.base.charts import plot_model
 
         return plot_model(self, path)
 

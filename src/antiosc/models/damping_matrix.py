@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 
 #: Asymmetry and negative eigenvalues, of a unit diagonal, that are rounding.
 ROUNDING = 1e-9

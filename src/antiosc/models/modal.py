@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError, warn
+from antiosc.base.texts import Brief, Given
 from antiosc.models.damping_matrix import DampingMatrix
 from antiosc.models.first_order import FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector

@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any, TypedDict
 
 from antiosc.base import checks
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 
 
 class Band(TypedDict, total=False):

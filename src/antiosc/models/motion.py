@@ -18,8 +18,8 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief, Given
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9

@@ -21,11 +21,10 @@ from scipy.linalg import block_diag
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
-from antiosc.io.matrices import matrix_market
-from antiosc.io.matrices.dof_map import component_of
-from antiosc.io.matrices.formats import formats
+from antiosc.base.texts import Given
+from antiosc.io.dof_map import component_of
+from antiosc.io.matrices import matrix_formats, write_matrix_market
 
 #: Names of K and M in OP4 and DMIG files.
 NAMES = ("KAA", "MAA")
@@ -78,7 +77,7 @@ class ReducedMatrices(Given):
         target = checks.path("path", path)
         ending = target.suffix.lower()
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        every = {one: form for form in formats() for one in form.endings}
+        every = {one: form for form in matrix_formats() for one in form.endings}
         if (form := every.get(ending)) and form.write:
             with files.complete(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
@@ -91,7 +90,7 @@ class ReducedMatrices(Given):
         for letter, matrix in (("K", self.K), ("M", self.M)):
             one = target.with_name(f"{target.stem}_{letter}.mtx")
             with files.complete(one, "the matrices") as part, part.open("w") as out:
-                matrix_market.write(out, matrix)
+                write_matrix_market(out, matrix)
             written.append(one)
         return [*written, self._map(target)]
 

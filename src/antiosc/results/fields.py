@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
 from antiosc.base.errors import InputError
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames, listing, write_frames, write_vtx
 from antiosc.fem.linalg.algebra import dot, multiply

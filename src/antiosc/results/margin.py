@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering, place
 from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
+from antiosc.base.texts import Brief, engineering, place
 from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_pressure
 from antiosc.fem.assembly import with_parts

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering, place as placed
 from antiosc.base.errors import AccuracyWarning, InputError
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Brief, engineering, place as placed
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform import collective, warn
@@ -47,7 +46,7 @@ from antiosc.simulation.histories.scene_history import BodyHistory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.base.charts.surfaces import Deformed
+    from antiosc.base.surfaces import Deformed
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -166,7 +165,7 @@ class PeakField(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.charts.surfaces import draw_deformed
+        from antiosc.base.surfaces import draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
@@ -181,7 +180,7 @@ class PeakField(Brief):
 
     def surface(self, label: str, moved: Array) -> Deformed:
         """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
-        from antiosc.base.charts.surfaces import Deformed, enlarged
+        from antiosc.base.surfaces import Deformed, enlarged
 
         label = checks.instance("label", label, str, "a text")
         moved = checks.array("moved", moved, (len(self.points), 3))

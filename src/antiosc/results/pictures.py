@@ -11,8 +11,9 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts.figures import finished
-from antiosc.base.charts.surfaces import (
+from antiosc.base.charts import finished
+from antiosc.base.errors import InputError
+from antiosc.base.surfaces import (
     Deformed,
     colour_scale,
     draw_deformed,
@@ -20,7 +21,6 @@ from antiosc.base.charts.surfaces import (
     frame,
     space,
 )
-from antiosc.base.errors import InputError
 from antiosc.simulation.histories.history import History, SceneHistory
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
-from antiosc.base.threads import one_thread
 from antiosc.fem.elements import Section
 from antiosc.fem.fields import source
 from antiosc.fem.platform import collective, on_root

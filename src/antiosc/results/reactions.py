@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Brief
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction import beside_rigid
 from antiosc.fem.linalg.algebra import dot

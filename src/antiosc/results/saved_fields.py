@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.models import model_file
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class SavedFields(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.charts.surfaces import Deformed, draw_deformed
+        from antiosc.base.surfaces import Deformed, draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)

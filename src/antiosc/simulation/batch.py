@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march, plausible
 from antiosc.base._types import Array, Index
-from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
+from antiosc.base.texts import Brief
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.model_info import info_of

@@ -11,7 +11,7 @@ import numpy as np
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
-from antiosc.base.memory import within_memory
+from antiosc.base.process import within_memory
 from antiosc.contact import ContactLaw
 from antiosc.simulation.errors.truncation import too_few
 from antiosc.simulation.histories.deflection import too_far

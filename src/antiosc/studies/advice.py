@@ -24,8 +24,8 @@ from math import pi, sqrt
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure

@@ -20,7 +20,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction import shapes_of_models

@@ -26,7 +26,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.memory import MEMORY_SHARE, free_memory
+from antiosc.base.process import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid

@@ -158,10 +158,10 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 
 @pytest.mark.fem
 def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
-    from antiosc.base import memory
+    from antiosc.base import process
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e4)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e4)
     # 42 vectors of 50 numbers, and M times each
     says = r"basis for n = 40 .* needs about 3.36e-05 GB .* reduce n"
     with pytest.raises(ao.OutOfMemoryError, match=says):

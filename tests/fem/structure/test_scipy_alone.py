@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import memory
+from antiosc.base import process as memory
 from antiosc.fem import linalg
 
 #: scikit-sparse is optional
@@ -136,7 +136,7 @@ for name in ("sched_getaffinity", "fchown", "fchmod", "O_CLOEXEC"):  # as on Win
     delattr(os, name)
 import numpy as np
 import antiosc as ao
-from antiosc.base import memory
+from antiosc.base import process as memory
 n = 30
 K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
 part = ao.Structure.from_matrices(K, np.eye(n))

@@ -195,8 +195,8 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
     """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
     with finite_element_packages():
         from antiosc.fem.assembly.from_deck import outline_of_deck
+        from antiosc.io.neutral import UnitSystem
         from antiosc.io.reading import outline as opened
-        from antiosc.io.unit_system import UnitSystem
     if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
         unit = call.arguments.get("unit")
         found = opened(path, None if unit is None else UnitSystem.of(unit))

@@ -297,7 +297,7 @@ CHECKS: dict[str, Check] = {
     "quantity": _among("results.probe:PROBED_QUANTITIES"),
     "times": checks.filled,
     "tol": lambda name, value: checks.tolerance(value, name),
-    "unit": _by("io.unit_system:UnitSystem.of"),
+    "unit": _by("io.neutral:UnitSystem.of"),
     "from_frf.band": functools.partial(checks.array, shape=(2,)),
     "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
     "read_frf.quantity": functools.partial(

@@ -28,9 +28,8 @@ from antiosc.fem.platform import collective, on_root, warn
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.io.neutral import Model, RawMesh
+from antiosc.io.neutral import Model, RawMesh, UnitSystem
 from antiosc.io.reading import read_parts
-from antiosc.io.unit_system import UnitSystem
 
 
 def point_name(number: int) -> str:

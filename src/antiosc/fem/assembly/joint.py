@@ -17,8 +17,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import array, in_words, positive, shown, text
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, in_words, positive, shown, text
 from antiosc.base.errors import InputError, known, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
@@ -27,7 +26,7 @@ from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import NEAR, Damper, PointMass, Spring, values_of
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12

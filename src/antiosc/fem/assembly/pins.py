@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import coordinates, instance, number, positive, shown, store
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import checked_by, coordinates, instance, number, positive, shown, store
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.joint import (
     COLLINEAR,
@@ -36,7 +35,7 @@ from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9

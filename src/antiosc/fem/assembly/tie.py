@@ -27,8 +27,7 @@ import scipy.sparse
 import scipy.spatial
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words, positive
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import checked_by, in_words, positive
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.joint import NAME, Between, Held, Rows, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse

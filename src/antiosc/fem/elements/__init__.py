@@ -9,8 +9,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.checks import array, instance, number, poisson, positive, shown, within_range
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import (
+    Checked,
+    array,
+    checked_by,
+    instance,
+    number,
+    poisson,
+    positive,
+    shown,
+    within_range,
+)
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
 

@@ -12,8 +12,7 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, flag, instance, number, positive
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import array, checked_by, flag, instance, number, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Section
 from antiosc.fem.elements.weak_form import (

@@ -25,8 +25,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, in_words, number, positive, store
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, in_words, number, positive, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (

@@ -21,8 +21,16 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray
-from antiosc.base.checks import array, in_words, nonnegative, poisson, positive, shown
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import (
+    Checked,
+    array,
+    checked_by,
+    in_words,
+    nonnegative,
+    poisson,
+    positive,
+    shown,
+)
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import agreed, compat, on_root

@@ -40,7 +40,7 @@ from antiosc.fem.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Least and largest change of a size at once: what is coarse already does not become much coarser,

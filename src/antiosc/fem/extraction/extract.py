@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, get_args, overload
 
 import numpy as np
 
-from antiosc.base import memory
+from antiosc.base import process as memory
 from antiosc.base._types import Array
 from antiosc.base.checks import (
     choice,
@@ -24,7 +24,7 @@ from antiosc.base.checks import (
     within_range,
 )
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.extraction import (
     SiteShapes,
     inertia_of,

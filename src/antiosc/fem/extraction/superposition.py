@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Brief
 from antiosc.fem.extraction import (
     SiteShapes,
     beside_rigid,

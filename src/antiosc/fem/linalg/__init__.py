@@ -13,10 +13,10 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc.base import checks, memory
+from antiosc.base import checks, process as memory
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import AccuracyError, NotConvergedError
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import by_scipy, multiply, norms, roots
 

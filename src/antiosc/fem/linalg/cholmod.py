@@ -32,8 +32,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
-from antiosc.base.memory import SMALLER, ran_out
-from antiosc.base.threads import as_many_as_pay, one_thread
+from antiosc.base.process import SMALLER, as_many_as_pay, one_thread, ran_out
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)

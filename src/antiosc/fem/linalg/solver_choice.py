@@ -44,10 +44,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
-from antiosc.base import memory
+from antiosc.base import process as memory
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
-from antiosc.base.memory import ran_out
+from antiosc.base.process import ran_out
 from antiosc.fem.linalg import SINGULAR, Choice, Factorization, Solver, cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError

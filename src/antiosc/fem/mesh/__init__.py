@@ -13,16 +13,16 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.checks import (
     flag,
     instance,
     shown,
 )
 from antiosc.base.errors import InputError, known
+from antiosc.base.texts import Brief
 from antiosc.fem.platform import bounds, compat
 from antiosc.io.neutral import RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
 SIMPLICES = ("interval", "triangle", "tetrahedron")

@@ -30,11 +30,9 @@ from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
-from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import STATES_UNIT, read
+from antiosc.io.neutral import RawMesh, UnitSystem
+from antiosc.io.reading import STATES_UNIT, Wanted, read
 from antiosc.io.request import Refinement
-from antiosc.io.selection import Wanted
-from antiosc.io.unit_system import UnitSystem
 
 
 @collective()

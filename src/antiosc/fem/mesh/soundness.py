@@ -19,7 +19,7 @@ from antiosc.base.checks import in_words
 from antiosc.base.errors import MeshError, warn
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
-from antiosc.io.selection import keys
+from antiosc.io.reading import keys
 
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3

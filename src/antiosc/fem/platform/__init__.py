@@ -31,7 +31,7 @@ from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.base.checks import shown
 from antiosc.base.errors import AntioscWarning, InputError
-from antiosc.base.memory import within_memory
+from antiosc.base.process import within_memory
 
 #: Fields that hold the rows of one rank.
 LOCAL = frozenset({"phi", "residual", "shape", "shapes"})

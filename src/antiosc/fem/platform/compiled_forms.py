@@ -29,7 +29,7 @@ import ffcx
 import ffcx.codegeneration.jit as ffcx_jit
 
 from antiosc.base.errors import InputError, warn
-from antiosc.base.isolation import own_folder, quiet, restored
+from antiosc.base.process import own_folder, quiet, restored
 
 #: Time for which a process waits for another one that compiles the same form, s. A lock ends with
 #: its process, and a form takes a minute of processor time at most; a busy machine gives it little.

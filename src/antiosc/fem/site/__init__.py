@@ -24,15 +24,15 @@ from scipy.spatial import cKDTree
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.brief import Given
 from antiosc.base.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
 from antiosc.base.errors import InputError, known
+from antiosc.base.texts import Given
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
-from antiosc.io.matrices.dof_map import component_of
+from antiosc.io.dof_map import component_of
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices

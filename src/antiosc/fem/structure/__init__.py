@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
-from antiosc.base.checks import array, coordinates, number, shown
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem.linalg import Choice, Solver, algebra, solver_for
 from antiosc.fem.linalg.algebra import (
@@ -32,7 +31,7 @@ from antiosc.fem.linalg.algebra import (
     softness,
     sum_of,
 )
-from antiosc.io.matrices.dof_map import DofMap
+from antiosc.io.dof_map import DofMap
 from antiosc.models.damping_matrix import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
 

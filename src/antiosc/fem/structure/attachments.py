@@ -20,7 +20,9 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import (
+    Checked,
     array,
+    checked_by,
     choice,
     coordinates,
     in_words,
@@ -29,7 +31,6 @@ from antiosc.base.checks import (
     several,
     shown,
 )
-from antiosc.base.declared import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.closed_form.soil import soil_cone
 from antiosc.fem.elements.beam import Beam, on_lines
@@ -39,7 +40,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
 
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3

@@ -24,7 +24,7 @@ from antiosc.fem.linalg import Solver, algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.platform import agree, agreed, alike, of_petsc
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, of_matrices
-from antiosc.io.matrices.dof_map import DofMap, rows_of
+from antiosc.io.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -16,16 +16,16 @@ from numpy.typing import ArrayLike
 
 import antiosc
 from antiosc.base._types import Array, Box, Matrix
-from antiosc.base.brief import Brief
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
+from antiosc.base.texts import Brief
 from antiosc.fem.linalg import Choice, Solver, algebra
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
-from antiosc.io.matrices.dof_map import DofMap, dof_map
-from antiosc.io.matrices.reading import read_pair
+from antiosc.io.dof_map import DofMap, dof_map
+from antiosc.io.matrices import read_pair
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.brief import Given
 from antiosc.base.checks import coordinates, in_words, nonnegative, shown, store
 from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.texts import Given
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh import Mesh

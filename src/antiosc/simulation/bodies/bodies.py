@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, checked_body
 from antiosc.models.first_order import SideBySide

@@ -13,9 +13,9 @@ from math import inf, pi, sqrt
 import numpy as np
 
 from antiosc.base import checks, plausible
-from antiosc.base.brief import Given
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.contact import Gonthier, Hertz
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody

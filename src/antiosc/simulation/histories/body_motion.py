@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes

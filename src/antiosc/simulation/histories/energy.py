@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
+from antiosc.base.texts import Brief
 from antiosc.contact import ContactLaw, State
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.simulation.march.engine import Run

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
-from antiosc.base.charts.curves import plot_history
+from antiosc.base.charts import plot_history
 from antiosc.base.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes

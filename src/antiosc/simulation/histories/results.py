@@ -15,9 +15,8 @@ import numpy as np
 from antiosc import __version__
 from antiosc.base import checks, files
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering, percent, place as placed
 from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.base.texts import Brief, engineering, percent, place as placed
 from antiosc.models import model_file
 from antiosc.models.body import places_of
 from antiosc.models.model_info import info_of

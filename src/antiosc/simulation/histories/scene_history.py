@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.simulation.bodies.bodies import Placed
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.march.engine import Run

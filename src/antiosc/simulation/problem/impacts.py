@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import checks, march, memory
+from antiosc.base import checks, march, process
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.contact import ContactLaw
@@ -164,7 +164,7 @@ class _Space:
 
     def __init__(self, size: int) -> None:
         need = march.library.aom_batch_size(size)
-        memory.require(need, f"an impact with {size} modes", "use fewer of them")
+        process.require(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
         room = max(march.library.aom_batch_nodes(size), _NODES)
         self.time, self.force = np.empty(room), np.empty(room)

@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import march, memory
+from antiosc.base import march, process
 from antiosc.base._types import Array
 from antiosc.simulation.bodies.bodies import Placed, may_turn
 from antiosc.simulation.march.engine import Run
@@ -202,7 +202,7 @@ def node_states(
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
-    memory.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
+    process.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
     q[::2], v[::2] = marched_starts(run, system, np.arange(first, last + 1))

@@ -15,8 +15,14 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.calls import takes
-from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
+from antiosc.base.errors import (
+    AccuracyWarning,
+    AntioscError,
+    InputError,
+    takes,
+    warn,
+    without_warnings,
+)
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
 from antiosc.simulation.batch import simulate_many

@@ -20,9 +20,8 @@ import scipy.linalg
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
-from antiosc.base.calls import takes
-from antiosc.base.errors import AccuracyError, InputError, finite_element_packages
+from antiosc.base.errors import AccuracyError, InputError, finite_element_packages, takes
+from antiosc.base.texts import Brief
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
 from antiosc.studies.chance.inputs import is_name

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
-from antiosc.base.charts.figures import finished, panels
+from antiosc.base.charts import finished, panels
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.studies.chance.quantiles import Quantile, probability, quantile
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.base.texts import Brief
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody

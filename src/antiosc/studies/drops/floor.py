@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.base.texts import Given
 from antiosc.contact import ContactLaw, Gonthier, Hertz, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.models.body import LinearBody, checked_body

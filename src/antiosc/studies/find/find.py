@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective, warn

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
-from antiosc.base.charts.figures import finished, panels
+from antiosc.base.charts import finished, panels
+from antiosc.base.texts import Brief
 from antiosc.simulation.histories.history import History
 
 if TYPE_CHECKING:

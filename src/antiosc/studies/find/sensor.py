@@ -9,8 +9,8 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import place
 from antiosc.fem.site import Reach, point_of

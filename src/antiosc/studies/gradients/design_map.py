@@ -17,8 +17,8 @@ import ufl
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.fem.elements.weak_form import WeakForm, measure
 from antiosc.fem.platform import compat
 from antiosc.fem.site.sites import located
@@ -76,7 +76,7 @@ class DesignMap(Brief):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
         material lowers the goal, red: it raises it.
         """
-        from antiosc.base.charts.surfaces import draw_design
+        from antiosc.base.surfaces import draw_design
 
         faces, gather = self.meshed.faces, self.meshed.comm.allgather
         corners = np.concatenate(gather(faces.corners))

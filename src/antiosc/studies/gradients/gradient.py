@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief, short
 from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.base.texts import Brief, short
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators

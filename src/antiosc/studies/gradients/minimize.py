@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.simulation.histories.history import History
 from antiosc.simulation.problem.two_bodies import pose
 from antiosc.simulation.simulate import simulate

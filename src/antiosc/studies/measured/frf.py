@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.studies.measured.modes import Pairs
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
