@@ -20,7 +20,7 @@ from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
 from antiosc.fem.site.functionals import functional
-from antiosc.simulation.problem.scales import freed
+from antiosc.simulation.assembly import freed
 
 #: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts
 STEPS = {

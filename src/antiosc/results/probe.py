@@ -28,9 +28,8 @@ from antiosc.fem.site.named_points import motions_without_mesh, point_of
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
-from antiosc.simulation.histories.body_motion import amplitudes, times_of
-from antiosc.simulation.histories.history import History
-from antiosc.simulation.histories.scene_history import BodyHistory
+from antiosc.simulation.histories import History, amplitudes, times_of
+from antiosc.simulation.histories.parts import BodyHistory
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (

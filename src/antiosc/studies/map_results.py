@@ -18,9 +18,8 @@ from antiosc.base.engineering import engineering, place, span
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody
+from antiosc.models.body import LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
-from antiosc.models.model_info import ModelInfo
 from antiosc.results.pictures import plot_map
 
 if TYPE_CHECKING:

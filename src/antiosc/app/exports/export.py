@@ -14,8 +14,8 @@ from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
-from antiosc.simulation.problem.scene_parts import Contact, SceneParts
 from antiosc.simulation.scene import Scene
+from antiosc.simulation.scene_parts import Contact, SceneParts
 
 #: By the ending: what writes an impact or a port.
 _RUNS: dict[str, Callable[..., None]] = {".fmu": fmu.write, ".c": c_file.write}

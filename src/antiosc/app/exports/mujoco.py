@@ -16,9 +16,9 @@ from antiosc.base import files
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
-from antiosc.simulation.simulate import simulate
+from antiosc.simulation.bodies import RigidMass, Sphere
+from antiosc.simulation.scene import simulate
+from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
 
 _RADIUS = 5e-3  # m, of the sphere that stands for a site or a striker without a size
 _IMPEDANCE = 1e-4  # of a contact, MuJoCo's least: the softer, the more it is a spring

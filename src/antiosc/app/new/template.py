@@ -11,8 +11,8 @@ from antiosc.app.new.look import STEEL, Look, draw, look, look_at_deck
 from antiosc.app.report.report import rendered
 from antiosc.base import checks, files, progress
 from antiosc.base.errors import AntioscError, InputError
-from antiosc.simulation.bodies.impactors import Sphere
-from antiosc.simulation.problem.two_bodies import impact_band
+from antiosc.simulation.bodies import Sphere
+from antiosc.simulation.two_bodies import impact_band
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}

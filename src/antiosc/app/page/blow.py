@@ -13,9 +13,9 @@ from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import Damping, ModalBody
-from antiosc.simulation.errors.truncation import softest
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories import History, SceneHistory
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
+from antiosc.simulation.truncation import softest
 
 #: Relative error of the forces of the runs on the page, and of those that colour a map.
 TOL, COARSE = 1e-6, 1e-3

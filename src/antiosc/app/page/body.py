@@ -18,8 +18,8 @@ from antiosc.base.stresses import equivalent
 from antiosc.fem.fields import source
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import shapes_of
-from antiosc.simulation.histories.history import History
-from antiosc.studies.map_stresses import sides
+from antiosc.simulation.histories import History
+from antiosc.studies.maps import sides
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.
 FIELDS, MISSED = (12, 8), 0.01

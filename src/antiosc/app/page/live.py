@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from antiosc.app.page import assets, blow
 from antiosc.app.page.assets import Data
-from antiosc.models.body import places_of
-from antiosc.models.model_info import info_of
-from antiosc.simulation.histories.error_bars import ErrorBar
-from antiosc.simulation.histories.history import History
+from antiosc.models.body import info_of, places_of
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.parts import ErrorBar
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import numpy as np
 from antiosc.app.page.assets import Data
 from antiosc.base.engineering import engineering, percent, place, with_bar
 from antiosc.models.body import LinearBody, places_of
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
 from antiosc.studies.map_results import ImpactMap, hardest
 
 if TYPE_CHECKING:

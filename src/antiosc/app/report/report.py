@@ -23,7 +23,7 @@ from antiosc.app.scene_file.scene import by_strengths
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.isolation import loading
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories import History, SceneHistory
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:

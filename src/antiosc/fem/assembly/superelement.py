@@ -1,7 +1,7 @@
 """Parts of an assembly that are known by K and M of a few dofs alone: superelements.
 
 An anti-oscillator model of several sites is one (the form of Craig and Bampton, see
-`antiosc.models.reduced_matrices`), and so are given matrices whose nodes have coordinates. Joints
+`antiosc.models.model_file`), and so are given matrices whose nodes have coordinates. Joints
 act on the displacements of its sites, or on the dofs of its nodes; its other dofs are amplitudes of
 modes.
 """
@@ -21,7 +21,7 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.placement import Placement, rigid_motions
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.reduced_matrices import reduced_matrices
+from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.
 MOST_SIZE = 2000

@@ -40,7 +40,7 @@ from antiosc.fem.platform import mpi
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.model_info import Band, ModelInfo
+from antiosc.models.body import Band, ModelInfo
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors

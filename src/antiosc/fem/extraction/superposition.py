@@ -35,11 +35,10 @@ from antiosc.fem.platform.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.models.body import Body
+from antiosc.models.body import Body, ModelInfo
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
-from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 
 #: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It

@@ -10,7 +10,7 @@ import numpy as np
 
 from antiosc.base._types import Array, Matrix
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, of_factors
 
 if TYPE_CHECKING:
     from mpi4py import MPI

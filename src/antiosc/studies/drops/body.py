@@ -24,8 +24,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.bodies.bodies import RigidBody
-from antiosc.simulation.bodies.impactors import Sphere
+from antiosc.simulation.bodies import RigidBody, Sphere
 from antiosc.studies.drops.skin import CORNER, SMOOTH, Skin, hull, skin_of
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from antiosc.base import checks, plausible
 from antiosc.base.errors import InputError
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.threads import one_thread
-from antiosc.simulation.sweep import check_executor
+from antiosc.simulation.batch import check_executor
 from antiosc.studies.drops.body import MODES, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
+from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
-from antiosc.simulation.histories.history import SceneHistory
-from antiosc.simulation.problem.assembly import Assembly
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.contact_scene import (
     BODY,

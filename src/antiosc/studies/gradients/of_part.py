@@ -24,7 +24,7 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, along
 from antiosc.models.modal import ModalBody
 from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 
