@@ -291,7 +291,7 @@ CHECKS: dict[str, Check] = {
     "density": _of("kg/m³"),
     "filter": _among("studies.drops.filters:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
-    "method": _among("simulation.integrators.comparison:METHODS"),
+    "method": _among("simulation.reference:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
     "quantity": _among("results.probe:PROBED_QUANTITIES"),
