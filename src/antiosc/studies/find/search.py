@@ -25,7 +25,7 @@ from antiosc.studies.measured.fit import covariance
 
 #: Durations of pulses: the shortest over the period of the band's top, the longest over the
 #: record; how many.
-SHORTEST, LONGEST, PULSES = 0.4, 0.3, 9
+SHORTEST_PULSE, LONGEST_PULSE, PULSES = 0.4, 0.3, 9
 #: Windows at which the energy of signals that the record's end cuts is known.
 WINDOWS = 9
 #: Frequency that stands for a rigid-body mode, over one over the record.
@@ -60,8 +60,8 @@ def scan(model: Struck, spread: float) -> Scan:
     slow = SLOW / T
     lam = -decay + 1j * np.sqrt(np.maximum(omega**2 - decay**2, slow**2))
     ends = np.linspace(0, n, WINDOWS + 1).astype(int)[1:]
-    longest = max(LONGEST * T, 2 * data.dt)
-    shortest = min(SHORTEST * 2 * np.pi / data.band, longest)
+    longest = max(LONGEST_PULSE * T, 2 * data.dt)
+    shortest = min(SHORTEST_PULSE * 2 * np.pi / data.band, longest)
     best = np.zeros((4, len(b)))
     for tau in np.geomspace(shortest, longest, PULSES):
         table = pulse_responses(lam, tau, data.time)

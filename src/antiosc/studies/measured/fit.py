@@ -36,8 +36,8 @@ from antiosc.studies.measured.frf import (
     with_tail,
 )
 
-#: Rounds of relocation.
-ROUNDS = 8
+#: Rounds of relocation of poles.
+RELOCATED = 8
 #: Height of a peak of the level over its surroundings [nepers] and over the noise.
 PROMINENCE, OVER_NOISE = 0.3, 4.0
 #: Further poles, a share of the number of peaks and at least this many.
@@ -65,7 +65,7 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
     """
     top = float(w[-1])
     found = starting_poles(w, H) / top
-    for _ in range(ROUNDS):
+    for _ in range(RELOCATED):
         found = _relocated(1j * w / top, H, weight, found)
     found = found[found.imag > 0] * top
     omega = np.abs(found)
