@@ -12,7 +12,7 @@ import pytest
 import antiosc as ao
 from antiosc.base import march
 from antiosc.simulation import reference, truncation
-from antiosc.simulation.error_budget import SAFETY_BAR, Repeated, _changed, model_errors
+from antiosc.simulation.error_budget import SAFETY_BEAM, Repeated, _changed, model_errors
 from antiosc.simulation.march.engine import Run
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
@@ -45,7 +45,7 @@ def test_the_share_of_the_family_is_the_larger_change() -> None:
     answers = iter([run(9.0, 1.0), run(10.5, 0.7)])
     shares, notes = model_errors(Repeated(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5))
     expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
-    assert shares == {name: pytest.approx(SAFETY_BAR * value) for name, value in expected.items()}
+    assert shares == {name: pytest.approx(SAFETY_BEAM * value) for name, value in expected.items()}
     assert notes == []
 
 

@@ -22,8 +22,8 @@ frequency over that at which the section deforms):
                               larger side, L the length: the clamp hinders Poisson's contraction)
 
 The same impact with all of these changes at once, to one side and to the other, differed by more
-than that on the solid bar for 449 of 450 quantities, and by 0.97 times as much for one; `SAFETY_BAR`
-is for other bars.
+than that on the solid bar for 449 of 450 quantities, and by 0.97 times as much for one;
+`SAFETY_BEAM` is for other bars.
 
 "noise" and "band": the record of a measured model (`ModelInfo.measured`) has bodies that the
 measurement does not tell from it: some are drawn from the noise, some from what is not known of the
@@ -57,7 +57,7 @@ from antiosc.simulation.histories.parts import (
 from antiosc.simulation.truncation import ENOUGH, left_out, truncation_error
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
-SAFETY_BAR = 1.25
+SAFETY_BEAM = 1.25
 
 Shares = dict[str, float]
 #: Simulates an impact on another body to a tolerance.
@@ -96,7 +96,7 @@ def model_errors(impact: Repeated) -> tuple[Shares, list[str]]:
     if facts is None:
         return NO_SHARE, []
     softer, stiffer = map(impact.change, _changed(impact.model, facts))
-    return floored({name: SAFETY_BAR * max(softer[name], stiffer[name]) for name in softer}), []
+    return floored({name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}), []
 
 
 def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[InModes, InModes]:
