@@ -252,26 +252,22 @@ from antiosc.studies.chance.sample import (
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
-from antiosc.studies.drops.drop import (
-    drop as drop,
+from antiosc.studies.drops.course import (
+    Peak as Peak,
 )
-from antiosc.studies.drops.ensemble import (
+from antiosc.studies.drops.drop import (
     Drops as Drops,
     Tilts as Tilts,
+    drop as drop,
 )
 from antiosc.studies.drops.fall import (
     Fall as Fall,
-)
-from antiosc.studies.drops.filters import (
     cfc_filter as cfc_filter,
 )
 from antiosc.studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
     contact_at as contact_at,
-)
-from antiosc.studies.drops.impacts import (
-    Peak as Peak,
 )
 from antiosc.studies.find import (
     FoundImpact as FoundImpact,

@@ -317,7 +317,7 @@ def _vertex(
     part: Any, x: Array, radius: float | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Principal radii, and (E, nu), of the vertex of a part next to a point."""
-    from antiosc.studies.drops.skin import CORNER, skin_of
+    from antiosc.studies.drops.body import CORNER, skin_of
 
     skin = skin_of(part)
     k = int(np.argmin(np.linalg.norm(skin.points - x, axis=1)))
