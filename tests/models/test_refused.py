@@ -15,11 +15,11 @@ from antiosc import plotting
 from antiosc.base import charts, checks
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, plate_patch, zener
 from antiosc.contact import Tabulated
+from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
-from antiosc.models.reduced_matrices import ReducedMatrices
-from antiosc.models.resolved import resolved_frequency
-from antiosc.models.site_modes import SiteModes
-from antiosc.results.saved_fields import FACES, SavedFields
+from antiosc.models.modal import SiteModes
+from antiosc.models.model_file import ReducedMatrices
+from antiosc.results.pictures import FACES, SavedFields
 from refusals import refused
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}

@@ -20,7 +20,7 @@ from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
 from antiosc.base.errors import InputError
-from antiosc.models.model_info import ModelInfo
+from antiosc.models.body import ModelInfo
 
 RNG = np.random.default_rng(5)
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])

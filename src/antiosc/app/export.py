@@ -24,11 +24,10 @@ from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.problem.scene_parts import Contact, SceneParts
-from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
-from antiosc.simulation.scene import Scene
-from antiosc.simulation.simulate import simulate
+from antiosc.simulation.bodies import RigidMass, Sphere
+from antiosc.simulation.scene import Scene, simulate
+from antiosc.simulation.scene_parts import Contact, SceneParts
+from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
 
 _TEXT = """\
 model {name} "Structure struck at one site, as anti-oscillators (antiosc {version})"

@@ -13,9 +13,9 @@ from antiosc.app.scene_file.scene import Compiled
 from antiosc.base.errors import AntioscError
 from antiosc.base.process import free_memory
 from antiosc.base.texts import engineering
-from antiosc.simulation.integrators.comparison import FIRST
-from antiosc.simulation.problem.two_bodies import BAND_OVER_PULSE, impact_band
-from antiosc.simulation.simulate import DEFAULT_TOL
+from antiosc.simulation.reference import FIRST
+from antiosc.simulation.scene import DEFAULT_TOL
+from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.studies.drops.body import MODES
 from antiosc.studies.drops.drop import GRAVITY
 

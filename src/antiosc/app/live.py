@@ -22,12 +22,11 @@ from antiosc.base._types import Array
 from antiosc.base.texts import engineering, percent, place, with_bar
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
-from antiosc.models.body import LinearBody, places_of
+from antiosc.models.body import LinearBody, info_of, places_of
 from antiosc.models.modal import Damping, ModalBody
-from antiosc.models.model_info import info_of
-from antiosc.simulation.errors.truncation import softest
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories import History, SceneHistory
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
+from antiosc.simulation.truncation import softest
 from antiosc.studies.map_results import ImpactMap, hardest
 
 if TYPE_CHECKING:

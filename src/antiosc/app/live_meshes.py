@@ -22,9 +22,9 @@ from antiosc.fem.fields import source
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import checked_body
 from antiosc.results.fields import shapes_of
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories import History
 from antiosc.studies.map_results import ImpactMap, hardest
-from antiosc.studies.map_stresses import sides
+from antiosc.studies.maps import sides
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure

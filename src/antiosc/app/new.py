@@ -34,8 +34,8 @@ from antiosc.base.errors import (
     warnings_to,
     without_warnings,
 )
-from antiosc.simulation.bodies.impactors import Sphere
-from antiosc.simulation.problem.two_bodies import impact_band
+from antiosc.simulation.bodies import Sphere
+from antiosc.simulation.two_bodies import impact_band
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh

@@ -30,7 +30,7 @@ from antiosc.app.scene_file.schema import Output
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.histories import History, SceneHistory
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:

@@ -33,12 +33,11 @@ from antiosc.base.charts import (
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, place as placed, prefixed, span
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import places_of
-from antiosc.models.model_info import info_of
+from antiosc.models.body import info_of, places_of
 from antiosc.results.pictures import plot_deformed, plot_map
-from antiosc.simulation.bodies.impactors import GRAVITY
-from antiosc.simulation.histories.error_bars import QUANTITIES
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.simulation.bodies import GRAVITY
+from antiosc.simulation.histories import History, SceneHistory
+from antiosc.simulation.histories.parts import QUANTITIES
 from antiosc.simulation.histories.results import covers
 from antiosc.studies.advice import advise
 from antiosc.studies.map_results import hardest

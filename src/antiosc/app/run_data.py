@@ -15,15 +15,14 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
-from antiosc.simulation.bodies.bodies import Placed, place
-from antiosc.simulation.bodies.impactors import Impactor, Obstacle, RigidMass, Sphere
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.bodies import Impactor, Obstacle, Placed, RigidMass, Sphere, place
 from antiosc.simulation.histories.energy import gained
-from antiosc.simulation.histories.verdict import inexact, touching
+from antiosc.simulation.histories.results import inexact, touching
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
-from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.scene_parts import SceneParts
 from antiosc.simulation.scene import exactly, start
+from antiosc.simulation.scene_parts import SceneParts
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 OF_CONTACT = {

@@ -21,11 +21,10 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.damping_matrix import DampingMatrix, along
-from antiosc.models.modal import ModalBody
+from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.motion import arrow_modes
 from antiosc.models.parameters import Parameters
-from antiosc.models.rigid_share import arrow_modes
-from antiosc.models.site_modes import SiteModes
 
 #: theta over the largest, below which a mode has no inertia.
 INERTIALESS = 1e-13

@@ -24,7 +24,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories.body_motion import Motions, amplitudes
+from antiosc.simulation.histories import Motions, amplitudes
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {

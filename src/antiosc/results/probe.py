@@ -27,9 +27,8 @@ from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
-from antiosc.simulation.histories.body_motion import amplitudes, times_of
-from antiosc.simulation.histories.history import History
-from antiosc.simulation.histories.scene_history import BodyHistory
+from antiosc.simulation.histories import History, amplitudes, times_of
+from antiosc.simulation.histories.parts import BodyHistory
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (

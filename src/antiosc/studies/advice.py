@@ -29,8 +29,8 @@ from antiosc.base.texts import Given
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.resolved import strip, thickness_shear
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
+from antiosc.models.body import strip, thickness_shear
+from antiosc.simulation.bodies import RigidMass, Sphere
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.

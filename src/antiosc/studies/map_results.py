@@ -17,9 +17,8 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import Brief, engineering, place, span
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody
+from antiosc.models.body import LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
-from antiosc.models.model_info import ModelInfo
 from antiosc.results.pictures import plot_map
 
 if TYPE_CHECKING:

@@ -43,12 +43,12 @@ from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.errors.error_budget import SAFETY, SHELL, amplitudes
-from antiosc.simulation.errors.truncation import truncation_error
-from antiosc.simulation.histories.error_bars import ErrorBudget, differences, floored
-from antiosc.simulation.histories.history import History, with_model
-from antiosc.simulation.simulate import simulate
+from antiosc.simulation.bodies import RigidMass, Sphere
+from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
+from antiosc.simulation.histories import History, with_model
+from antiosc.simulation.histories.parts import ErrorBudget, differences, floored
+from antiosc.simulation.scene import simulate
+from antiosc.simulation.truncation import truncation_error
 from antiosc.studies.advice import advise
 
 #: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.

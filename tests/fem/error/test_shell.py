@@ -22,13 +22,13 @@ from antiosc.fem.error.shell import (
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.errors.error_budget import (
+from antiosc.simulation.error_budget import (
     COARSE_SHELL,
     SAFETY,
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences
+from antiosc.simulation.histories.parts import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,

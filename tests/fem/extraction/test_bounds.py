@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
-from antiosc.models.rigid_share import with_rigid
+from antiosc.models.motion import with_rigid
 from loose_bodies import (
     exact_stiffness,
     loose_bodies,

@@ -107,7 +107,7 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
     expected = compliance.deflections(part, B, modes.omega, b)
     entries = part.factorize().entries
     assert entries == part.factorize().cholesky.supernodes.values.size
-    monkeypatch.setattr(compliance.memory, "free_memory", lambda: 8 * entries)
+    monkeypatch.setattr(compliance.process, "free_memory", lambda: 8 * entries)
     monkeypatch.setattr(compliance, "compliances", None)  # is not asked
     with pytest.warns(ao.AntioscWarning, match="every site is solved separately"):
         found = compliance.deflections(part, B, modes.omega, b)

@@ -11,7 +11,6 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import process as memory
 from antiosc.fem import linalg
 
 #: scikit-sparse is optional
@@ -136,7 +135,7 @@ for name in ("sched_getaffinity", "fchown", "fchmod", "O_CLOEXEC"):  # as on Win
     delattr(os, name)
 import numpy as np
 import antiosc as ao
-from antiosc.base import process as memory
+from antiosc.base import process
 n = 30
 K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
 part = ao.Structure.from_matrices(K, np.eye(n))
@@ -227,8 +226,8 @@ def test_the_entries_of_a_factor_are_forecast(dofs):
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
     A = lattice(9, 3)
     monkeypatch.setattr(linalg, "FORECAST_ROWS", 100)
-    monkeypatch.setattr(memory, "UNNOTICED", 0)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(process, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     monkeypatch.setattr(linalg.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
     with pytest.raises(
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"

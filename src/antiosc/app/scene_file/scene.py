@@ -36,7 +36,7 @@ from antiosc.app.scene_file.schema import (
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.contact.base import ContactLaw
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories import History
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure

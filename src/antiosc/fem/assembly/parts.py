@@ -1,7 +1,7 @@
 """The parts of an assembly: meshes whole on every rank, and superelements of a few dofs.
 
 A superelement is an anti-oscillator model of several sites (the form of Craig and Bampton, see
-`antiosc.models.reduced_matrices`), or given matrices whose nodes have coordinates. Joints act on
+`antiosc.models.model_file`), or given matrices whose nodes have coordinates. Joints act on
 the displacements of its sites, or on the dofs of its nodes; its other dofs are amplitudes of modes.
 """
 
@@ -35,7 +35,7 @@ from antiosc.fem.structure import (
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.reduced_matrices import reduced_matrices
+from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.
 MOST_SIZE = 2000

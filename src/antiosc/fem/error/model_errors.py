@@ -33,8 +33,7 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.model_info import BeamSection, FacetGaps, Patch
-from antiosc.models.resolved import strip, thickness_shear
+from antiosc.models.body import BeamSection, FacetGaps, Patch, strip, thickness_shear
 
 # -- Whether flat faces approximate a curved surface, an error that no recovery of strains detects.
 
@@ -151,7 +150,7 @@ def _areas(x: Array) -> Array:
 # -- What the share "model" of an error budget must know of a struck beam.
 #
 # It is known for straight bars of full rectangular section with a site away from their ends
-# (`antiosc.simulation.errors.model_errors`), since only these were measured against solids.
+# (`antiosc.simulation.error_budget`), since only these were measured against solids.
 
 
 #: A section is a full rectangle if 144 I_y I_z is A⁴ within this.

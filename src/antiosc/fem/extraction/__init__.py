@@ -15,7 +15,7 @@ With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|�
 rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
 rigid-body mode with a share below `SMALL_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide all
 others. The static modes are then those of the elastic motions, and the weak rigid-body mode is
-modelled separately (`antiosc.models.rigid_share`).
+modelled separately (`antiosc.models.motion`).
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
@@ -35,8 +35,7 @@ from antiosc.fem.linalg import Solver
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.site import Functional
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.motion import Inertia
-from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
+from antiosc.models.motion import HIDDEN, SMALL_SHARE, Inertia
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, get_args, overload
 
 import numpy as np
 
-from antiosc.base import process as memory
+from antiosc.base import process
 from antiosc.base._types import Array
 from antiosc.base.checks import (
     choice,
@@ -52,8 +52,8 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import Band, ModelInfo
 from antiosc.models.modal import Damping, as_damping
-from antiosc.models.model_info import Band, ModelInfo
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
@@ -495,8 +495,8 @@ def _checked_options(
         )
     if band is None:
         what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
-        free = on_root(structure.comm, memory.free_memory) / structure.comm.size
-        memory.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
+        free = on_root(structure.comm, process.free_memory) / structure.comm.size
+        process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
     else:
         band = positive("band", band, "rad/s")
     accuracy = positive("accuracy", accuracy)

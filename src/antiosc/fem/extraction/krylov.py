@@ -59,7 +59,7 @@ from antiosc.fem.structure import Dissipation, ends, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, of_factors
 from antiosc.models.driving_point import semidefinite
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping

@@ -28,7 +28,7 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.free_modes import MASSLESS
-from antiosc.models.rigid_share import with_rigid
+from antiosc.models.motion import with_rigid
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -205,7 +205,7 @@ def elastic_count(static: SiteShapes, n: int) -> int:
 def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
     """The n anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
-    A weak rigid-body mode becomes one of them (`antiosc.models.rigid_share`).
+    A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
     w = float(static.W[0, 0])
     k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega

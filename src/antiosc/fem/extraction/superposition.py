@@ -38,11 +38,10 @@ from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.models.body import Body
+from antiosc.models.body import Body, ModelInfo
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
-from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 
 #: Modes that are searched beyond those asked; of a repeated last one twice as many each time.

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc.base import checks, process as memory
+from antiosc.base import checks, process
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.process import one_thread
@@ -146,7 +146,7 @@ def _check_memory(A: Matrix) -> None:
     if rows < FORECAST_ROWS:
         return
     bytes_each = (L_AND_U if sksparse is None else 1) * ENTRY_BYTES
-    memory.require(bytes_each * entries_of_factor(A), f"the factor of {rows} dofs", REDUCE)
+    process.require(bytes_each * entries_of_factor(A), f"the factor of {rows} dofs", REDUCE)
 
 
 def entries_of_factor(A: Matrix) -> float:
@@ -190,7 +190,7 @@ class SuperLU(Factorization):
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
-            raise memory.ran_out(f"the factor of {self.A.shape[0]} dofs", error, REDUCE) from error
+            raise process.ran_out(f"the factor of {self.A.shape[0]} dofs", error, REDUCE) from error
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
         pivots = self._lu.U.diagonal()

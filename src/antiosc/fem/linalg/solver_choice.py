@@ -44,7 +44,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
-from antiosc.base import process as memory
+from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.process import ran_out
@@ -495,24 +495,24 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
 
 def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
     rows = A.getSize()[0]
-    free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":
         return _iterative(A, motions)
-    if BYTES * COMPACT * rows ** (4 / 3) <= memory.MEMORY_SHARE * free:
+    if BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free:
         return factorize(A)
-    memory.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
+    process.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
     plan = Plan(A)
     need = BYTES * plan.entries
-    if need <= memory.MEMORY_SHARE * free:
+    if need <= process.MEMORY_SHARE * free:
         return plan.factorize()
     what = f"the factor of {rows} dofs"
     if choice == "direct":
-        memory.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
+        process.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
     del plan  # its analysis has copies of A
     solver = _iterative(A, motions)
     warn(
         A.getComm().tompi4py(),
-        f"{memory.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
+        f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
         "with multigrid), which takes about a hundred times as long for each solve; a coarser mesh "
         "or order=1 may fit.",
     )
@@ -521,10 +521,10 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
 
 def _iterative(A: PETSc.Mat, motions: Callable[[], Array]) -> Solver:
     """The iterative solver, or OutOfMemoryError before its matrices are made."""
-    memory.give_back()
-    free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    process.give_back()
+    free = on_root(A.getComm().tompi4py(), process.free_memory)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
-    memory.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
+    process.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
     return Multigrid(A, motions())
 
 

@@ -32,7 +32,7 @@ from antiosc.fem.linalg.algebra import (
     sum_of,
 )
 from antiosc.io.dof_map import DofMap
-from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, of_factors
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ class Run:
     ----------
     time : (2 n + 1,); force, depth : (2 n + 1, m).
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
-        kept. `antiosc.simulation.problem.scene_states` finds those in between.
+        kept. `antiosc.simulation.states` finds those in between.
     events : (., 4) time, contact, branch that begins, closing speed.
     exits : (., 13) `aom_exit`: where a contact goes over to another branch, as gradients need it;
         kept with the states.

@@ -25,8 +25,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.files import check_readable, complete
 from antiosc.base.progress import counting
-from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.sweep import as_they_come, check_executor
+from antiosc.simulation.batch import as_they_come, check_executor, simulate_many
 from antiosc.studies.chance.inputs import checked, draws, value
 from antiosc.studies.chance.sample import Sample
 

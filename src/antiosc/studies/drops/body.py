@@ -25,8 +25,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.bodies.bodies import RigidBody
-from antiosc.simulation.bodies.impactors import Sphere
+from antiosc.simulation.bodies import RigidBody, Sphere
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure

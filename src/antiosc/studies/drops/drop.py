@@ -21,7 +21,7 @@ from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
 from antiosc.base.texts import Brief, Given
 from antiosc.models.motion import unit_vector
-from antiosc.simulation.sweep import check_executor
+from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.quantiles import Quantile, quantile
 from antiosc.studies.drops.body import MODES, FreeBody, free_body

@@ -14,13 +14,12 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.simulation.errors.error_budget import SAFETY
-from antiosc.simulation.errors.truncation import TRUNCATION_SAFETY, softest
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.error_budget import SAFETY
+from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.impacts import Impact
-from antiosc.simulation.problem.two_bodies import pose
+from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
+from antiosc.simulation.two_bodies import Impact, pose
 from antiosc.studies.gradients.coupled import changed_coupled
 from antiosc.studies.gradients.goals import Seeds
 from antiosc.studies.gradients.recorded import Recorded
@@ -167,7 +166,7 @@ def compared_runs(
     """Runs beside which a gradient shows its errors, and what each makes of the model.
 
     Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
-    may have (`antiosc.simulation.errors.truncation`), and the model corrected for its mesh.
+    may have (`antiosc.simulation.truncation`), and the model corrected for its mesh.
     """
     budget = hit.budget if isinstance(hit, History) else None
     model = hit.assembly.scene.bodies.get("structure") if budget is not None else None

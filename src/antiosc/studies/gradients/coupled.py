@@ -1,6 +1,6 @@
 """Bodies whose damping couples their modes: by differences of the modes, not of runs.
 
-The march gives the derivatives by its first-order modes (`antiosc.models.first_order`). These are
+The march gives the derivatives by its first-order modes (`antiosc.models.damping`). These are
 found anew at a small change of each parameter.
 """
 
@@ -16,10 +16,10 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import NotDifferentiableError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.scene_states import marched_states
+from antiosc.simulation.states import marched_states
 from antiosc.studies.gradients.goals import Seeds
 from antiosc.studies.gradients.parameters import Values
 from antiosc.studies.gradients.recorded import Recorded

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.simulation.problem.scene_states import forces, located, main_contact_time, states
+from antiosc.simulation.states import forces, located, main_contact_time, states
 from antiosc.studies.gradients.recorded import Recorded
 
 #: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.

@@ -22,7 +22,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site import Site, functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, along
 from antiosc.models.modal import ModalBody
 from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
 

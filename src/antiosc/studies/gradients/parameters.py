@@ -11,7 +11,7 @@ from antiosc.base._types import Array
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies.impactors import Impactor, RigidMass, Sphere
+from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
 
 Values = dict[str, Any]
 

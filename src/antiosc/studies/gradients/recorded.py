@@ -11,10 +11,10 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.scene_states import marched_starts, starts
+from antiosc.simulation.states import marched_starts, starts
 
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
 

@@ -38,11 +38,10 @@ from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
-from antiosc.models.damping_matrix import DampingMatrix, along
-from antiosc.simulation.histories.error_bars import differences, floored
-from antiosc.simulation.histories.history import History
-from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.scales import stiffness_at
+from antiosc.models.damping import DampingMatrix, along
+from antiosc.simulation.assembly import Assembly, stiffness_at
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.parts import differences, floored
 
 #: Points s of the ray over π/T, T the expected contact time.
 RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
@@ -233,7 +232,7 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
 
     Where anti-oscillators of the Krylov method have not converged, the masses of m0 and of these
     over 1/omega^2 are a Gauss–Radau rule; the Gauss rule of the same moments is the other extreme
-    (`antiosc.simulation.errors.truncation`). Otherwise m0 hangs on one spring with the first
+    (`antiosc.simulation.truncation`). Otherwise m0 hangs on one spring with the first
     truncated frequency.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march, process
 from antiosc.base._types import Array
-from antiosc.simulation.bodies.bodies import Placed, may_turn
+from antiosc.simulation.bodies import Placed, may_turn
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
 
