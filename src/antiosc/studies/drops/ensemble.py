@@ -17,7 +17,7 @@ from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
 from antiosc.base.progress import counting
 from antiosc.studies.chance.monte_carlo import made, sample_of
-from antiosc.studies.chance.quantiles import Quantile, quantile
+from antiosc.studies.chance.sample import Quantile, quantile
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.fall import fall_of
