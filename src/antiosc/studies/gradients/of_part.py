@@ -25,7 +25,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.fem.elements.weak_form import WeakForm, measure
+from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.extraction.site_models import ErrorOption
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -364,37 +364,39 @@ def design_map(
     name = model_name(found)
     checked_shapes(part, hit, name, SAME_PART)
     to = part_chain(found, wanted, slopes, name)
-    upper, lower = (_form(part, meshed, by, s) for s in (1, -1))
-    total = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
-    for name, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):
-        if by == {"stiffness": "rho", "mass": "E"}[name]:
-            continue
-        shares, turn = _principal(by_reduced, reduced)
-        change = [*getattr(upper, name), *(-1 * form for form in getattr(lower, name))]
-        total += compat.quadratic(change, upper.space, turn.T @ to.shapes.T, shares, DEGREE)
     own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
-    relative = total / (2 * CHANGE)
+    if not np.isfinite(own).any():
+        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
+    relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
+    for matrix, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):
+        if by != {"stiffness": "rho", "mass": "E"}[matrix]:
+            shares, turn = _principal(by_reduced, reduced)
+            block = turn.T @ to.shapes.T
+            change = _relative(part, meshed, by, matrix)
+            relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
     if by == "E" and to.by_local:
-        relative += _of_patch(meshed, to, total.size)
-    size = np.array(own)[meshed.part_of_cells()[: total.size]]
+        relative += _of_patch(meshed, to, relative.size)
+    size = np.array(own)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
 
 
-def _form(part: Structure, meshed: MeshedStructure, by: str, sign: int) -> WeakForm:
-    """The weak form of the part with a parameter of all materials changed."""
+def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) -> list[ufl.Form]:
+    """Forms whose sum is the change of K or M with the relative change of a parameter, all over."""
+    if by != "thickness":  # to which they are proportional
+        return list(getattr(meshed.form, matrix))
     assert part.made_of is not None
-    changed: list[Any] = []
-    for material, cells in meshed.parts:
-        value = values_of(material).get(by)
-        scaled = (
-            material if value is None else replace(material, **{by: value * (1 + sign * CHANGE)})
-        )
-        changed.append((scaled, cells))
-    if all(new is old for (new, _), (old, _) in zip(changed, meshed.parts, strict=True)):
-        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
-    form: WeakForm = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
-    return form
+    found = []
+    for sign in (1, -1):
+        changed: list[Any] = []
+        for material, cells in meshed.parts:
+            value = values_of(material).get(by)
+            scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
+            changed.append((replace(material, **scaled), cells))
+        form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
+        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
+        found += [factor * each for each in getattr(form, matrix)]
+    return found
 
 
 def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
