@@ -225,22 +225,18 @@ from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
 )
-from antiosc.studies.chance.inputs import (
+from antiosc.studies.chance.monte_carlo import (
     lognormal as lognormal,
+    monte_carlo as monte_carlo,
     normal as normal,
     uniform as uniform,
-)
-from antiosc.studies.chance.monte_carlo import (
-    monte_carlo as monte_carlo,
 )
 from antiosc.studies.chance.nearby import (
     NearbyModels as NearbyModels,
     nearby as nearby,
 )
-from antiosc.studies.chance.quantiles import (
-    Quantile as Quantile,
-)
 from antiosc.studies.chance.sample import (
+    Quantile as Quantile,
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
@@ -268,10 +264,6 @@ from antiosc.studies.find import (
 from antiosc.studies.find.recording import (
     Sensor as Sensor,
 )
-from antiosc.studies.gradients.design_map import (
-    DesignMap as DesignMap,
-    design_map as design_map,
-)
 from antiosc.studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,
@@ -279,6 +271,10 @@ from antiosc.studies.gradients.gradient import (
 from antiosc.studies.gradients.minimize import (
     Optimum as Optimum,
     minimize as minimize,
+)
+from antiosc.studies.gradients.of_part import (
+    DesignMap as DesignMap,
+    design_map as design_map,
 )
 from antiosc.studies.map_results import (
     ImpactMap as ImpactMap,

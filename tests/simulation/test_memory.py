@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base import process
 from antiosc.simulation import states, two_bodies
 from antiosc.simulation.march import engine
 from scenes import case_two

@@ -11,6 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc.base import process
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg import Factorization, cholmod, solver_choice
 

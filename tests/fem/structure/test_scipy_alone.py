@@ -11,6 +11,7 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
+from antiosc.base import process
 from antiosc.fem import linalg
 
 #: scikit-sparse is optional

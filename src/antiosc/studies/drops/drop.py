@@ -23,7 +23,7 @@ from antiosc.base.texts import Brief, Given
 from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
-from antiosc.studies.chance.quantiles import Quantile, quantile
+from antiosc.studies.chance.sample import Quantile, quantile
 from antiosc.studies.drops.body import MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.fall import Fall, fall_of
