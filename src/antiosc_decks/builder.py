@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, IntArray, Place
-from antiosc.io.neutral import Term, UnitSystem
+from antiosc.io.neutral import Json, Term, UnitSystem
 from antiosc_decks.constraints import SPRINGS, Constraints, one_piece
 from antiosc_decks.properties import Material, measures_of
 
@@ -38,7 +37,7 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
 #: Of a class of antiosc, as JSON holds them.
-Arguments = dict[str, Any]
+Arguments = Json
 
 
 @dataclass

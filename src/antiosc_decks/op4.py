@@ -12,15 +12,17 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse
+from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import InputError
 from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text
 
+S = TypeVar("S", bound=np.generic)
 #: Rows from which one word does not hold length and row of a string.
 BIGMAT_ROWS = 65536
 NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -223,7 +225,7 @@ class _Binary:
         self._at = at + 8 + length
         self._record, self._next = content[at + 4 : at + 4 + length], 0
 
-    def _values(self, kind: np.dtype[Any], count: int) -> Any:
+    def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
         at, self._next = self._next, self._next + count * kind.itemsize
         if count < 0 or self._next > len(self._record):
             raise self.bad(

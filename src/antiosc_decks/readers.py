@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Protocol, TypeVar
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
@@ -15,8 +15,17 @@ from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_m
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 
+class Read(Protocol):
+    """What a dialect has read of a deck."""
+
+    deck: Deck
+
+
+F = TypeVar("F", bound=Read)
+
+
 def _reader(
-    read: Callable[..., Any], model_of: Callable[..., Model]
+    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, float | None], Model]
 ) -> Callable[[Request], FileMesh]:
     """The reader of a dialect, from that of its mesh and that of its model."""
 
@@ -26,7 +35,7 @@ def _reader(
 
         options = ask.model or {}
         found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
-        deck: Deck = found.deck
+        deck = found.deck
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")
             deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))

@@ -189,19 +189,19 @@ def columns(table: Columns) -> str:
     return "\n".join(told)
 
 
-def with_prefixes(table: Columns) -> dict[str, list[Any]]:
+def with_prefixes(table: Columns) -> dict[str, list[object]]:
     """The columns of a table, values with units in the prefix that suits the largest."""
     return dict(_column(name, list(values)) for name, values in table.items())
 
 
-def _column(name: str, values: list[Any]) -> tuple[str, list[Any]]:
+def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     """A column whose name ends with its unit, as "contact time (s)", in (µs) where that fits."""
     title, _, unit = name.partition(" (")
     numbers = [float(v) for v in values if isinstance(v, float | np.floating) and np.isfinite(v)]
     if not unit or len(numbers) < len(values):
         return name, values
     factor, own = prefixed(max(map(abs, numbers), default=0.0), unit.rstrip(")"))
-    return f"{title} ({own})", [factor * v for v in values]
+    return f"{title} ({own})", [factor * v for v in numbers]
 
 
 def shown(value: object) -> str:
@@ -322,7 +322,7 @@ def advice_of(found: Results) -> Rows:
     ]
 
 
-def _model_rows(model: Any) -> Rows:
+def _model_rows(model: AntiOscillators) -> Rows:
     """The parameters of the reduced model."""
     rows = [(f"site {name}".rstrip(), placed(point)) for name, point in places_of(model).items()]
     several = bool(np.ndim(model.k0))
@@ -479,7 +479,7 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
     return shown
 
 
-def _struck(model: Any) -> Columns:
+def _struck(model: AntiOscillators) -> Columns:
     """Point and direction of the one site, for the arrow of the impact, if known in space."""
     points, direction = list(places_of(model).values()), info_of(model).direction
     known = len(points) == 1 and len(points[0]) == 3 and direction is not None

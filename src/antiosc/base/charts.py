@@ -33,7 +33,7 @@ D = TypeVar("D")
 
 
 def panels(
-    rows: int, columns: int, size: tuple[float, float], *, shown: bool = False, **options: Any
+    rows: int, columns: int, size: tuple[float, float], *, shown: bool = False, **options: object
 ) -> tuple[Figure, NDArray[np.object_]]:
     """A figure of `size` (inches) and its axes (rows, columns); `options` as for `subplots`.
 
@@ -49,7 +49,7 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> None:
+def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object) -> None:
     """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
 
     InputError if `path` does not have the extension of a picture, or cannot be written.
@@ -64,7 +64,7 @@ def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> No
         render(figure, part, **options)
 
 
-def render(figure: Any, target: Any, **options: Any) -> None:
+def render(figure: Figure, target: object, **options: object) -> None:
     """`figure.savefig`; InputError if matplotlib, or LaTeX for it, cannot draw the figure."""
     try:
         figure.savefig(target, **options)
@@ -125,7 +125,7 @@ def legend_beside(ax: Axes) -> Axes:
     return ax
 
 
-def legend_below(figure: Figure, curves: Mapping[str, Any], columns: int) -> Figure:
+def legend_below(figure: Figure, curves: Mapping[str, object], columns: int) -> Figure:
     """A legend of curves (label -> handle) below all panels of a figure."""
     rows = -(-len(curves) // columns)
     height = (0.25 * rows + 0.15) / figure.get_figheight()
@@ -187,7 +187,7 @@ def _has(one: object, attribute: str) -> bool:
     return True
 
 
-def widths(named: Mapping[str, Any]) -> Array:
+def widths(named: Mapping[str, object]) -> Array:
     """Line widths in points: the first of several curves is the widest, so that none is hidden."""
     return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
 
@@ -491,7 +491,7 @@ def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Fi
     return finished(figure, path)
 
 
-def _with_anti_oscillators(model: Any) -> None:
+def _with_anti_oscillators(model: object) -> None:
     check_drawn("model", model, Reduced, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")

@@ -11,12 +11,12 @@ import difflib
 import inspect
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from functools import wraps
 from types import FunctionType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 
 class AntioscError(Exception):
@@ -142,11 +142,15 @@ def known(asked: object, names: Iterable[str], what: str) -> str:
     return f"the nearest of {what} ({len(listed)}) are: {nearest}"
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
 class CallError(InputError, TypeError):
     """Arguments that a constructor or a function does not take, or lacks."""
 
 
-def checked(value: object) -> Any:
+def checked(value: object) -> object:
     """A public class or function whose wrong calls raise a CallError; other objects as they are."""
     if isinstance(value, FunctionType) and not hasattr(value, "checks_calls"):
         wrapped = _guarded(value, value.__name__, 0)
@@ -173,13 +177,15 @@ def _check_class(kind: Any) -> None:
             setattr(kind, name, _guarded(member, f"{kind.__name__}.{name}", 1))
 
 
-def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:
+def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
     """`function` with its wrong calls told; the first `own` arguments are not the caller's."""
     # that of a base class tells the name of the base
-    inner = function.__wrapped__ if hasattr(function, "checks_calls") else function
+    inner: Callable[P, T] = getattr(function, "__wrapped__", function)
+    if not hasattr(function, "checks_calls"):
+        inner = function
 
     @wraps(inner)
-    def called(*args: Any, **kwargs: Any) -> Any:
+    def called(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             try:
                 return inner(*args, **kwargs)
@@ -197,7 +203,11 @@ def _guarded(function: Any, name: str, own: int) -> Callable[..., Any]:
 
 
 def misfit(
-    function: Any, name: str, own: int, args: tuple[Any, ...], kwargs: dict[str, Any]
+    function: Callable[..., object],
+    name: str,
+    own: int,
+    args: tuple[object, ...],
+    kwargs: Mapping[str, object],
 ) -> str | None:
     """Why the arguments do not fit the signature; None if they do."""
     signature = inspect.signature(function)
@@ -211,7 +221,7 @@ def misfit(
     return None
 
 
-def takes(name: str, function: Callable[..., Any], names: Iterable[str]) -> None:
+def takes(name: str, function: Callable[..., object], names: Iterable[str]) -> None:
     """InputError if a function of the caller's cannot be called with arguments of these names."""
     try:
         said = misfit(function, name, 0, (), dict.fromkeys(names))

@@ -36,7 +36,7 @@ from contextlib import contextmanager
 from functools import cache, wraps
 from pathlib import Path
 from threading import Lock, get_ident
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -260,6 +260,10 @@ def worth(fronts: Array, free: int) -> int:
     return threads
 
 
+#: what threadpoolctl tells of a library
+Pool: TypeAlias = dict[str, Any]
+
+
 class _Blas:
     """The thread pools of the BLAS libraries that are loaded, kept at one thread while in use."""
 
@@ -270,7 +274,7 @@ class _Blas:
         self.limit: Any = None
         self.before = 1
 
-    def pools(self) -> list[dict[str, Any]]:
+    def pools(self) -> list[Pool]:
         """The data of threadpoolctl on each BLAS."""
         return [pool for pool in self.controller.info() if pool["user_api"] == "blas"]
 
@@ -310,7 +314,7 @@ def _made() -> _Blas | None:
     return _Blas(ThreadpoolController())
 
 
-def pools() -> list[dict[str, Any]] | None:
+def pools() -> list[Pool] | None:
     """The data of threadpoolctl on each loaded BLAS; None if it is not installed."""
     blas = _blas()
     return None if blas is None else blas.pools()

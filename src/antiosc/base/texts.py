@@ -10,9 +10,9 @@ import dataclasses
 from collections.abc import Iterable
 from html import escape
 from math import floor, isfinite, log10
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc.base.errors import AntioscError
 
@@ -60,7 +60,7 @@ class Brief:
 class Given:
     """Gives a dataclass a `repr` of one line and a table: what differs from the defaults."""
 
-    def __init_subclass__(cls, **options: Any) -> None:
+    def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
         if "__repr__" not in cls.__dict__ and not issubclass(cls, Brief):
             cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
@@ -90,10 +90,10 @@ def _table(one: object, facts: list[tuple[str, str]]) -> str:
     return f"<b>{escape(type(one).__name__)}</b><table>{rows}</table>"
 
 
-def _usual(field: dataclasses.Field[Any], value: Any) -> bool:
+def _usual(field: dataclasses.Field[object], value: object) -> bool:
     """Whether a field has its default."""
     if field.default is dataclasses.MISSING:
-        return field.default_factory is not dataclasses.MISSING and not np.size(value)
+        return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
     plain = isinstance(value, float | int | str | tuple)
     return value is field.default or (plain and bool(value == field.default))
 
@@ -138,7 +138,7 @@ def short(value: object) -> str:
     return type(value).__name__
 
 
-def ranged(values: np.ndarray[Any, Any]) -> str:
+def ranged(values: NDArray[np.generic]) -> str:
     """An array by its shape and range, or its numbers if they are few."""
     if values.dtype.kind not in "fiub":
         return f"array {values.shape}"

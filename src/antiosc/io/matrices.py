@@ -11,13 +11,13 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import NamedTuple, TextIO
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.errors import InputError
 from antiosc.io.request import loaded, registered
 
@@ -211,7 +211,7 @@ class MatrixFormat(NamedTuple):
     #: the matrix of a file, or several by their names
     read: Callable[[Source], Entries | dict[str, Entries]]
     #: writes symmetric matrices by their names, with node and dof of each row
-    write: Callable[[Path, dict[str, Any], Labels], None] | None = None
+    write: Callable[[Path, dict[str, Matrix], Labels], None] | None = None
     #: of the files that are written
     endings: tuple[str, ...] = ()
     #: whether the files hold node and dof of each row
@@ -297,7 +297,7 @@ def _complete(source: Source, count: int, lines: list[bytes]) -> None:
         raise source.error(last, f"the header promises {count:g} entries; there are {len(lines)}.")
 
 
-def write_matrix_market(out: TextIO, matrix: Any, comment: str = "") -> None:
+def write_matrix_market(out: TextIO, matrix: Matrix, comment: str = "") -> None:
     """Write a symmetric matrix: its lower triangle, with all digits."""
     lower = scipy.sparse.tril(scipy.sparse.csc_matrix(matrix)).tocoo()
     out.write("%%MatrixMarket matrix coordinate real symmetric\n")

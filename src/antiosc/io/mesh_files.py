@@ -13,7 +13,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +33,9 @@ from antiosc.io.neutral import (
     rectangles,
 )
 from antiosc.io.request import Request
+
+if TYPE_CHECKING:
+    import meshio
 
 #: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
 GMSH_EDGES = {
@@ -182,7 +185,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     return as_carried(result, name)
 
 
-def _read(path: Path, name: str) -> Any:
+def _read(path: Path, name: str) -> meshio.Mesh:
     try:
         import meshio
     except ImportError as error:
@@ -218,7 +221,7 @@ def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyE
     )
 
 
-def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
+def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
     """(group name, block, rows) from every way in which meshio's formats carry cell groups."""
     physical = dict(_named(mesh))
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
@@ -244,7 +247,7 @@ def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
                 yield str(name), index, np.asarray(rows, dtype=np.int64)
 
 
-def _named(mesh: Any) -> Iterator[tuple[tuple[int, int], str]]:
+def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
     """((tag, dimension), name) of groups; fields of other formats (MED, VTK) have other values."""
     for name, value in mesh.field_data.items():
         pair = np.asarray(value)
@@ -260,7 +263,7 @@ def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
         yield int(value), rows.astype(np.int64)
 
 
-def _node_sets(mesh: Any) -> Iterator[tuple[str, IntArray]]:
+def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
     for name, nodes in getattr(mesh, "point_sets", {}).items():
         yield str(name), np.asarray(nodes, dtype=np.int64)
     tags = mesh.point_data.get("point_tags")  # MED: tag -> names

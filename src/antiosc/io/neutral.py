@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +92,8 @@ def rectangles(shape: str) -> list[tuple[int, ...]]:
 
 
 IntArray = NDArray[np.int64]
+#: values as JSON holds them, by name
+Json: TypeAlias = dict[str, Any]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
 Term = tuple[int, int, float]
 
@@ -116,7 +118,7 @@ class Model(TypedDict):
     """
 
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
-    families: list[tuple[str, str, dict[str, Any], str]]
+    families: list[tuple[str, str, Json, str]]
     supports: list[tuple[str, list[str]]]  # (group, motions)
     fixed_points: list[tuple[int, list[str]]]  # (number of a point of no element, motions)
     masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
@@ -244,7 +246,7 @@ def kind_of(label: str) -> CellKind:
     return KINDS[label] if label in KINDS else SERENDIPITY[label]
 
 
-def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
+def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     """`mesh` as (values for JSON, arrays); groups, maybe thousands, are concatenated."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
@@ -265,7 +267,7 @@ def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     return head, [*arrays, *mesh.cells.values()]
 
 
-def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
+def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
     rows, nodes, points, *blocks = arrays
     cells = dict(zip(head["cells"], blocks, strict=True))

@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from antiosc.base.errors import AntioscError, MissingDependencyError
-from antiosc.io.neutral import FileMesh
+from antiosc.io.neutral import FileMesh, Json
 
 Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
@@ -31,7 +31,7 @@ WAITING = 20.0
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
 #: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
 #: its size, None: all; "root": folder of included files, None: the reader chooses
-ModelOptions = dict[str, Any]
+ModelOptions = Json
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Request:
     #: of the sizes around these points
     grading: Sequence[float] = GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
-    sizes: dict[str, Any] | None = None
+    sizes: Json | None = None
     #: fill a closed surface
     solid: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
