@@ -146,7 +146,7 @@ class ModelInfo(Brief):
     wave_speed: float | None = None
     thickness: float | None = None
     strike: Sequence[Mapping[str, object]] | None = None
-    notes: Mapping[str, Any] = field(default_factory=dict)
+    notes: Mapping[str, object] = field(default_factory=dict)
 
     @classmethod
     def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
@@ -177,15 +177,15 @@ class ModelInfo(Brief):
                 check = checks.text if key == "note" else partial(checks.array, shape=None)
                 check(f"info.{name}, {key},", value[key])
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """What is known, as JSON values."""
         known = {name: getattr(self, name) for name in _NAMES}
         return {n: value for n, value in known.items() if value is not None} | dict(self.notes)
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> object:
         return self.as_dict()[name]
 
-    def get(self, name: str, default: object = None) -> Any:
+    def get(self, name: str, default: object = None) -> object:
         """`info[name]`, or `default` where nothing is known."""
         return self.as_dict().get(name, default)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,10 @@ NO_SHAPES = (
     "this model has no displacement field: it has no shapes (model files do not store them); "
     "extract it again to recover fields."
 )
+
+
+#: of one contact point a number, of several an array
+Value: TypeAlias = Any
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class FreeModes(Brief):
 
     omega: Array
     b: Array
-    r: Any
+    r: Value
     weight: Array | None
     decay: Array | None
     shape: Array | None

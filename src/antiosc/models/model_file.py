@@ -24,7 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
@@ -52,7 +52,10 @@ _LARGEST = 2**26
 #: Most members of an archive.
 _MEMBERS = 100
 
-Arrays = dict[str, NDArray[Any]]
+Member: TypeAlias = NDArray[Any]
+Arrays: TypeAlias = dict[str, Member]
+#: what JSON has by name
+Named: TypeAlias = dict[str, Any]
 
 
 def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Arrays) -> None:
@@ -70,7 +73,7 @@ def read(
     needed: set[str],
     expected: str = FORMAT,
     largest: int = _LARGEST,
-) -> tuple[dict[str, Any], Arrays]:
+) -> tuple[Named, Arrays]:
     """(header, arrays) of a file of a format that holds the arrays `needed`.
 
     InputError for another file, or one with arrays of more than `largest` bytes.
@@ -113,7 +116,7 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> NDArray[Any]:
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> Member:
     """One array of numbers or text; ValueError for others, and if its header and size disagree."""
     if member.file_size > largest:
         raise ValueError(f"{member.filename} has {member.file_size} bytes")
@@ -186,7 +189,7 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     write(path, header, arrays)
 
 
-def arguments(path: str | os.PathLike[str]) -> dict[str, Any]:
+def arguments(path: str | os.PathLike[str]) -> Named:
     """The arguments of the `AntiOscillators` in a model file; InputError when it is not one."""
     header, arrays = read(path, {"m0", "k0", "omega"})
     try:
@@ -213,7 +216,7 @@ def damaged(path: str | os.PathLike[str], error: Exception) -> InputError:
     )
 
 
-def _damping(given: dict[str, Any] | None) -> Damping | DampingMatrix | None:
+def _damping(given: Named | None) -> Damping | DampingMatrix | None:
     """The damping of a model file."""
     if given is None:
         return None
@@ -370,6 +373,6 @@ def _labels(
     return labels.reshape(-1, 2)
 
 
-def _listed(value: object) -> list[Any]:
+def _listed(value: object) -> list[object]:
     """The items of a list or tuple; any other value is one item."""
     return list(value) if isinstance(value, list | tuple | range) else [value]

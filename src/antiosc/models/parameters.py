@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +30,7 @@ from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.models.body import Body, ModelInfo
 from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.modal import Damping, columns_of_sites
+from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 
 #: Parameters by name, as they are stored.
@@ -51,12 +51,12 @@ UNRESISTED = 1e-11
 class Parameters(Body):
     """The parameters of `AntiOscillators`, which explains and checks them; what follows at once."""
 
-    m0: Any
-    k0: Any
-    m: Any = None
+    m0: Value
+    k0: Value
+    m: Array = None  # type: ignore[assignment]
     omega: Array = ()  # type: ignore[assignment]
-    local_compliance: Any = 0.0
-    radius: Any = None
+    local_compliance: Value = 0.0
+    radius: Value = None
     participation: Array | None = None
     shapes: Array | None = None
     direction: Array | None = None
@@ -64,7 +64,7 @@ class Parameters(Body):
     hidden: Array | None = None
     damping: Damping | DampingMatrix | None = None
     info: ModelInfo = field(default_factory=ModelInfo)
-    P: Any = None
+    P: Array | None = None
     sites: tuple[str, ...] = ()
     columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     dependence: Array | None = None
@@ -96,7 +96,7 @@ class Parameters(Body):
         return np.asarray((self.omega**2 * self.m.T).T)
 
     @property
-    def m_st(self) -> Any:
+    def m_st(self) -> Value:
         """Static mass m0 + sum(m_i) [kg], also of free bodies. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
 

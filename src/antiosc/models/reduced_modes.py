@@ -131,6 +131,7 @@ def site_modes(model: Parameters) -> SiteModes:
     assert model.dependence is not None
     assert model.rigid is not None
     assert model.slide is not None
+    assert model.P is not None
     p, hidden = model.slide.shape
     found = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
     omega = np.concatenate((np.zeros(hidden), found.omega))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories import Motions, amplitudes
+from antiosc.simulation.histories import History, Motions, amplitudes
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -285,30 +285,32 @@ class HertzContact(NamedTuple):
         )
 
 
-def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
+def contact_yield(structure: Structure, shapes: Array, history: Motions) -> str:
     """That the pressure of an impact exceeds that at first yield; "" where not, or unknown.
 
     Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
     isotropic material.
     """
-    contacts: Any = getattr(history, "contact_histories", ())
-    law = history.assembly.scene.contacts[0].law if len(contacts) == 1 else None
-    if not isinstance(law, Hertz) or not contacts[0].peak_force > 0:
+    if not isinstance(history, History) or len(history.contact_histories) > 1:
+        return ""
+    law = history.assembly.scene.contacts[0].law
+    if not isinstance(law, Hertz) or not history.peak_force > 0:
         return ""
     members = with_parts(structure).fields(shapes, None)
     materials = {id(one): one for member, _ in members for one, _ in member.part.parts}
     striker = history.impactor
-    own: list[Any] = [getattr(striker, name, None) for name in ("E", "nu")]
-    own += [
+    given = [getattr(striker, name, None) for name in ("E", "nu")]
+    given += [
         getattr(one, name, None)
         for one in materials.values()
         for name in ("E", "nu", "yield_strength")
     ]
-    if len(own) != 5 or not all(isinstance(value, float) for value in own):
+    own = [value for value in given if isinstance(value, float)]
+    if len(own) != 5 or len(given) != 5:
         return ""
     E, nu, part_E, part_nu, strength = own
     modulus = effective_modulus(E, nu, part_E, part_nu)
-    return HertzContact(law.stiffness, modulus, contacts[0].peak_force, strength).told()
+    return HertzContact(law.stiffness, modulus, history.peak_force, strength).told()
 
 
 #: Jumps over the largest stress from which the mesh does not resolve it.

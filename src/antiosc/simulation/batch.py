@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeGuard, TypeVar
+from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,12 +45,12 @@ EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
 
 def sweep(
-    make: Callable[..., Any],
+    make: Callable[..., T],
     *,
     executor: Executor | None = None,
-    earlier: Sequence[Any] | None = None,
-    **values: Any,
-) -> list[Any]:
+    earlier: Sequence[T] | None = None,
+    **values: object,
+) -> list[T]:
     """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
     Parameters
@@ -80,8 +80,8 @@ def sweep(
     check_executor(executor)
     lengths = {k: len(v) for k, v in values.items() if is_many(v)}
     size = common_length(lengths)
-    each = [{k: v[i] if k in lengths else v for k, v in values.items()} for i in range(size)]
-    results: list[Any] = [AntioscError("not called yet")] * size
+    each = [{k: v[i] if is_many(v) else v for k, v in values.items()} for i in range(size)]
+    results = cast("list[T]", [AntioscError("not called yet")] * size)
     if earlier is not None:
         results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
         check_earlier(len(results), size)
@@ -92,7 +92,7 @@ def sweep(
         return results
     calls: list[Call] = [((), each[i]) for i in todo]
     for i, result in zip(todo, returned(executor, make, calls), strict=True):
-        results[i] = result
+        results[i] = cast("T", result)
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
         warn(
@@ -271,7 +271,7 @@ def simulate_many(
     AccuracyError
         When every scene fails.
     """
-    given: dict[str, Any] = {
+    given: dict[str, object] = {
         "models": models,
         "impactors": impactors,
         "contacts": contacts,
@@ -287,7 +287,7 @@ def simulate_many(
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers, speeds = columns["impactors"], columns["initial_velocity"]
     plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
-    steps = columns.pop("step")
+    steps = cast("list[float | None]", columns.pop("step"))
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
@@ -503,15 +503,15 @@ def _raise(rows: list[_Row]) -> None:
 
 
 def _gathered(rows: list[_Row]) -> Batch:
-    def column(name: str, kind: type = float) -> Any:
-        return np.array([getattr(row, name) for row in rows], dtype=kind)
+    def column(name: str) -> Array:
+        return np.array([getattr(row, name) for row in rows], dtype=float)
 
     return Batch(
         peak_force=column("peak_force"),
         impulse=column("impulse"),
         contact_time=column("contact_time"),
         restitution=column("restitution"),
-        contacts=column("contacts", np.intp),
+        contacts=np.array([row.contacts for row in rows], dtype=np.intp),
         step=column("step"),
         error=column("accuracy"),
         status=np.array([row.verdict.status for row in rows], dtype=np.intp),

@@ -14,7 +14,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import inf, pi, sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -449,7 +448,7 @@ class Placed:
     """
 
     name: str
-    body: Any
+    body: object
     modes: ModalBody | SiteModes
     start: Array
     displaced: Array | None = None

@@ -35,7 +35,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -343,15 +342,12 @@ def _patch(impact: Repeated) -> tuple[Shares, list[str]]:
         return NO_SHARE, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
-    changed = impact.change(_plain(model, local_compliance=local))
+    changed = impact.change(
+        replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
+    )
     if change and not any(changed.values()):  # the law does not contain the half-space
         return NO_SHARE, [NO_PATCH]
     return changed, []
-
-
-def _plain(model: AntiOscillators, **changes: Any) -> AntiOscillators:
-    """The model with other parameters, without the errors of its strains."""
-    return replace(model, strain_error=None, strain_misfit=None, **changes)
 
 
 def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
@@ -370,8 +366,10 @@ def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
     stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
     heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
     p = model.participation
-    curved = _plain(
+    curved = replace(
         model,
+        strain_error=None,
+        strain_misfit=None,
         m0=model.m0 * heavier,
         k0=model.k0 * stiffer,
         m=model.m * heavier,

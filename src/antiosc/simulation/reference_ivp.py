@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -379,7 +379,7 @@ class SceneIVP(SceneMethod):
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
-                    solution: Any = solve_ivp(
+                    solution = solve_ivp(
                         self._slope,
                         (t, until),
                         y,
@@ -394,7 +394,7 @@ class SceneIVP(SceneMethod):
                 answer = march.TOO_MANY_STEPS
                 break
             if solution.t.size > 1:
-                pieces.append(self._recorded(solution))
+                pieces.append(self._recorded(solution.t, solution.sol))
                 self.steps += solution.t.size - 1
             moved = float(solution.t[-1])
             y = self._clipped(moved, solution.y[:, -1].copy())
@@ -522,7 +522,7 @@ class SceneIVP(SceneMethod):
                 return -self._slip(c, free, z, rate, force)
             return float(stiffness * np.linalg.norm(z) - mu * force[c])
 
-        found: list[Any] = []
+        found: list[Callable[[float, Array], float]] = []
         for event, direction, wanted in (
             (beyond, -1.0 if closed else 1.0, True),
             (turn, self.turning[c], closed and self.laws[c].has_memory),
@@ -567,12 +567,12 @@ class SceneIVP(SceneMethod):
         )
         return np.asarray(np.maximum(1e-3 * self.rtol * np.concatenate(parts), 1e-300))
 
-    def _recorded(self, solution: Any) -> Piece:
+    def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Piece:
         """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
         part = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
-        t = (solution.t[:-1, None] + np.diff(solution.t)[:, None] * part).ravel()
-        t = np.append(t, solution.t[-1])
-        y = solution.sol(t).T
+        t = (ends[:-1, None] + np.diff(ends)[:, None] * part).ravel()
+        t = np.append(t, ends[-1])
+        y = at(t).T
         felt = [self._felt(float(at), row) for at, row in zip(t, y, strict=True)]
         force = np.array([f for _, _, f in felt])
         depth = np.array([free - self.system.R @ f for free, _, f in felt])

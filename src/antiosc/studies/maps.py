@@ -24,7 +24,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -516,7 +516,7 @@ def _struck(
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}
-    found: dict[str, Any] = {}
+    found = {}
     if stressed is not None:
         forces = [force for batch, _ in parts for force in batch.force]
         found = largest_stresses(structure, stressed, forces, duration)._asdict()

@@ -474,9 +474,8 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) 
         )
     if told:
         budget = replace(budget, notes=(*budget.notes, told))
-    return with_model(
-        hit,
-        model,
+    return replace(
+        with_model(hit, model),
         status=1 if told and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),

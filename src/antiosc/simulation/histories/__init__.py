@@ -84,7 +84,7 @@ class History(HistoryResults, OneContact):
     message: str
     budget: Callable[[History], ErrorBudget] | None = None
     given: float | None = None
-    structure: Any = None
+    structure: object = None
 
     # -- at the nodes
 
@@ -230,7 +230,7 @@ class History(HistoryResults, OneContact):
             raise InputError(no_field(model))
         return own.field(self.coordinates(t, body))
 
-    def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
+    def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
         """The model of a body, and its form in free modes.
 
         "structure", if no body has this name, is the one that has displacement shapes.
@@ -363,7 +363,7 @@ class History(HistoryResults, OneContact):
             )
         return np.minimum(times, end)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """The fields, for pickle; a structure stays behind."""
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}
 
@@ -374,12 +374,11 @@ class SceneHistory(History):
     named = True
 
 
-def with_model(hit: History, model: Any, **changes: Any) -> History:
-    """The same history with the structure's model told more of itself, and other `changes`."""
+def with_model(hit: History, model: object) -> History:
+    """The same history with the structure's model told more of itself."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
-    assembly = replace(hit.assembly, parts=known(hit.assembly.scene, bodies))
-    return replace(hit, assembly=assembly, **changes)
+    return replace(hit, assembly=replace(hit.assembly, parts=known(hit.assembly.scene, bodies)))
 
 
 def no_field(model: object) -> str:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -306,7 +306,7 @@ class Results(Brief):
             files.write_text(checks.path("path", path), text + "\n", "the results")
         return text
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> object:
         """The table as a pandas DataFrame, its index the time in s.
 
         Raises
@@ -391,7 +391,7 @@ class SavedHistory(Results):
         """Its single results: name -> JSON value."""
         return dict(self.results)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         if name.startswith("_") or name in ("results", "table", "kind"):
             raise AttributeError(name)
         if name in self.results:

@@ -38,7 +38,7 @@ UNITS: dict[str, tuple[float, Quantity | None]] = {
 
 #: An end of a function: entity, node, axis.
 End: TypeAlias = tuple[str, int, int]
-#: The fields of a data set, as pyuff returns them.
+#: What a file holds by name: the fields of a data set as pyuff returns them, or arrays.
 DataSet: TypeAlias = Mapping[str, Any]
 
 
@@ -350,9 +350,7 @@ def read_frf(
         raise type(error)(f"{where.name}: {error}") from error
 
 
-def _of_columns(
-    columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int
-) -> FRF:
+def _of_columns(columns: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF of named arrays."""
     quantity = stated(quantity or columns.get("quantity"))
     known = set(columns)
@@ -388,11 +386,11 @@ def _missing(what: str, known: set[str]) -> InputError:
     )
 
 
-def _arrays(path: Path) -> dict[str, Any]:
+def _arrays(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            found: dict[str, Any] = {name: file[name] for name in file.files}
+            found = {name: file[name] for name in file.files}
     except Exception as error:  # damaged archives raise what they like
         raise InputError(f"{path.name} is no sound NumPy file of arrays.") from error
     if "quantity" in found:
