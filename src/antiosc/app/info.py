@@ -171,8 +171,10 @@ def blas() -> Blas:
     if path and not any(name in path for name in BLAS_NAMES):
         return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
     for pool in process.pools() or ():
-        kind = pool["internal_api"]
-        return Blas(BLAS_NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
+        kind = str(pool["internal_api"])
+        return Blas(
+            BLAS_NAMES.get(kind, kind), str(Path(str(pool["filepath"])).resolve()), slow=False
+        )
     return Blas("unknown", path, slow=False)
 
 

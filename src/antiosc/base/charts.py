@@ -491,7 +491,7 @@ def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Fi
     return finished(figure, path)
 
 
-def _with_anti_oscillators(model: object) -> None:
+def _with_anti_oscillators(model: Reduced) -> None:
     check_drawn("model", model, Reduced, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")

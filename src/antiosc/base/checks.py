@@ -96,7 +96,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
         not isinstance(value, Real)
         or isinstance(value, _TRUTH)
         or not (isinstance(value, Integral) or float(value).is_integer())
-        or (result := floor(value)) < least
+        or (result := int(floor(value))) < least
     ):
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import ufl
@@ -284,7 +284,7 @@ class Family(Protocol):
         """
         ...
 
-    def dimensions(self, box: Box, materials: Sequence[Any]) -> Box:
+    def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
         """Length, width and thickness (m) of a part with this `box` along the axes around it.
 
         `materials`: all of the part, of this kind.
@@ -300,8 +300,10 @@ class Family(Protocol):
         ...
 
 
+#: A `Family`, whose own constants are read by those who know its kind.
+Material: TypeAlias = Any
 #: (material, cells of this rank that it fills)
-Parts = Sequence[tuple[Any, IntArray]]
+Parts = Sequence[tuple[Material, IntArray]]
 
 
 def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
@@ -355,7 +357,7 @@ class Isotropic(Checked):
         return self.E, self.nu, self.rho
 
 
-def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Expr:
+def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Array]) -> Expr:
     """`value(material)`, a number or a matrix, of each cell (UFL)."""
     if len(parts) == 1:  # kernels read it once, not of every cell
         return compat.constant(mesh.dolfinx, value(parts[0][0]))

@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from math import pi, sqrt
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -21,6 +20,7 @@ import scipy.sparse
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.beam import Beam, heights
+from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.error.bisection import HalvedBeams, inside, polygon
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
@@ -384,6 +384,6 @@ def layers(part: MeshedStructure) -> tuple[Array, float]:
     return volumes, mass / part.total_mass
 
 
-def depth(material: Any) -> float:
+def depth(material: Material) -> float:
     """Thickness of a plane part; 1 otherwise, for volumes hold it."""
     return float(material.thickness) if getattr(material, "plane", None) else 1.0

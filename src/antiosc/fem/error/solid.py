@@ -15,14 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, NotConvergedError
-from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.linalg.algebra import conjugate_gradients
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat, warn
@@ -233,7 +232,7 @@ def refuse_locking(structure: MeshedStructure) -> None:
         warn(structure.comm, told, AccuracyWarning)
 
 
-def _poisson(material: Any) -> float:
+def _poisson(material: Material) -> float:
     """nu of the mean bulk and shear moduli (Voigt's)."""
     C = np.asarray(material.voigt)
     bulk = float(C[:3, :3].sum()) / 9
@@ -334,7 +333,7 @@ def _scaled(
         yield some, (root @ own.reshape(len(own), -1)).reshape(own.shape), weights
 
 
-def stiffness(material: Any, dim: int) -> Array:
+def stiffness(material: Material, dim: int) -> Array:
     """Stresses, in the plane times the thickness, of unit strains as `CellStrains` orders them."""
     C = np.asarray(material.voigt)
     if dim == 3:

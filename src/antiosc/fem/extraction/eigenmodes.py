@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -171,7 +171,7 @@ class _Inverse:
     def __init__(self, search: Search) -> None:
         self._search = search
 
-    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
+    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
         x.setArray(self._search.inverse(r.array_r))
 
 
@@ -305,7 +305,7 @@ class ModeSolver:
             conditions = np.column_stack([self._held.load, conditions])
         first = row_range(structure.K)[0]
         own = np.setdiff1d(np.arange(self._rows), structure.fixed)
-        parts: Any = comm.gather((first + own, conditions[own]))
+        parts = comm.gather((first + own, conditions[own])) or []
         K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
         sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
 

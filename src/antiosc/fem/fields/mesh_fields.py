@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -25,7 +24,7 @@ from antiosc.base.errors import InputError, known
 from antiosc.base.stresses import PAIRS, equivalent
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.solid import SOLID_EDGES
-from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
 from antiosc.fem.platform import agree, compat
@@ -313,7 +312,9 @@ def tensors_at_nodes(
     return points, cells, NodeTensors(*joined, origins)
 
 
-def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[Material]:
     """The materials of all parts of a structure, or of one, or the beams of a stiffener."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
     if stiffener is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -60,7 +60,9 @@ def tensors_at_nodes(
     )
 
 
-def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[object]:
     """None: matrices have no materials."""
     return []
 

@@ -18,7 +18,6 @@ import tempfile
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import escape, quoteattr, unescape
 
 import numpy as np
@@ -77,7 +76,7 @@ class Frames:
         return b"".join([self._before, own.encode(), end.encode()])
 
 
-def _element(name: str, values: NDArray[Any], level: int = -1) -> str:
+def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
     """An array of numbers or of vectors as a `DataArray`, at a level of zlib's."""
     content = values.tobytes()
     blocks = [

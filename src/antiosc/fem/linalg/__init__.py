@@ -7,7 +7,8 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any, Literal, get_args
+from types import ModuleType
+from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse
@@ -116,13 +117,13 @@ LEAST_REDUCTION = 0.6
 REDUCE = "reduce the matrices, take a coarser mesh, or a machine with more memory"
 
 try:
-    sksparse: Any = import_module("sksparse.cholmod")
+    sksparse: ModuleType | None = import_module("sksparse.cholmod")
 except ImportError:  # optional: SuperLU serves without it
     sksparse = None
 
 
 #: How SuperLU orders, for symmetric matrices with pivots on the diagonal.
-SYMMETRIC_ORDER: dict[str, Any] = {
+SYMMETRIC_ORDER: dict[str, object] = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.0,
     "options": {"SymmetricMode": True, "Equil": False},
@@ -214,6 +215,7 @@ class Cholmod(Factorization):
     """A Cholesky factor by CHOLMOD, called by scikit-sparse (0.4, or 0.5 with other names)."""
 
     def _set_up(self) -> None:
+        assert sksparse is not None  # or `factorize` takes SuperLU
         A = self.A.tocsc()
         try:
             if hasattr(sksparse, "cho_factor"):

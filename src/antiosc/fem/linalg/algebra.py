@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.sparse
@@ -119,7 +119,7 @@ def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     return matrix if by_scipy(matrix) else _petsc().gathered(matrix, root)
 
 
-def free_when_dropped(*matrices: Any) -> None:
+def free_when_dropped(*matrices: Matrix) -> None:
     """Have the memory of PETSc's matrices freed when nobody uses them any more. Collective."""
     if not by_scipy(matrices[0]):
         _petsc().free_when_dropped(*matrices)

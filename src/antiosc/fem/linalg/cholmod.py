@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -94,7 +94,7 @@ class Common(ctypes.Structure):
 
 
 #: What `cholmod_l_start` sets in every known version; it tells whether `Common` is laid out so.
-DEFAULTS: dict[str, Any] = {
+DEFAULTS: dict[str, object] = {
     **{"grow0": 1.2, "grow1": 1.2, "grow2": 5, "maxrank": 8, "supernodal_switch": 40.0},
     **{"supernodal": 1, "final_asis": 1, "final_super": 1, "final_ll": 0, "final_pack": 1},
     **{"final_monotonic": 1, "zrelax": (0.8, 0.1, 0.05), "nrelax": (4, 16, 48)},
@@ -140,7 +140,7 @@ class Factor(ctypes.Structure):
 
 
 @cache
-def library() -> Any:
+def library() -> ctypes.CDLL:
     """CHOLMOD's functions; MissingDependencyError if its version is not known here."""
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
@@ -168,14 +168,14 @@ def library() -> Any:
     return lib
 
 
-def version(lib: Any) -> tuple[int, int, int]:
+def version(lib: ctypes.CDLL) -> tuple[int, int, int]:
     """CHOLMOD's version: SuiteSparse 5.12 has 3.0.14, SuiteSparse 7.10 has 5.3.1."""
     numbers = (c_int * 3)()
     lib.cholmod_l_version(numbers)
     return tuple(numbers)  # type: ignore[return-value]
 
 
-def _unlike_defaults(lib: Any) -> str:
+def _unlike_defaults(lib: ctypes.CDLL) -> str:
     """The settings that differ from the known defaults, as text."""
     common = Common()
     lib.cholmod_l_start(byref(common))
@@ -221,7 +221,7 @@ def without_openmp() -> Iterator[None]:
 
 
 @cache
-def _loaded(name: str) -> Any:
+def _loaded(name: str) -> ctypes.CDLL | None:
     """A library that this process has already loaded, or None."""
     try:
         return ctypes.CDLL(name, mode=os.RTLD_NOW | getattr(os, "RTLD_NOLOAD", 0))
@@ -258,8 +258,8 @@ class _Memory:
     """Memory of CHOLMOD for one factor, freed when the last array that refers to it is gone."""
 
     def __init__(self) -> None:
-        self.factor: Any = None
-        self.work: list[Any] = []
+        self.factor = POINTER(Factor)()  # null
+        self.work: list[c_void_p] = []
         self.lib = library()
         self.common = Common()
         self.lib.cholmod_l_start(byref(self.common))
@@ -287,13 +287,17 @@ class _Memory:
             for work, shape in zip(self.work, shapes, strict=True)
         )
 
-    def array(self, pointer: Any, count: int, kind: Any) -> NDArray[Any]:
-        """`count` numbers at `pointer`, not to be written to."""
-        block = (kind * count).from_address(pointer)
-        block.memory = self
-        found = np.frombuffer(block, dtype=np.dtype(kind))
-        found.flags.writeable = False
-        return found
+    def reals(self, pointer: int, count: int) -> Array:
+        """`count` real numbers at `pointer`, not to be written to."""
+        return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
+
+    def integers(self, pointer: int, count: int) -> IntArray:
+        """`count` integers at `pointer`, not to be written to."""
+        return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
+
+    def _kept(self, block: ctypes.Array[c_double] | ctypes.Array[c_int64]) -> memoryview:
+        block.memory = self  # type: ignore[union-attr]  # it lives as long as arrays of it
+        return memoryview(block).toreadonly()
 
 
 class Analysis:
@@ -342,7 +346,7 @@ class Analysis:
     def fronts(self) -> Array:
         """Operations for each supernode: c² for a column of c entries."""
         found = self.memory.factor.contents
-        starts = (self.memory.array(p, found.nsuper + 1, c_int64) for p in (found.super, found.pi))
+        starts = (self.memory.integers(p, found.nsuper + 1) for p in (found.super, found.pi))
         width, height = (np.diff(start).astype(float) for start in starts)
         squares = (width - 1) * width * (2 * width - 1) / 6
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
@@ -351,11 +355,11 @@ class Analysis:
         """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""
         matrix, _kept = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None)
-        order = np.array(self.memory.array(nodes.contents.Perm, nodes.contents.n, c_int64))
+        order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
         self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
-    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> Any:
+    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
         """Symbolic factor; CHOLMOD tries AMD and METIS if no permutation is given."""
         lib, common = self.memory.lib, self.memory.common
         common.nmethods = int(permutation is not None)
@@ -431,26 +435,26 @@ class Cholesky:
             )
         if not done:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
-        X = memory.array(ctypes.cast(x, POINTER(Dense)).contents.x, B.size, c_double)
+        X = memory.reals(ctypes.cast(x, POINTER(Dense)).contents.x, B.size)
         return np.array(X.reshape(B.shape, order="F"), order="F")
 
     @cached_property
     def permutation(self) -> IntArray:
         """Row of A that is row i of P A Pᵀ (n,)."""
         found = self._memory.factor.contents
-        return self._memory.array(found.Perm, found.n, c_int64)
+        return self._memory.integers(found.Perm, found.n)
 
     @cached_property
     def supernodes(self) -> Supernodes:
         """L as arrays in CHOLMOD's memory, which is kept as long as one of them is used."""
-        array, found = self._memory.array, self._memory.factor.contents
+        memory, found = self._memory, self._memory.factor.contents
         many = found.nsuper + 1
         return Supernodes(
-            start=array(found.super, many, c_int64),
-            row=array(found.pi, many, c_int64),
-            rows=array(found.s, found.ssize, c_int64),
-            value=array(found.px, many, c_int64),
-            values=array(found.x, found.xsize, c_double),
+            start=memory.integers(found.super, many),
+            row=memory.integers(found.pi, many),
+            rows=memory.integers(found.s, found.ssize),
+            value=memory.integers(found.px, many),
+            values=memory.reals(found.x, found.xsize),
         )
 
     def corner(self, last: int) -> tuple[IntArray, Array]:
@@ -476,7 +480,7 @@ class Cholesky:
         return permutation[columns], block
 
 
-def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[Any, ...]]:
+def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:
     """A as CHOLMOD's upper triangle, and the arrays it points to.
 
     Rows of the one are columns of the other: the lower triangle of A is what CHOLMOD reads.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -131,10 +130,10 @@ def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     comm = matrix.getComm().tompi4py()
     own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
     own[0] = np.diff(own[0])  # entries of each row
-    parts: list[Any] = []
+    parts = []
     for part in own:
         counts = comm.gather(len(part), root=root)
-        whole = np.empty(sum(counts), part.dtype) if comm.rank == root else None
+        whole = np.empty(sum(counts or ()), part.dtype)
         comm.Gatherv(part, (whole, counts), root=root)
         parts.append(whole)
     if comm.rank != root:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import dolfinx
 import numpy as np
@@ -43,7 +42,7 @@ def read_mesh(
     *,
     order: int | None = None,
     refine: Sequence[Refinement] = (),
-    groups: Mapping[str, tuple[Any, int]] | None = None,
+    groups: Mapping[str, tuple[dolfinx.mesh.MeshTags, int]] | None = None,
     cells: Wanted = None,
     parts: Sequence[str] | None = None,
     unit: str | float | None = None,
@@ -223,7 +222,9 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> Mesh:
+def _adopted(
+    mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[dolfinx.mesh.MeshTags, int]]
+) -> Mesh:
     """A dolfinx mesh with names given to its tags."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():

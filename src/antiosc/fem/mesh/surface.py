@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
 
 import basix
 import numpy as np
@@ -299,7 +298,7 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
             gap = (x[0] - point) / scale
             return float(gap @ gap), 2 * (gap @ J[0]) / scale
 
-        inside: list[Any] = []
+        inside: list[dict[str, object]] = []
         if geometry.simplex and mesh.tdim > 1:
             inside = [
                 {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}

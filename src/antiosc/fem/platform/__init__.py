@@ -20,7 +20,8 @@ import threading
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from typing import Any, ParamSpec, TypeVar
+from operator import attrgetter
+from typing import Any, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -83,7 +84,7 @@ def fingerprint(value: object) -> bytes:
     return found.digest()
 
 
-def _parts(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
+def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     if id(value) in above or len(above) > MOST_NESTED:
         return
     inside = (*above, id(value))
@@ -96,7 +97,7 @@ def _parts(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
     elif isinstance(value, np.ndarray):
         yield from _of_array(value, inside)
     elif scipy.sparse.issparse(value):
-        csr = value.tocsr()
+        csr = scipy.sparse.csr_matrix(value)
         for part in (csr.shape, csr.indptr, csr.indices, csr.data):
             yield from _parts(part, inside)
     elif isinstance(value, Mapping):
@@ -262,7 +263,7 @@ _serial = 0
 
 
 def collective(
-    default: MPI.Comm = WORLD, **counts: Callable[[Any], object]
+    default: MPI.Comm = WORLD, **counts: Callable[..., object]
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Guard a public function that all ranks must call with the same arguments.
 
@@ -289,14 +290,14 @@ def collective(
             for name in counts.keys() & given.keys():
                 given[name] = _counted(counts[name], given[name])
             compare(comm, function.__qualname__, given)
-            result: Any = None
+            result: T | None = None
             error: Exception | None = None
             try:
                 result = called(*args, **kwargs)
             except Exception as caught:
                 error = caught
             _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
-            return result  # type: ignore[no-any-return]
+            return cast(T, result)
 
         return guarded
 
@@ -343,7 +344,7 @@ def _given(
     return {name: value for name, value in given.items() if name not in ("self", "cls")}
 
 
-def _counted(count: Callable[[Any], object], value: object) -> object:
+def _counted(count: Callable[..., object], value: object) -> object:
     """`count(value)`; the value itself where it is not what it should be."""
     try:
         return count(value)
@@ -360,17 +361,17 @@ def _flat(values: Iterable[object]) -> list[object]:
     return found
 
 
-def _ranks(value: Any) -> int:
+def _ranks(value: object) -> int:
     """Number of ranks that share a value; 0 where it has no communicator."""
     if is_void(value):
         return 0  # to ask for its communicator kills the process
     try:
-        return int(value.comm.size)
+        return int(attrgetter("comm.size")(value))
     except Exception:
         return 0
 
 
-def _communicator(values: Iterable[Any], default: MPI.Comm) -> Any:
+def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
     """The communicator that the first of these values has.
 
     dolfinx and PETSc work on copies of the one they are given: all ranks then talk on the first,

@@ -11,7 +11,7 @@ quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
 from antiosc.fem.elements.solid import Solid
-from antiosc.fem.elements.weak_form import axes_and_sides
+from antiosc.fem.elements.weak_form import Material, axes_and_sides
 from antiosc.fem.platform import compat
 from antiosc.fem.recovery import Place
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -74,7 +74,7 @@ class PointsInCells:
         """Number of basis functions of a cell."""
         return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
 
-    def each(self, value: Callable[[Any], list[float]]) -> Array:
+    def each(self, value: Callable[[Material], list[float]]) -> Array:
         """Numbers (P, m) of the material at each point."""
         table = np.array([value(material) for material, _ in self.part.parts])
         return np.asarray(table[self.part.part_of_cells()[self.cells]])

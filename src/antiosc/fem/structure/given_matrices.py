@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Complex, Real
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 import scipy.sparse
@@ -92,7 +92,7 @@ def _check_square(name: str, shape: tuple[int, int]) -> None:
 def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     sparse = scipy.sparse.issparse(matrix)
     try:
-        entries: Any = matrix if sparse else np.asarray(matrix)
+        entries: Matrix = matrix if sparse else np.asarray(matrix)
     except Exception:  # rows of different lengths, or objects that are no arrays at all
         entries = np.zeros(())
     if not sparse and entries.ndim == 0:
@@ -112,7 +112,7 @@ def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     return own
 
 
-def _real(name: str, entries: Any) -> Any:
+def _real(name: str, entries: Matrix) -> Matrix:
     """Entries of other types as floats, if each is a real number."""
     values = entries.data if scipy.sparse.issparse(entries) else entries
     kinds = [Complex] if values.dtype.kind == "c" else {type(v) for v in np.ravel(values)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -19,7 +19,15 @@ from antiosc.base.checks import array, several, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure, restricted
+from antiosc.fem.elements.weak_form import (
+    Family,
+    Kind,
+    Material,
+    Parts,
+    WeakForm,
+    measure,
+    restricted,
+)
 from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver_choice import attach
@@ -288,7 +296,7 @@ class MeshedStructure(StructureMatrices):
         ]
 
     @cached_property
-    def _losses(self) -> list[tuple[Any, PETSc.Mat]]:
+    def _losses(self) -> list[tuple[Material, PETSc.Mat]]:
         return self._stiffnesses("loss")
 
     def loss_stiffness(self, V: Array) -> Array | None:
@@ -297,7 +305,7 @@ class MeshedStructure(StructureMatrices):
         own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
         return np.asarray(sum(own))
 
-    def _stiffnesses(self, name: str) -> list[tuple[Any, PETSc.Mat]]:
+    def _stiffnesses(self, name: str) -> list[tuple[Material, PETSc.Mat]]:
         """(material, its share of K) of the materials in which `name` is set."""
         found = []
         for material, cells in self.parts:
@@ -509,7 +517,7 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
 
 
 def _stretched(
-    mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Any]
+    mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> float | None:
     """The least thickness [m] of a sheet, None where it is held at points of one line alone.
 
@@ -527,8 +535,9 @@ def _stretched(
 
 def _of_section(material: Family, extent: float) -> str:
     """What is implausible of the size of a section; "" for nothing."""
-    section: Any = getattr(material, "section", None)
-    if hasattr(section, "thickness"):
-        return plausible.of_thickness(section.thickness, extent)
+    section = getattr(material, "section", None)
+    thickness = getattr(section, "thickness", None)
+    if thickness is not None:
+        return plausible.of_thickness(thickness, extent)
     area = getattr(section, "A", 0.0)
     return plausible.of_thickness(float(np.sqrt(area)), extent, "beam")

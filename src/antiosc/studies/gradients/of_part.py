@@ -12,7 +12,7 @@ largest shares first, few energies do.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -177,8 +177,8 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
             " builds the part, and x."
         )
     mesh, given, options = part.made_of
-    several = isinstance(given, dict)
-    groups = dict(given) if several else {"": given}
+    several = isinstance(given, Mapping)
+    groups = dict(given) if isinstance(given, Mapping) else {"": given}
     found: list[Values] = [{} for _ in to]
     for group, material in groups.items():
         for name, step, made in _varied(material):
