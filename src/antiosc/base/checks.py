@@ -12,7 +12,7 @@ import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import Field, fields
 from functools import wraps
-from math import floor, inf, isfinite
+from math import inf, isfinite
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, overload
@@ -96,7 +96,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
         not isinstance(value, Real)
         or isinstance(value, _TRUTH)
         or not (isinstance(value, Integral) or float(value).is_integer())
-        or (result := int(floor(value))) < least
+        or (result := int(value)) < least  # type: ignore[call-overload]
     ):
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:

@@ -433,8 +433,25 @@ def acting(
         for name, body in bodies.items():
             weights = _weights(body, axes[name], vector and given.shape[1] == 3)
             if weights.size:
+                _tell_if_oblique(body, axes[name], moved)
                 loads[:, spans[name]] -= moved @ weights.T
     return breaks, loads, gaps - forces @ r @ G.T
+
+
+def _tell_if_oblique(body: Placed, axis: Array | None, moved: Array) -> None:
+    """InputError where the ground (K, 3) moves across the one direction that a body knows."""
+    if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
+        return
+    if axis is None or moved.shape[1] != 3:
+        return
+    across, size = np.abs(moved - np.outer(moved @ axis, axis)).max(), np.abs(moved).max()
+    if across > 1e-6 * size:
+        raise InputError(
+            f"the ground moves with {across:.3g} m/s² across the direction of the site of "
+            f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
+            "name the site, extract(part, {'tip': Site(…)}), which gives a model that knows all "
+            "directions, or give base along the site's direction."
+        )
 
 
 def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:

@@ -215,9 +215,11 @@ class WeakForm:
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
     density: Expr
-    #: mass moment per unit of cell measure about the mesh, kg/m along the normal (UFL vector),
-    #: where the mass of a sheet does not lie in its middle
+    #: mass moment per unit of cell measure about the mesh (UFL vector: kg/m along the normal of a
+    #: sheet, kg along the height of a beam), where the mass does not lie on it
     moment: Expr | None = None
+    #: twist shifts the centroids of beams that lie off their line
+    twist_shifts: bool = False
     #: strains times √stiffness of the trial function (UFL vector), and the quadrature degree with
     #: which their squares make K; None where K's entries alone are accurate enough
     strains: tuple[Expr, int] | None = None

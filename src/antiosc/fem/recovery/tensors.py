@@ -288,11 +288,12 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
         return np.einsum("pck,pc->pk", vectors, axis)
 
     stretch = -offset * along(bend, frame.z)
+    sideways = offset * along(bend, frame.t) if at.part.form.twist_shifts else 0.0
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
         along(slope, frame.t) + stretch,
         along(slope, frame.y) - along(turn, frame.z),
-        along(slope, frame.z) + along(turn, frame.y),
+        along(slope, frame.z) + along(turn, frame.y) + sideways,
     ]
     return np.stack([*forces, *(along(bend, axis) for axis in frame)], axis=1)
 

@@ -376,7 +376,7 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
     line = _edge_mesh(to.mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
-    form = on_lines(line, parts, 3 if to.mesh.cell == "triangle" else 2)
+    form = on_lines(line, parts, 3 if to.mesh.cell == "triangle" else 2, on_sheet=True)
     T = _shared_dofs(to, edges, form, line)
     own = [compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)]
     for matrix, one in zip((to.K, to.M), own, strict=True):
