@@ -131,8 +131,8 @@ def save_fields(
 ) -> Path:
     """Write the displacements of all nodes at many times to one compact file.
 
-    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it with
-    NumPy alone.
+    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it
+    without the finite-element packages, too.
 
     Parameters
     ----------

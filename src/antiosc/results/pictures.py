@@ -114,7 +114,7 @@ class SavedFields(Brief):
         return max(float(np.linalg.norm(self.shapes @ f, axis=1).max()) for f in self.factors)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write one NumPy `.npz` file, which `load` reads with NumPy alone.
+        """Write one NumPy `.npz` file, which `load` reads.
 
         Raises
         ------

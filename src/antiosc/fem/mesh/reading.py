@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import dolfinx
 import numpy as np
@@ -33,6 +34,9 @@ from antiosc.io.neutral import RawMesh, UnitSystem
 from antiosc.io.reading import STATES_UNIT, Wanted, read
 from antiosc.io.request import Refinement
 
+if TYPE_CHECKING:
+    from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
+
 
 @collective()
 def read_mesh(
@@ -42,7 +46,7 @@ def read_mesh(
     *,
     order: int | None = None,
     refine: Sequence[Refinement] = (),
-    groups: Mapping[str, tuple[dolfinx.mesh.MeshTags, int]] | None = None,
+    groups: Mapping[str, tuple[MeshTags, int]] | None = None,
     cells: Wanted = None,
     parts: Sequence[str] | None = None,
     unit: str | float | None = None,
@@ -222,9 +226,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _adopted(
-    mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[dolfinx.mesh.MeshTags, int]]
-) -> Mesh:
+def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A dolfinx mesh with names given to its tags."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():

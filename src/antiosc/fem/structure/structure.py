@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypedDict, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 from numpy.typing import ArrayLike
 
@@ -31,7 +31,7 @@ from antiosc.models.motion import Inertia
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc.fem.elements.weak_form import Family, WeakForm
+    from antiosc.fem.elements.weak_form import Family
     from antiosc.fem.mesh import Mesh
     from antiosc.fem.structure.attachments import Attachment
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -96,6 +96,11 @@ class Structure(Brief):
     """
 
     matrices: StructureMatrices
+    # of the matrices, by `__getattr__`; their docstrings stand there
+    mass: float
+    dimensions: Box
+    rigid_inertia: tuple[Inertia, Array] | None
+
     seconds: dict[str, float]
     supports: tuple[Support, ...] = ()
     #: mesh, material and options of a structure of one mesh
@@ -282,31 +287,6 @@ class Structure(Brief):
         assert self._factored is not None
         return self._factored[1]
 
-    @property
-    def mesh(self) -> Mesh:
-        """The mesh; InputError where there is none, or several."""
-        return on_mesh(self).mesh
-
-    @property
-    def form(self) -> WeakForm:
-        """The weak form on the mesh; InputError as of `mesh`."""
-        return on_mesh(self).form
-
-    @property
-    def mass(self) -> float:
-        """Total mass, kg; InputError for matrices that do not tell it."""
-        return self.matrices.mass
-
-    @property
-    def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m; InputError for matrices."""
-        return self.matrices.dimensions
-
-    @property
-    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia, and M r of its rigid motions; see `StructureMatrices`."""
-        return self.matrices.rigid_inertia
-
     def constants(self) -> tuple[float, float, float]:
         """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
         return self.matrices.constants()
@@ -333,6 +313,15 @@ class Structure(Brief):
     def natural_modes(self, n: int = 10) -> antiosc.StructureModes:
         """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
+
+    def __getattr__(self, name: str) -> Any:
+        """Other attributes of the matrices: those of a mesh have `parts` and `layout`, too."""
+        if name == "matrices" or name.startswith("__"):
+            raise AttributeError(name)
+        try:
+            return getattr(self.matrices, name)
+        except AttributeError as error:
+            raise AttributeError(f"the structure has no {name!r}: {error}") from None
 
 
 NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
