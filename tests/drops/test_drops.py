@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.contact.power import restitution_of
+from antiosc.contact.laws import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.drop import tilted

@@ -10,9 +10,9 @@ from scipy.linalg import expm
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
+from antiosc.simulation.assembly import mass_behind
 from antiosc.simulation.march.convergence import difference
-from antiosc.simulation.problem.scales import mass_behind
+from antiosc.simulation.reference import SCENE_STEPS
 from rates import observed_order
 
 methods = pytest.mark.parametrize("method", ["exact", *SCENE_STEPS])

@@ -26,8 +26,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.contact import ContactLaw
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.bodies.bodies import RigidBody
-from antiosc.simulation.bodies.impactors import Sphere
+from antiosc.simulation.bodies import RigidBody, Sphere
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -464,8 +463,7 @@ def _residual(
     structure: Structure, phi: Array, omega: Array, skin: Skin, own: IntArray, which: IntArray
 ) -> tuple[Array, Array]:
     """Shapes and residual compliances of patches at vertices of the hull `own`; see `sites`."""
-    from antiosc.fem.site.functionals import functionals
-    from antiosc.fem.site.site import Site
+    from antiosc.fem.site import Site, functionals
 
     sites = []
     for k in own[which].tolist():

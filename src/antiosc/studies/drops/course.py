@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
+from antiosc.base.texts import Given
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact

@@ -15,15 +15,15 @@ from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief, Given
 from antiosc.base.errors import InputError
 from antiosc.base.plausible import FASTEST_WAVE
+from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
-from antiosc.base.threads import one_thread
+from antiosc.base.texts import Brief, Given
 from antiosc.models.motion import unit_vector
-from antiosc.simulation.sweep import check_executor
+from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
-from antiosc.studies.chance.quantiles import Quantile, quantile
+from antiosc.studies.chance.sample import Quantile, quantile
 from antiosc.studies.drops.bed import bedded
 from antiosc.studies.drops.body import MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung

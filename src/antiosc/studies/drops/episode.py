@@ -17,16 +17,16 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
+from antiosc.models.modal import SiteModes
 from antiosc.models.motion import Inertia, ModalState
-from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.bodies.impactors import Obstacle
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.bodies import Obstacle
+from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
-from antiosc.simulation.histories.history import SceneHistory
-from antiosc.simulation.histories.verdict import COMPLETED, STOPPED
-from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.scene_parts import Contact
-from antiosc.simulation.problem.scene_states import between, forces, located, marched_states
+from antiosc.simulation.histories.results import COMPLETED, STOPPED
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
+from antiosc.simulation.scene_parts import Contact
+from antiosc.simulation.states import between, forces, located, marched_states
 from antiosc.studies.drops.bed import laid
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned

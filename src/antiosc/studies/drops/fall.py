@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.base.texts import Brief
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
@@ -228,8 +228,7 @@ class Fall(Brief):
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
         from antiosc.fem.fields import source
-        from antiosc.fem.site.named_points import point_of
-        from antiosc.fem.site.site import Reach
+        from antiosc.fem.site import Reach, point_of
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)
