@@ -1,21 +1,17 @@
-"""A soft layer as a bed of springs under the faces and edges of a part.
+"""A soft layer as a bed of springs under the faces, edges and corners of a part.
 
 A layer that is thin against the area of contact gives way at each place by itself (Winkler; Johnson,
 Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there, and the force
 E/t times the volume V of the part below the surface of the layer. The surface of the part is divided
-into pieces, each of which is one contact at its centre of pressure with a law by the volume that it
-displaces as the part has turned at the touch,
-
-    F = (E/t) V(d) = k d^n,
-
-with k and n from the volumes at the depth that the piece reaches and at half of it: n = 1 of a face
-that lies flat, 2 of an edge and 3 of a corner.
+into pieces, each of which is one contact. At the touch it gets a law F = k d^n by the volumes that it
+displaces as deep as it may come, and half as deep: n = 1 of a face that lies flat, 2 of an edge, 3 of
+a corner. On the path of the part the gaps are such that the force is E/t V of the piece as it has
+turned and bent, at its centre of pressure: k and n only predict, and the energy is kept.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -31,8 +27,9 @@ PIECE, BENT = 0.25, 0.35
 SHALLOW = 0.05
 #: Depths over the extent, between which that of a part which moves without turning is looked for.
 DEPTHS = np.geomspace(1e-7, 1.0, 29)
-#: Largest exponent, of a piece whose volume grows by steps; in place of 0 where it divides.
-STEEPEST, TINY = 6.0, 1e-300
+#: Largest exponent, of a piece whose volume grows by steps; and least share of its area that a
+#: piece is taken to turn to the floor for its law.
+STEEPEST, LEAN = 6.0, 0.1
 
 
 def bedded(body: FreeBody) -> FreeBody:
@@ -48,7 +45,9 @@ def bedded(body: FreeBody) -> FreeBody:
     x = places[triangles, :3]
     areas = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) / 2
     piece = _pieces(x.mean(axis=1), areas, size)
-    return replace(body, bed=Bed(places, triangles, areas, piece, rounded))
+    order = np.argsort(piece, kind="stable")
+    bounds = np.append(0, np.cumsum(np.bincount(piece)))
+    return replace(body, bed=Bed(places, triangles[order], areas[order], bounds, rounded))
 
 
 def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
@@ -81,7 +80,8 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     triangles = triangles[~rounded[triangles].all(axis=1)]
     if not len(triangles):
         return None
-    normals = np.cross(x[triangles[:, 1]] - x[triangles[:, 0]], x[triangles[:, 2]] - x[triangles[:, 0]])
+    corners = x[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if skin.half.any():  # a sheet has two sides
         triangles = np.vstack([triangles, triangles[:, ::-1]])
     else:
@@ -102,7 +102,7 @@ def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, In
         if not long.any():
             return places, triangles
         first = sides[long].argmax(axis=1)[:, None]
-        a, b, c = np.take_along_axis(triangles[long], (first + [0, 1, 2]) % 3, axis=1).T
+        a, b, c = np.take_along_axis(triangles[long], (first + np.arange(3)) % 3, axis=1).T
         m = len(places) + np.arange(len(a))
         places = np.vstack((places, (places[a] + places[b]) / 2))
         halves = np.column_stack((a, m, c)), np.column_stack((m, b, c))
@@ -128,107 +128,53 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
     return number
 
 
-def laid(
-    body: FreeBody, start: State, setting: Setting, reached: dict[int, float] | None = None
-) -> FreeBody:
-    """The body whose points are the pieces that face the floor, and its round vertices.
+def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
+    """The body whose points are its vertices and, from `bed.first` on, the pieces of its surface.
 
-    A body without a bed is returned as it is.
-
-    reached : number of a point -> its largest depth [m], where it is known.
+    The height of a piece is that at which its law has the force of the volume that it displaces.
+    Vertices that are not round are `idle`, and pieces that will hardly touch. A body without a bed is returned as it is.
     """
-    bed, layer, up = body.bed, setting.floor.layer, start.R[2]
+    bed, layer = body.bed, setting.floor.layer
     if bed is None or layer is None:
         return body
-    down = -(bed.areas @ up)
-    facing = np.flatnonzero(down > 0)
-    triangles, piece, down = bed.triangles[facing], bed.piece[facing], down[facing]
-    raised = np.concatenate((up, np.outer(start.q, up).ravel()))
-    z = (bed.places @ raised)[triangles] + start.centre[2] + start.lowered(setting.floor.ground)
-    low = np.full(bed.count, np.inf)
-    np.minimum.at(low, piece, z.min(axis=1))
-    first = len(body.points) if bed.round.any() else 0
-    deepest = _deepest(body, start, layer, z, down)
-    depth = np.maximum(deepest + low.min() - low, SHALLOW * deepest)
-    for i, d in (reached or {}).items():
-        if i >= first:
-            depth[i - first] = max(d, SHALLOW * deepest)
-    whole, half = (
-        down[:, None] * wetted(z - low[piece, None], d[piece]) for d in (depth, depth / 2)
+    up, z = start.R[2], start.centre[2] + start.lowered(setting.floor.ground)
+    ways, each = np.append(0.0, DEPTHS * body.extent), range(bed.count)
+    found = [bed.pressed(k, up, start.q, z - ways) for k in each]
+    volumes, low = np.array([one[0] for one in found]), np.array([one[1][0] for one in found])
+    modulus = layer.E / layer.thickness
+    work = modulus * cumulative_trapezoid(volumes.sum(axis=0), ways, initial=0.0)
+    deepest = max(float(np.interp(_energy(body, start), work, ways)), float(ways[1]))
+    depth = np.maximum(deepest - low, SHALLOW * (deepest - low.min()))
+    at = (z - low - depth)[:, None] + depth[:, None] * [0.0, 0.5]
+    whole, _, places = zip(
+        *(bed.pressed(k, up, start.q, at[k], LEAN) for k in each), strict=True
     )
-    volume, part = (np.bincount(piece, each.sum(axis=1), bed.count) for each in (whole, half))
-    places = np.zeros((bed.count, bed.places.shape[1]))
-    for k in range(3):
-        np.add.at(places, piece, whole[:, k, None] * bed.places[triangles[:, k]])
-    touching = np.flatnonzero(volume > 0)
-    places[touching] /= volume[touching, None]
-    n = np.ones(bed.count)
-    n[touching] = np.clip(np.log2(volume[touching] / part[touching]), 1.0, STEEPEST)
-    k = layer.E / layer.thickness * volume / depth**n
-    lifts = np.zeros(bed.count)
-    lifts[touching] = (places @ raised - low)[touching] + z[0, 0] - bed.places[triangles[0, 0]] @ raised
-    idle = np.ones(first + bed.count, dtype=bool)
-    idle[first + touching] = False
-    idle[:first] = ~bed.round[:first]
-    shapes = places[:, 3:].reshape(bed.count, -1, 3)
-    points = np.vstack((body.points[:first], places[:, :3]))
-    shapes = np.concatenate((body.shapes[:first], shapes))
-    count = np.full((bed.count, 2), np.inf)
+    volume, half = np.array(whole).T
+    n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
+    stiffness = modulus * volume / depth**n
+    own = replace(bed, share=modulus / stiffness, exponent=n, height=z)
+    place, first = np.array(places)[:, 0], bed.first
+    points, shapes = place[:, :3], place[:, 3:].reshape(bed.count, -1, 3)
+    deep = np.array([own.depth(k, volumes[k, :1], low[k : k + 1])[0] for k in each])
+    lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
+    none, rigid = np.full((bed.count, 2), np.nan), np.zeros((3, 3))
     return replace(
         body,
-        points=points,
-        shapes=shapes,
-        balls=np.append(body.balls[:first], lifts),
-        radii=np.vstack((body.radii[:first], count)),
-        materials=np.vstack((body.materials[:first], np.nan * count)),
-        strengths=None,
-        facing=None if body.facing is None else np.vstack((body.facing[:first], 0 * points[first:])),
-        residual=partial(_sites, body, shapes) if first else None,
-        laws={first + i: cushion(layer, float(k[i]), float(n[i])) for i in touching.tolist()},
-        idle=idle,
-        deepest=deepest,
-        _known={},
+        points=np.vstack((body.points, points)),
+        shapes=np.concatenate((body.shapes, shapes)),
+        balls=np.append(body.balls, lifts),
+        radii=np.vstack((body.radii, none)),
+        materials=np.vstack((body.materials, none)),
+        facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
+        bed=own,
+        laws={first + k: cushion(layer, float(stiffness[k]), float(n[k])) for k in each},
+        idle=np.append(~bed.round, volumes[:, np.searchsorted(ways, deepest)] == 0),
+        _known=body._known | {first + k: (shapes[k], rigid) for k in each},
     )
 
 
-def _sites(body: FreeBody, shapes: Array, which: IntArray) -> tuple[Array, Array]:
-    """Shapes and residual compliances of vertices of a body, and of pieces, which have none."""
-    phi, r, own = shapes[which], np.zeros((len(which), 3, 3)), which < len(body.points)
-    if own.any():
-        phi[own], r[own] = body.sites(which[own])
-    return phi, r
-
-
-def _deepest(body: FreeBody, start: State, layer: SoftLayer, z: Array, down: Array) -> float:
-    """Depth [m] of the lowest place where the bed has taken the speed of that place, or is now."""
-    d = DEPTHS * body.extent
-    now = max(-float(z.min()), 0.0)
-    volume = np.array([down @ wetted(z - z.min(), np.full(len(z), at)).sum(axis=1) for at in d])
-    work = layer.E / layer.thickness * cumulative_trapezoid(volume, d, initial=0.0)
+def _energy(body: FreeBody, start: State) -> float:
+    """Energy [J] of the motion of the body that a force at its lowest point could take."""
     arms = start.arms(body)
-    speed = start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])])
-    return max(float(np.interp(body.mass * min(speed[2], 0.0) ** 2 / 2, work, d)), now)
-
-
-def wetted(h: Array, d: Array) -> Array:
-    """Integrals (T, 3) of max(d - h, 0) times the barycentric coordinates, over triangles of area 1.
-
-    h : (T, 3) heights of their corners [m]; d : (T,) depth. Each sum is the volume below d.
-    """
-    order = np.argsort(h, axis=1)
-    p = d[:, None] - np.take_along_axis(h, order, axis=1)  # descending
-    found = (p.sum(axis=1, keepdims=True) + p) / 12  # as if all of it were below
-    above, alone = (p[:, 2] < 0) & (p[:, 1] > 0), (p[:, 1] <= 0) & (p[:, 0] > 0)
-    found[above] += _tip(-p[above][:, ::-1])[:, ::-1]
-    found[alone] = _tip(p[alone])
-    found[p[:, 0] <= 0] = 0.0
-    back = np.empty_like(found)
-    np.put_along_axis(back, order, found, axis=1)
-    return back
-
-
-def _tip(p: Array) -> Array:
-    """The same of the corner 0 alone, where p (T, 3) is > 0; it vanishes across the triangle."""
-    share = p[:, :1] / (p[:, :1] - p[:, 1:])
-    volume = share.prod(axis=1) * p[:, 0] / 3
-    return volume[:, None] * np.column_stack((1 - share.sum(axis=1) / 4, share / 4))
+    speed = (start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])]))[2]
+    return float(body.mass * min(speed, 0.0) ** 2 / 2)

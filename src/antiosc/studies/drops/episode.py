@@ -24,6 +24,7 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
+from antiosc.simulation.march.system import System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
@@ -101,7 +102,7 @@ def scene_of(
     assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [
-        max(h, 0.0) if i in body.laws else max(h, 0.0) if one is None else one.height
+        max(h, 0.0) if one is None else h if i in body.laws else one.height
         for h, i, one in zip(heights, which.tolist(), on, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
@@ -212,20 +213,46 @@ def on_path(
         for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
             pushes[:, k, axis] = acting[:, row]
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
-    total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
+    off = offsets - (last := between(path.times, ran.breaks, ran.offsets))
+    if body.bed is not None and body.laws:
+        z, bed = _heights(body, start, path), body.bed
+        # the depth is free - gap; what is not of the body is of the floor, the same for all contacts
+        states = history.states(path.times)[0]
+        free = states @ old.beta.T - acting @ old.R.T
+        states[:, own] = 0.0
+        deeper, volumes = (states - states[0]) @ old.beta[0] - acting @ old.R[0], np.zeros(len(R))
+        for k in np.flatnonzero(which >= bed.first).tolist():
+            i = int(which[k]) - bed.first
+            volume, low, place = bed.pressed(i, R[:, 2], path.q[:, 6:], z - deeper)
+            offsets[:, k] = free[:, k] - bed.depth(i, volume, low)
+            off[:, k] = bed.volume(i, free[:, k] - last[:, k]) - volume
+            volumes += volume
+            moving = place[:, 3:].reshape(len(R), -1, 3)
+            bent = place[:, :3] + np.einsum("nj,njd->nd", path.q[:, 6:], moving)
+            arms[:, k] = np.einsum("nab,nb->na", R, bent)
+            bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
+        # of a piece on a bed the force counts
+        off[:, which >= bed.first] *= history.run.depth.max() / max(float(volumes.max()), TINY)
+    total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
     change = 0.0
-    for new, last, size in (
-        (offsets, ran.offsets, history.run.depth[:, : len(which)]),
-        (loads, ran.loads, linear),
+    for each, size in (
+        (off, history.run.depth[:, : len(which)]),
+        (loads - between(path.times, ran.breaks, ran.loads), linear),
     ):
-        off = float(np.abs(new - between(path.times, ran.breaks, last)).max())
-        change = max(change, off / max(float(np.abs(size).max()), TINY))
+        change = max(change, float(np.abs(each).max()) / max(float(np.abs(size).max()), TINY))
     return replace(
         base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
     ), change
+
+
+def _heights(body: FreeBody, start: State, path: Path) -> Array:
+    """Heights (n,) [m] of the centre of mass on a path over the floor as it is at the start."""
+    assert body.bed is not None
+    moved = (path.q - path.q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 2]
+    return np.asarray(body.bed.height + moved)
 
 
 def handed_over(
@@ -375,28 +402,10 @@ def episode(
     held : number of a point -> its contact, of those that go on from an episode before; `before`:
         how long that lasted [s].
     """
-    own = laid(body, start, setting)
-    found = _episode(own, start, setting, held, before)
-    if not own.laws:
-        return found
-    import os
-    fr=float(os.environ.get("FR","0.5"))
-    for _ in range(int(os.environ.get("RUNS","1"))):
-        depth = dict(zip(found.which.tolist(), found.sunk().tolist(), strict=True))
-        t, F = found.forces()
-        at = fr * t[np.argmax(F.sum(axis=1))]
-        mid = replace(start, R=found.motion(np.array([at]))[0][0])
-        found = _episode(laid(body, mid, setting, depth), start, setting, held, before)
-    return found
-
-
-def _episode(
-    body: FreeBody, start: State, setting: Setting, held: dict[int, Held], before: float
-) -> Episode:
+    body = laid(body, start, setting)
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
     if body.idle is not None:
         heights[body.idle] = np.inf
-        held = {i: one for i, one in held.items() if not body.idle[i]}
     which = np.array([np.argmin(heights)])
     base = scene_of(body, start, setting, which, held)
     time, turns, cuts = base.lasting, TURNS, 0
@@ -425,7 +434,7 @@ def _episode(
             turns, cuts = turns / 2, cuts + 1
             duration = longest = end / 2
             continue
-        missed = _missed(body, heights, path, which)
+        missed = _missed(body, start, heights, path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
@@ -489,7 +498,9 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
     return float(too_far if lasts else end), bool(lasts)
 
 
-def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntArray:
+def _missed(
+    body: FreeBody, start: State, heights: Array, path: Path, which: IntArray
+) -> IntArray:
     """The point that sinks deepest into the floor on a path though it is no contact; or none.
 
     heights : (V,) of all points at the start [m].
@@ -503,5 +514,12 @@ def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntA
     pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
+    if body.bed is not None and body.laws:
+        for i in np.setdiff1d(list(body.laws), which).tolist():
+            turned_to = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
+            volume, low, _ = body.bed.pressed(i - body.bed.first, *turned_to)
+            lowest[i] = np.where(volume > 0, low, 0.0).min()
+        if np.any(lowest[body.bed.first :] < -SINKS * body.extent):
+            return body.bed.first + np.flatnonzero(lowest[body.bed.first :] < -SINKS * body.extent)
     worst = int(np.argmin(lowest))
     return np.array([worst] if lowest[worst] < -SINKS * body.extent else [], dtype=int)
