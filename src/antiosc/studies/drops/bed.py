@@ -22,7 +22,7 @@ from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Setting, SoftLayer, cushion
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
-PIECE, BENT = 0.25, 0.35
+PIECE, BENT = 0.35, 0.35
 #: A piece has a depth of at least this share of the greatest, to take its law from.
 SHALLOW = 0.05
 #: Depths over the extent, between which that of a part which moves without turning is looked for.
@@ -41,7 +41,7 @@ def bedded(body: FreeBody) -> FreeBody:
         return body
     places, triangles, rounded = found
     size = PIECE * body.extent
-    places, triangles = _refined(places, triangles, size / 2)
+    places, triangles = _refined(places, triangles, size)
     x = places[triangles, :3]
     areas = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) / 2
     piece = _pieces(x.mean(axis=1), areas, size)
@@ -143,7 +143,10 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     volumes, low = np.array([one[0] for one in found]), np.array([one[1][0] for one in found])
     modulus = layer.E / layer.thickness
     work = modulus * cumulative_trapezoid(volumes.sum(axis=0), ways, initial=0.0)
-    deepest = max(float(np.interp(_energy(body, start), work, ways)), float(ways[1]))
+    arms = start.arms(body)
+    speed = (start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])]))[2]
+    speed = max(-float(speed), 0.0)
+    deepest = max(float(np.interp(body.mass * speed**2 / 2, work, ways)), float(ways[1]))
     depth = np.maximum(deepest - low, SHALLOW * (deepest - low.min()))
     at = (z - low - depth)[:, None] + depth[:, None] * [0.0, 0.5]
     whole, _, places = zip(
@@ -152,7 +155,7 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     volume, half = np.array(whole).T
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
-    own = replace(bed, share=modulus / stiffness, exponent=n, height=z)
+    own = replace(bed, share=modulus / stiffness, exponent=n, height=z, speed=speed)
     place, first = np.array(places)[:, 0], bed.first
     points, shapes = place[:, :3], place[:, 3:].reshape(bed.count, -1, 3)
     deep = np.array([own.depth(k, volumes[k, :1], low[k : k + 1])[0] for k in each])
@@ -171,10 +174,3 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         idle=np.append(~bed.round, volumes[:, np.searchsorted(ways, deepest)] == 0),
         _known=body._known | {first + k: (shapes[k], rigid) for k in each},
     )
-
-
-def _energy(body: FreeBody, start: State) -> float:
-    """Energy [J] of the motion of the body that a force at its lowest point could take."""
-    arms = start.arms(body)
-    speed = (start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])]))[2]
-    return float(body.mass * min(speed, 0.0) ** 2 / 2)

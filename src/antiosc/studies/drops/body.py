@@ -241,7 +241,8 @@ class Bed:
     bounds : (B + 1,) first triangles of the pieces.
     round : (V,) whether a vertex of the hull is round: it touches by itself, with its radii.
     share, exponent : (B,) of the laws of the pieces, whose depths are (share volume)^(1/exponent).
-    height : of the centre of mass over the floor at the touch [m].
+    height : of the centre of mass over the floor at the touch [m]; speed : at which the lowest
+        vertex then comes down [m/s].
     """
 
     places: Array
@@ -252,6 +253,7 @@ class Bed:
     share: Array = field(default_factory=lambda: np.zeros(0))
     exponent: Array = field(default_factory=lambda: np.zeros(0))
     height: float = 0.0
+    speed: float = 0.0
 
     @property
     def count(self) -> int:

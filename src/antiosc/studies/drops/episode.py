@@ -112,6 +112,10 @@ def scene_of(
             closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
+    if body.bed is not None and body.laws:
+        # the damping of a layer is that of the first touch, not that of each of its pieces
+        system.begun = max(body.bed.speed, float(closing.max()))
+        closing = np.where(closing > 0, system.begun, 0.0)
     # springs of friction begin unstrained: what they press is added with them
     drawn += system.R @ force - system.R[:, :p] @ force[:p]
     drawn[p:] += system.R[p:, :p] @ force[:p]
@@ -233,7 +237,7 @@ def on_path(
             arms[:, k] = np.einsum("nab,nb->na", R, bent)
             bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
         # of a piece on a bed the force counts
-        off[:, which >= bed.first] *= history.run.depth.max() / max(float(volumes.max()), TINY)
+        off[:, np.flatnonzero(which >= bed.first)] *= history.run.depth.max() / max(float(volumes.max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
@@ -423,7 +427,7 @@ def episode(
             continue
         changes: list[float] = []
         while True:
-            path = path_of(body, start, history, _times(base, history, end, tol))
+            path = path_of(body, start, history, _times(body, base, history, end, tol))
             following, change = on_path(body, start, which, base, history, path)
             changes.append(change)
             if change <= CLOSE * tol or _stalls(changes):
@@ -448,11 +452,16 @@ def _stalls(changes: list[float]) -> bool:
     return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 
 
-def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
+def _times(
+    body: FreeBody, base: Assembly, history: SceneHistory, end: float, tol: float
+) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
     count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
-    spans = [span for c in history.contact_histories for span in c.contacts]
-    t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
+    if body.laws:  # the pieces of a bed share the time of their contact
+        t = [np.linspace(0.0, end, 2 * count)]
+    else:
+        spans = [span for c in history.contact_histories for span in c.contacts]
+        t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
