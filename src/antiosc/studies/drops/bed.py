@@ -1,12 +1,13 @@
 """A soft layer as a bed of springs under the faces, edges and corners of a part.
 
-A layer that is thin against the area of contact gives way at each place by itself (Winkler; Johnson,
-Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there, and the force
-E/t times the volume V of the part below the surface of the layer. The surface of the part is divided
-into pieces, each of which is one contact. At the touch it gets a law F = k d^n by the volumes that it
-displaces as deep as it may come, and half as deep: n = 1 of a face that lies flat, 2 of an edge, 3 of
-a corner. On the path of the part the gaps are such that the force is E/t V of the piece as it has
-turned and bent, at its centre of pressure: k and n only predict, and the energy is kept.
+A layer that is thin against the area of contact gives way at each place by itself (Winkler;
+Johnson, Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there,
+and the force E/t times the volume V of the part below the surface of the layer. The surface of the
+part is divided into pieces, each of which is one contact. At the touch it gets a law F = k d^n by
+the volumes that it displaces as deep as it may come, and half as deep: n = 1 of a face that lies
+flat, 2 of an edge, 3 of a corner. The law only predicts: on the path of the part its gap is such
+that the force is E/t V of the piece as it has turned and bent, and acts at its centre of pressure
+(`on_path`). Such forces keep the energy.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from scipy.integrate import cumulative_trapezoid
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.studies.drops.body import Bed, FreeBody, skin_of
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.floor import Setting, SoftLayer, cushion
+from antiosc.studies.drops.floor import Setting, cushion
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
 PIECE, BENT = 0.35, 0.35
@@ -73,7 +74,8 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
 
     from antiosc.fem.fields import source
 
-    assert body.structure is not None and body.basis is not None
+    assert body.structure is not None
+    assert body.basis is not None
     skin = skin_of(body.structure)
     rounded = ~skin.sharp & (skin.curvatures[:, 0] * skin.size > 1)
     x, triangles = skin.points - body.centre, skin.triangles
@@ -132,7 +134,8 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     """The body whose points are its vertices and, from `bed.first` on, the pieces of its surface.
 
     The height of a piece is that at which its law has the force of the volume that it displaces.
-    Vertices that are not round are `idle`, and pieces that will hardly touch. A body without a bed is returned as it is.
+    Vertices that are not round are `idle`, and pieces that will hardly touch. A body without a
+    bed is returned as it is.
     """
     bed, layer = body.bed, setting.floor.layer
     if bed is None or layer is None:
@@ -149,9 +152,7 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     deepest = max(float(np.interp(body.mass * speed**2 / 2, work, ways)), float(ways[1]))
     depth = np.maximum(deepest - low, SHALLOW * (deepest - low.min()))
     at = (z - low - depth)[:, None] + depth[:, None] * [0.0, 0.5]
-    whole, _, places = zip(
-        *(bed.pressed(k, up, start.q, at[k], LEAN) for k in each), strict=True
-    )
+    whole, _, places = zip(*(bed.pressed(k, up, start.q, at[k], LEAN) for k in each), strict=True)
     volume, half = np.array(whole).T
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
@@ -160,14 +161,14 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     points, shapes = place[:, :3], place[:, 3:].reshape(bed.count, -1, 3)
     deep = np.array([own.depth(k, volumes[k, :1], low[k : k + 1])[0] for k in each])
     lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
-    none, rigid = np.full((bed.count, 2), np.nan), np.zeros((3, 3))
+    none, rigid = np.full((bed.count, 2), np.inf), np.zeros((3, 3))
     return replace(
         body,
         points=np.vstack((body.points, points)),
         shapes=np.concatenate((body.shapes, shapes)),
         balls=np.append(body.balls, lifts),
         radii=np.vstack((body.radii, none)),
-        materials=np.vstack((body.materials, none)),
+        materials=np.vstack((body.materials, np.nan * none)),
         facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
         bed=own,
         laws={first + k: cushion(layer, float(stiffness[k]), float(n[k])) for k in each},

@@ -360,8 +360,7 @@ def drop(
         for name, given in (("spin", spin), ("velocity", velocity))
     }
     body = free_body(part, modes, damping, corner_radius)
-    if setting.floor.layer is not None:
-        body = bedded(body)
+    body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
     whirl = body.extent * float(np.linalg.norm(moving["spin"]))
     _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))

@@ -24,7 +24,6 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
-from antiosc.simulation.march.system import System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
@@ -112,7 +111,7 @@ def scene_of(
             closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
-    if body.bed is not None and body.laws:
+    if body.bed is not None:
         # the damping of a layer is that of the first touch, not that of each of its pieces
         system.begun = max(body.bed.speed, float(closing.max()))
         closing = np.where(closing > 0, system.begun, 0.0)
@@ -219,9 +218,9 @@ def on_path(
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
     off = offsets - (last := between(path.times, ran.breaks, ran.offsets))
-    if body.bed is not None and body.laws:
+    if body.bed is not None:
         z, bed = _heights(body, start, path), body.bed
-        # the depth is free - gap; what is not of the body is of the floor, the same for all contacts
+        # the depth is free - gap; what is not of the body is of the floor
         states = history.states(path.times)[0]
         free = states @ old.beta.T - acting @ old.R.T
         states[:, own] = 0.0
@@ -236,8 +235,9 @@ def on_path(
             bent = place[:, :3] + np.einsum("nj,njd->nd", path.q[:, 6:], moving)
             arms[:, k] = np.einsum("nab,nb->na", R, bent)
             bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
-        # of a piece on a bed the force counts
-        off[:, np.flatnonzero(which >= bed.first)] *= history.run.depth.max() / max(float(volumes.max()), TINY)
+        # of a piece the force counts, over that of all pieces
+        largest = float(np.abs(history.run.depth[:, : len(which)]).max())
+        off[:, np.flatnonzero(which >= bed.first)] *= largest / max(float(volumes.max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
@@ -372,6 +372,16 @@ class Episode:
         run = self.history.run
         return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
 
+    @property
+    def deepest(self) -> float:
+        """Largest depth [m] of the laws, or of the vertices of a rigid body on a bed."""
+        times, body = np.linspace(0.0, self.duration, LOOKS + 1), self.body
+        if body.bed is None:
+            return float(self.sunk().max())
+        path = path_of(body, self.start, self.history, times)
+        low = (path.R[:, 2] @ body.points.T - body.balls)[:, : len(body.bed.round)].min(axis=1)
+        return -float((_heights(body, self.start, path) + low).min())
+
     def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
@@ -452,12 +462,10 @@ def _stalls(changes: list[float]) -> bool:
     return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 
 
-def _times(
-    body: FreeBody, base: Assembly, history: SceneHistory, end: float, tol: float
-) -> Array:
+def _times(body: FreeBody, base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
     count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
-    if body.laws:  # the pieces of a bed share the time of their contact
+    if body.bed is not None:  # the pieces of a bed share the time of their contact
         t = [np.linspace(0.0, end, 2 * count)]
     else:
         spans = [span for c in history.contact_histories for span in c.contacts]
@@ -507,10 +515,10 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
     return float(too_far if lasts else end), bool(lasts)
 
 
-def _missed(
-    body: FreeBody, start: State, heights: Array, path: Path, which: IntArray
-) -> IntArray:
+def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: IntArray) -> IntArray:
     """The point that sinks deepest into the floor on a path though it is no contact; or none.
+
+    On a bed all that do.
 
     heights : (V,) of all points at the start [m].
     """
@@ -523,12 +531,10 @@ def _missed(
     pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
-    if body.bed is not None and body.laws:
+    if body.bed is not None:
+        way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
         for i in np.setdiff1d(list(body.laws), which).tolist():
-            turned_to = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
-            volume, low, _ = body.bed.pressed(i - body.bed.first, *turned_to)
+            volume, low, _ = body.bed.pressed(i - body.bed.first, *way)
             lowest[i] = np.where(volume > 0, low, 0.0).min()
-        if np.any(lowest[body.bed.first :] < -SINKS * body.extent):
-            return body.bed.first + np.flatnonzero(lowest[body.bed.first :] < -SINKS * body.extent)
-    worst = int(np.argmin(lowest))
-    return np.array([worst] if lowest[worst] < -SINKS * body.extent else [], dtype=int)
+    sinking = np.flatnonzero(lowest < -SINKS * body.extent)
+    return sinking if body.bed is not None else sinking[np.argsort(lowest[sinking])[:1]]

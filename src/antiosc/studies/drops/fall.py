@@ -427,7 +427,7 @@ class Fall(Brief):
             radii = one.body.radii[one.which].min(axis=1)
             depth = one.sunk()
             k = int(np.argmax(depth / radii))
-            deep = max(deep, float(depth.max()))
+            deep = max(deep, one.deepest)
             over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
         if deep > layer.thickness:
             warn(
@@ -438,9 +438,7 @@ class Fall(Brief):
         if over > BLUNT:
             warn(
                 f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
-                f"of it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= "
-                f"that it has; where a face of area A lands flat on n corners, give "
-                f"Floor(law=Linear(E*A/(n*thickness))).",
+                f"of it: the law of its curvature holds up to {BLUNT:g}.",
                 AccuracyWarning,
             )
 
