@@ -146,6 +146,33 @@ def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.M
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
 
 
+def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
+    body = free_body(block(), 0, None, None)
+    body.materials[:], body.strengths = (70e9, 0.33), np.full(8, 275e6)
+    with pytest.warns(ao.AccuracyWarning) as told:
+        many = ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4, ensemble=ao.Tilts(2.0), n=3)
+    said = " ".join(str(one.message) for one in told)
+    assert "3 of 3 falls yield in contact" in said
+    assert f"{many.missed.sum()} of 3 falls have contact forces that do not reach" in said
+    assert f"3 yield in contact, {many.missed.sum()} do not reach tol" in repr(many)
+    with pytest.warns(ao.AccuracyWarning, match="pressure|do not reach"):
+        assert ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4).missed
+
+
+def test_losses_of_a_layer_do_not_stiffen_what_rolls_onto_it() -> None:
+    peaks, left = [], []
+    for loss in (0.0, 0.2):
+        floor = ao.Floor(layer=ao.SoftLayer(0.02, 2e6, loss=loss))
+        fall = ao.drop(block(), 0.2, (3, 5, 0), floor, until=1)
+        energy = fall.energy()[1].sum(axis=1)
+        peaks.append(fall.peak_force)
+        left.append(energy[-1] / energy[0])
+    assert 0.8 < peaks[1] / peaks[0] < 1.2
+    assert left[0] == pytest.approx(1.0, rel=5e-4)
+    assert 0.3 < left[1] < 0.9
+
+
 def test_falls_of_an_ensemble_that_fail_are_told() -> None:
     sites = {s: ((x, 0, -0.01), (0, 0, 1)) for s, x in (("a", -0.1), ("b", 0.1))}
     rod, floor = ao.RigidBody(0.1, [1e-6, 3e-4, 3e-4], sites), ao.Floor(law=ao.Hertz(1e8))

@@ -354,6 +354,16 @@ class Fall(Brief):
         told = self._contact_yield(range(len(self.groups)))
         return [*self.body.notes, *([told] if told else [])]
 
+    @property
+    def contact_yields(self) -> bool:
+        """Whether the contact itself yields, as far as that is known."""
+        return bool(self._contact_yield(range(len(self.groups))))
+
+    @property
+    def missed(self) -> int:
+        """Number of episodes whose contact forces do not reach `tol`."""
+        return sum(not one.error <= self.setting.tol for one in self.episodes)
+
     # -- how far it is predictable, in words and pictures
 
     def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
@@ -407,12 +417,11 @@ class Fall(Brief):
             )
         if "not at rest" in self.status:
             warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
-        off = np.array([one.error for one in self.episodes])
-        tol, most = self.setting.tol, off.max(initial=0.0)
-        if not most <= tol:
+        if self.missed:
+            tol, most = self.setting.tol, max(one.error for one in self.episodes)
             known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
             warn(
-                f"the contact forces of {int(np.sum(off > tol))} of {len(off)} episodes do not "
+                f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
                 f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
                 AccuracyWarning,
             )
