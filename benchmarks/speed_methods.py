@@ -13,7 +13,7 @@ import numpy as np
 import scipy.integrate
 import scipy.sparse
 import scipy.sparse.linalg
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from speed_cases import Case
 
 import antiosc as ao
