@@ -22,7 +22,6 @@ from ctypes import (
     c_void_p,
 )
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
