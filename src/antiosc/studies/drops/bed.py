@@ -13,6 +13,7 @@ that the force is E/t V of the piece as it has turned and bent, and acts at its 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -37,7 +38,8 @@ def bedded(body: FreeBody) -> FreeBody:
     """The body with its surface as a bed presses it; itself if it has no faces."""
     if body.bed is not None or body.balls.all():
         return body
-    found = _of_hull(body) if body.structure is None else _of_skin(body)
+    matrices: Any = None if body.structure is None else body.structure.matrices
+    found = _of_hull(body) if matrices is None or matrices.located else _of_skin(body)
     if found is None:
         return body
     places, triangles, rounded = found
@@ -52,7 +54,7 @@ def bedded(body: FreeBody) -> FreeBody:
 
 
 def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
-    """Of a rigid body: the faces of the hull of its points."""
+    """Of points alone: the faces of their hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -175,3 +177,16 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         idle=np.append(~bed.round, volumes[:, np.searchsorted(ways, deepest)] == 0),
         _known=body._known | {first + k: (shapes[k], rigid) for k in each},
     )
+
+
+def stored(body: FreeBody, state: State, setting: Setting) -> float:
+    """Energy [J] of a layer under a body on a bed: E/t times the volumes on the way up to it."""
+    bed, layer = body.bed, setting.floor.layer
+    if bed is None or layer is None:
+        return 0.0
+    z = state.centre[2] + state.lowered(setting.floor.ground)
+    deep = max(-float(state.heights(body, setting.floor.ground)[: bed.first].min()), 0.0)
+    s, weights = np.polynomial.legendre.leggauss(16)
+    ways = deep * (1 + s) / 2
+    found = [bed.pressed(k, state.R[2], state.q, z + ways)[0] for k in range(bed.count)]
+    return float(layer.E / layer.thickness * deep / 2 * weights @ np.sum(found, axis=0))

@@ -27,7 +27,7 @@ from antiosc.simulation.histories.results import COMPLETED, STOPPED
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
-from antiosc.studies.drops.bed import laid
+from antiosc.studies.drops.bed import laid, stored
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Setting, law_of
@@ -331,6 +331,7 @@ class Episode:
     body : as it touches: on a layer its points are pieces of its surface.
     which : (n,) numbers of its points in contact, sites "0" and on of the scene's body.
     held : number of a point -> its contact, of those that go on at the end.
+    layer : energy of the layer under pieces at the end [J].
     """
 
     start: State
@@ -339,6 +340,7 @@ class Episode:
     body: FreeBody
     which: IntArray
     held: dict[int, Held]
+    layer: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -348,6 +350,8 @@ class Episode:
     @property
     def stored(self) -> float:
         """Energy of the contacts at the end [J]: > 0 of those that go on."""
+        if self.body.bed is not None:
+            return self.layer
         node = int(np.argmin(np.abs(self.history.time - self.duration)))
         return float(self.history.energy.contact[node])
 
@@ -453,7 +457,8 @@ def episode(
             break
         touched = np.append(which, missed)
     state, below = handed_over(body, start, history, path, which)
-    return Episode(start, state, history, body, which, below if touching else {})
+    rest = stored(body, state, setting) if touching else 0.0
+    return Episode(start, state, history, body, which, below if touching else {}, rest)
 
 
 def _stalls(changes: list[float]) -> bool:
