@@ -166,9 +166,12 @@ def solved(
     verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
-    contacts, touched = assembly.scene.contacts, {int(c) for c in run.events[:, 1]}
-    apart = [one for c, one in enumerate(contacts) if c not in touched]
-    message = " ".join([verdict.message, *assembly.notes, *order_notes(apart, assembly.bodies)])
+    touched = set(run.events[:, 1].tolist())
+    apart = [c for c in range(len(assembly.laws)) if c not in touched]
+    notes = (
+        order_notes([assembly.scene.contacts[c] for c in apart], assembly.bodies) if apart else []
+    )
+    message = " ".join([verdict.message, *assembly.notes, *notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 

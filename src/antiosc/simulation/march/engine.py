@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
 from itertools import accumulate
@@ -132,7 +131,7 @@ class Buffers:
         """What was written, as copies."""
         while keep and 16 * self.record.n_states * self.shape[2] > STATES:
             self.thin()
-        time, force, depth, states, events, exits = (each.copy() for each in self._written())
+        time, force, depth, states, events, exits = [each.copy() for each in self._written()]
         return Run(
             time=time,
             force=force,
@@ -192,40 +191,42 @@ class Space:
         _check(answer)
 
 
-_kept: OrderedDict[tuple[object, ...], Space] = OrderedDict()
+Key = tuple[int, int, int, bytes]  # contacts, rows, modes, and the numbers of the bodies
+
+_kept: list[tuple[Key, Space]] = []  # the newest first; threads with the same bodies have one each
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(key: tuple[object, ...], given: Given) -> Space:
+def _space(key: Key, given: Given) -> Space:
     """Space for a system, with the responses of its bodies if they are kept.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
-    found = _kept.pop(key, None)
-    if found is not None:
-        return found
-    oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
-    if oldest is None or not oldest.fits(given):
-        return Space(given)
-    oldest.renew(given)
-    return oldest
+    for one in _kept.copy():
+        if one[0] == key and _taken(one):
+            return one[1]
+    if len(_kept) >= _MOST_KEPT:
+        oldest = _kept[-1:]
+        if oldest and _taken(oldest[0]) and oldest[0][1].fits(given):
+            oldest[0][1].renew(given)
+            return oldest[0][1]
+    return Space(given)
 
 
-def _oldest() -> Space | None:
-    """The space that has been kept longest, taken out; other threads may have taken them all."""
+def _taken(one: tuple[Key, Space]) -> bool:
+    """Whether it was still there to be taken: another thread may have done so."""
     try:
-        return _kept.popitem(last=False)[1]
-    except KeyError:
-        return None
+        _kept.remove(one)
+    except ValueError:
+        return False
+    return True
 
 
-def _keep(key: tuple[object, ...], space: Space) -> None:
+def _keep(key: Key, space: Space) -> None:
     """Leave the space to later runs."""
-    if space.nbytes > _LARGEST_KEPT:
-        return
-    _kept[key] = space
-    while len(_kept) > _MOST_KEPT:
-        _oldest()
+    if space.nbytes <= _LARGEST_KEPT:
+        _kept.insert(0, (key, space))
+        del _kept[_MOST_KEPT:]
 
 
 def _check(answer: int) -> None:
@@ -240,7 +241,8 @@ def _check(answer: int) -> None:
 
 def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Run, march.Solution]:
     """The run of the options, or the finest of several, and what is known of its errors."""
-    system = system.marched
+    if system.first is not None:
+        system = system.marched
     given = system.packed
     p, (m, size) = len(system.laws), system.beta.shape
     key = (p, m, size, given.bodies)
