@@ -90,6 +90,19 @@ def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> 
     assert [one for _, one in engine._kept] == [space]
 
 
+def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
+    monkeypatch.setattr(engine, "_kept", [])
+    forces(SCENES[0])
+    ((key, first),) = engine._kept
+    given = SCENES[0].run(1e-3, tol=1e-2).assembly.system.packed
+    spaces = {engine._space(key, given) for _ in range(3)}
+    for space in spaces:
+        engine._keep(key, space)
+    assert first in spaces
+    assert {engine._space(key, given) for _ in range(3)} == spaces
+    assert not engine._kept
+
+
 def test_few_responses_are_kept(monkeypatch) -> None:
     monkeypatch.setattr(engine, "_kept", [])
     for mass in np.linspace(0.1, 1, 2 * engine._MOST_KEPT):

@@ -92,12 +92,12 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    if (
-        not isinstance(value, Real)
-        or isinstance(value, _TRUTH)
-        or not (isinstance(value, Integral) or float(value).is_integer())
-        or (result := int(value)) < least  # type: ignore[call-overload]
-    ):
+    sound = type(value) is int or (
+        isinstance(value, Real)
+        and not isinstance(value, _TRUTH)
+        and (isinstance(value, Integral) or float(value).is_integer())
+    )
+    if not sound or (result := int(value)) < least:  # type: ignore[call-overload]
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:
         raise InputError(f"{name} must be at most {most}; got {shown(value)}.")

@@ -168,10 +168,10 @@ def solved(
     error = {"force": found.force, "peak": found.peak} if known else {}
     touched = set(run.events[:, 1].tolist())
     apart = [c for c in range(len(assembly.laws)) if c not in touched]
-    notes = (
-        order_notes([assembly.scene.contacts[c] for c in apart], assembly.bodies) if apart else []
-    )
-    message = " ".join([verdict.message, *assembly.notes, *notes])
+    notes = [*assembly.notes]
+    if apart:
+        notes += order_notes([assembly.scene.contacts[c] for c in apart], assembly.bodies)
+    message = " ".join([verdict.message, *notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 

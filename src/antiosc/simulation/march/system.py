@@ -156,7 +156,7 @@ class Given:
         R = beta + m * row
         times = R + 8 * m * m
         loads = times + 8 * breaks
-        offsets = loads + breaks * row
+        offsets = loads + 8 * s.loads.size
         q = offsets + 8 * breaks * m
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
