@@ -48,7 +48,7 @@ def modal(model: Parameters) -> ModalBody:
     rises = poles[1:] > poles[:-1]
     if not rises.all():  # equal frequencies act at the site as one mode
         group = np.append([0, 1], 1 + np.cumsum(rises))
-        mass = np.bincount(group[1:], weights=mass)[1:]
+        mass = np.asarray(np.bincount(group[1:], weights=mass)[1:], dtype=float)
         poles = np.append(poles[0], poles[1:][rises])
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
     if group is not None:

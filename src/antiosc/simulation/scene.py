@@ -385,7 +385,7 @@ def impact(
     """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, Verdict]:
-        assembly = pose(*scene._replace(model=model))
+        assembly = pose(model, *scene[1:])
         return solved(partial(History, budget=budget), assembly, scene.duration, settings)
 
     def again(model: AntiOscillators, tol: float) -> History:

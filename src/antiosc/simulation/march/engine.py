@@ -106,9 +106,10 @@ class Buffers:
             np.empty((nodes + p + 1, 4)),
             np.empty((nodes // 2 + p + 1 if keep else 0, march.EXIT)),
         )
-        for new, old in zip(arrays, self._written(), strict=False):
-            new[: len(old)] = old
-        self.arrays, self.nbytes = arrays, sum(each.nbytes for each in arrays)
+        written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
+        for new, old, count in zip(arrays, self.arrays, written, strict=False):
+            new[:count] = old[:count]
+        self.arrays, self.nbytes = arrays, sum([each.nbytes for each in arrays])
         r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
         r.time, r.force, r.depth, r.states, r.events, r.exits = map(march.address, arrays)
@@ -122,22 +123,18 @@ class Buffers:
         states[: len(half)] = half
         r.n_states, r.every = len(half), 2 * r.every
 
-    def _written(self) -> list[Array]:
-        r = self.record
-        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
-        return [each[:count] for each, count in zip(self.arrays, counts, strict=False)]
-
     def run(self, answer: int, told: march.Summary, keep: bool) -> Run:
         """What was written, as copies."""
-        while keep and 16 * self.record.n_states * self.shape[2] > STATES:
+        r, (time, force, depth, states, events, exits) = self.record, self.arrays
+        while keep and 16 * r.n_states * self.shape[2] > STATES:
             self.thin()
-        time, force, depth, states, events, exits = [each.copy() for each in self._written()]
+        nodes = r.n_nodes
         return Run(
-            time=time,
-            force=force,
-            depth=depth,
-            states=states if keep else None,
-            events=events,
+            time=time[:nodes].copy(),
+            force=force[:nodes].copy(),
+            depth=depth[:nodes].copy(),
+            states=states[: r.n_states].copy() if keep else None,
+            events=events[: r.n_events].copy(),
             answer=answer,
             steps=told.steps,
             attempts=told.attempts,
@@ -146,8 +143,8 @@ class Buffers:
             refused=told.refused,
             gained=told.gained,
             work=told.work,
-            every=self.record.every,
-            exits=exits if keep else None,
+            every=r.every,
+            exits=exits[: r.n_exits].copy() if keep else None,
         )
 
 

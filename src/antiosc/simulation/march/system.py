@@ -141,8 +141,8 @@ class Given:
     def __init__(self, system: System) -> None:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
-        block = s.block
-        if block is None or not (s.q.base is s.v.base is block):  # no block, or another start
+        block = s.block if s.q.base is s.v.base is s.block else None  # else another start
+        if block is None:
             parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
             block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.block: Array = block
@@ -151,7 +151,7 @@ class Given:
         if s.gamma is not None:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
-        row, at = 8 * size, march.address(block)
+        row, at = 8 * size, march.address(self.block)
         omega, decay, beta = at, at + row, at + 2 * row
         R = beta + m * row
         times = R + 8 * m * m
