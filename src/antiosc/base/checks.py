@@ -205,6 +205,14 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     return tuple(result.tolist())
 
 
+def in_units(matrix: Array, scale: Array) -> tuple[Array, float]:
+    """`matrix` (n, n) over the scales (n,) of its rows and columns, made symmetric, and by how much
+    it was not: the largest difference of two entries. A scale of 0 counts as 1."""
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = matrix / scale[:, None] / scale
+    return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
+
+
 def broadcast(*values: NDArray[np.generic]) -> bool:
     """Whether NumPy can combine the arrays entry by entry."""
     try:
