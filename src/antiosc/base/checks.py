@@ -50,9 +50,9 @@ _repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict =
 def number(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
     result = value if type(value) is float else _as_float(name, value, unit)
-    if not isfinite(result):
-        raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
-    if result and not SMALLEST <= abs(result) <= LARGEST:
+    if not (SMALLEST <= abs(result) <= LARGEST or result == 0.0):
+        if not isfinite(result):
+            raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
         raise InputError(
             f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude{_in(unit)}; "
             f"got {result:g}."
