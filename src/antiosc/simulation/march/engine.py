@@ -17,7 +17,7 @@ from antiosc.simulation.march.system import Given, System
 Array = NDArray[np.float64]
 
 _RECORDS = march.Record * 3
-_FIRST = 2048  # nodes of the first buffer; a full one becomes four times as large
+_FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
