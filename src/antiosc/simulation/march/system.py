@@ -152,12 +152,12 @@ class Given:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
         row, at = 8 * size, march.address(self.block)
-        omega, decay, beta = at, at + row, at + 2 * row
-        R = beta + m * row
+        R = at + (2 + m) * row
         times = R + 8 * m * m
         loads = times + 8 * breaks
         offsets = loads + 8 * s.loads.size
         q = offsets + 8 * breaks * m
+        arrays, v = (at, at + row, at + 2 * row, R, times, loads, offsets), q + row
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
@@ -171,22 +171,7 @@ class Given:
             ]
         )
         self.system = march.System(
-            size,
-            m,
-            p,
-            breaks,
-            omega,
-            decay,
-            beta,
-            R,
-            times,
-            loads,
-            offsets,
-            addressof(self.contacts),
-            q,
-            q + row,
-            s.given,
-            gamma,
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
         )
 
     def failed(self) -> None:
