@@ -119,7 +119,7 @@ def pair(
     initial = initial_velocity
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
-    start, own = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
+    start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
     loads = _loads(structure, striker, gravity)
     count = structure.omega.size
     size, r = count + striker.omega.size, structure.r + striker.r
@@ -128,7 +128,7 @@ def pair(
     rows[:, :count], rows[:, count:] = structure.closing, striker.closing
     omega, decay, beta = rows
     load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
-    v[:count], v[count:] = start, own if isinstance(other.velocity, Motion) else -own
+    v[:count], v[count:] = start, strike if isinstance(other.velocity, Motion) else -strike
     for own, pull in zip((load[:count], load[count:]), loads, strict=True):
         if pull is not None:
             own[...] = pull
