@@ -12,10 +12,11 @@ from typing import NoReturn
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place, real_number
+from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry, properties as profiles
 from antiosc_decks.abaqus_assembly import Instance, Whole
 from antiosc_decks.abaqus_cards import Card, Row
-from antiosc_decks.builder import Arguments, Family, ModelBuilder, Rod
+from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.properties import Material, isotropic, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
@@ -169,10 +170,8 @@ def profile_of(card: Card) -> profiles.Profile:
     if short == "PIPE":
         return profiles.tube(d[0], d[1])
     if short == "BOX":
-        found = profiles.box(d[0], d[1], (d[2], d[3], d[4], d[5]))
-        if found is None:
-            raise card.place.error("a BOX with unequal opposite walls is not supported.")
-        return found
+        card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
+        return profiles.box(*d[:4])
     area, about_1, mixed, about_2, torsion = d[:5]
     card.needs(not mixed, "I12 must be 0: rotate the section to its principal axes.")
     return profiles.Profile(area, about_2, about_1, torsion, profiles.RECTANGLE)
@@ -210,7 +209,9 @@ class Sections:
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
             kind, arguments = self._shell(card, elements, within)
         elif card.keyword == "SOLIDSECTION" and roles == {"rod"}:
-            self._rods(card, elements)
+            material = self._material(card.needed("MATERIAL"), card.place)
+            area = _positive(card, "area of rods")
+            self.builder.add_rods(elements, material, "solids", area, card.place)
             return
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card, within)
@@ -242,39 +243,30 @@ class Sections:
             raise place.error(f"there is no material {name!r} (*MATERIAL, NAME=).")
         return self.materials[name.upper()]
 
-    def _isotropic(self, card: Card, what: str) -> Arguments:
+    def _isotropic(self, card: Card, what: str) -> Json:
         material = self._material(card.needed("MATERIAL"), card.place)
-        E, nu = self.builder.elastic(material, what)
-        return {"E": E, "nu": nu, "rho": self.builder.rho(material)}
+        return self.builder.isotropic(material, what)
 
-    def _solid(self, card: Card, within: Instance) -> tuple[str, Arguments]:
+    def _solid(self, card: Card, within: Instance) -> tuple[str, Json]:
         material = self._material(card.needed("MATERIAL"), card.place)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
             return "Solid", self._isotropic(card, "solids")
-        arguments: Arguments = {"stiffness": stiffness, "rho": self.builder.rho(material)}
+        arguments: Json = {"stiffness": stiffness, "rho": self.builder.rho(material)}
         if name := card.option("ORIENTATION"):
             arguments["axes"] = self.orientations.frame(name, card.place, within)[:2].tolist()
         else:
             within.refuse_turned(card)
         return "AnisotropicSolid", arguments
 
-    def _plane(self, card: Card, roles: set[str]) -> tuple[str, Arguments]:
+    def _plane(self, card: Card, roles: set[str]) -> tuple[str, Json]:
         if len(roles) > 1:
             self._refuse(card, roles, set())
         thickness = _positive(card, "thickness") * self.builder.units.length
         plane = {"plane": min(roles).removeprefix("plane "), "thickness": thickness}
         return "Solid", {**self._isotropic(card, "solids"), **plane}
 
-    def _rods(self, card: Card, elements: IntArray) -> None:
-        """T2D2 and T3D2, with their area in the first line."""
-        given, units = self._isotropic(card, "solids"), self.builder.units
-        area = _positive(card, "area of rods")
-        E, mass = given["E"] / units.stress, given["rho"] / units.density * area
-        rod = Rod(E, given["nu"], area, mass, card.place)
-        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
-
-    def _shell(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
+    def _shell(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Json]:
         if "COMPOSITE" in card.options:
             return self._laminate(card, elements, card.rows(), within)
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -286,7 +278,7 @@ class Sections:
         offset = self._offset(card, elements, thickness)
         return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
 
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Arguments:
+    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Json:
         word = card.option("OFFSET").upper()
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
         if not share:
@@ -301,7 +293,7 @@ class Sections:
 
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row], within: Instance
-    ) -> tuple[str, Arguments]:
+    ) -> tuple[str, Json]:
         deck, length = self.whole.deck, self.builder.units.length
         normals = geometry.normals_of(deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
@@ -359,7 +351,7 @@ class Sections:
             first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
         return first
 
-    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Arguments]:
+    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Json]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
@@ -444,18 +436,13 @@ def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
 
 
 def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:
-    numbers = builder.of_element[elements]
-    for number in np.unique(numbers[numbers >= 0]):
-        family, name = builder.families[number], builder.names[number]
-        mine = numbers == number
+    told = f"*NODAL THICKNESS of layers, which have theirs ({place})"
+    for name, family, value, some in builder.alike(elements, np.round(thickness, 12)):
         if family.kind != "Shell":
-            if np.isfinite(thickness[mine]).any():
-                builder.ignored.append(f"*NODAL THICKNESS of layers, which have theirs ({place})")
+            if np.isfinite(value):
+                builder.tell_once(told)
             continue
-        for value in np.unique(np.round(thickness[mine], 12)):
-            some = elements[mine & (np.round(thickness, 12) == value)]
-            own = {**family.arguments, "thickness": float(value) * builder.units.length}
-            if "offset" in own:
-                own["offset"] *= own["thickness"] / family.arguments["thickness"]
-            label = f"{name} of thickness {value:g}"
-            builder.add(label, some, Family("Shell", own, family.place))
+        own = {**family.arguments, "thickness": value * builder.units.length}
+        if "offset" in own:
+            own["offset"] *= own["thickness"] / family.arguments["thickness"]
+        builder.add(f"{name} of thickness {value:g}", some, family._replace(arguments=own))

@@ -6,8 +6,9 @@ over elements, as density of their sections.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,16 +37,13 @@ def chosen_elements(deck: Deck) -> BoolArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
-#: Of a class of antiosc, as JSON holds them.
-Arguments = Json
 
 
-@dataclass
-class Family:
+class Family(NamedTuple):
     """The section of a group of elements, as a class of antiosc and its arguments."""
 
     kind: str
-    arguments: Arguments
+    arguments: Json
     place: Place
 
 
@@ -124,27 +122,44 @@ class ModelBuilder:
             return material.density * self.units.density
         if self.density is not None:
             return self.density
-        if self.lumped:
-            self.tell_once(f"the mass of {material.name}, whose density is 0")
-            return material.modulus * self.units.stress / MASSLESS_WAVE**2
-        raise material.place.error(
-            f"the material {material.name!r} has no density, without which "
-            "nothing can be struck; add it to the deck, or give density= in kg/m³."
-        )
+        material.needs(self.lumped, f"the material {material.name!r} has no density, without which "
+                       "nothing can be struck; add it to the deck, or give density= in "
+                       "kg/m³.")  # fmt: skip
+        self.tell_once(f"the mass of {material.name}, whose density is 0")
+        return material.modulus * self.units.stress / MASSLESS_WAVE**2
+
+    def isotropic(self, material: Material, what: str) -> Json:
+        """E, nu and rho of a material that must be isotropic."""
+        E, nu = self.elastic(material, what)
+        return {"E": E, "nu": nu, "rho": self.rho(material)}
+
+    def add_rods(
+        self,
+        elements: IntArray,
+        material: Material,
+        what: str,
+        across: float,
+        place: Place,
+        extra: float = 0.0,
+        torsion: float = 0.0,
+        effective: tuple[float, float] | None = None,
+    ) -> None:
+        """Set the section of rods or panels; `extra`: mass beside that of the density."""
+        own, units = self.isotropic(material, what), self.units
+        mass = own["rho"] / units.density * across + extra
+        rod = Rod(own["E"] / units.stress, own["nu"], across, mass, place, torsion, effective)
+        self.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
         material.elasticity()
-        found = material.isotropic
-        if found is None:
-            raise material.place.error(
-                f"the material {material.name!r} is not isotropic, but {what} "
-                "must be; only layers of shells may be orthotropic."
-            )
+        E, nu = material.isotropic or (0.0, 0.0)
+        material.needs(material.isotropic, f"the material {material.name!r} is not isotropic, but "
+                       f"{what} must be; only layers of shells may be orthotropic.")  # fmt: skip
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
-            return E * self.units.stress, E / (2 * G) - 1
-        return found[0] * self.units.stress, found[1]
+            nu = E / (2 * G) - 1
+        return E * self.units.stress, nu
 
     def anisotropic(self, material: Material) -> list[list[float]] | None:
         """The stiffness of a solid with directions, Pa; None of an isotropic one."""
@@ -174,6 +189,17 @@ class ModelBuilder:
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)
+
+    def alike(
+        self, elements: IntArray, values: Array
+    ) -> Iterator[tuple[str, Family, float, IntArray]]:
+        """(name of a section, the section, a value, elements) of elements with one of each."""
+        numbers = self.of_element[elements]
+        for number in np.unique(numbers[numbers >= 0]):
+            mine = numbers == number
+            for value in np.unique(values[mine]):
+                some = elements[mine & (values == value)]
+                yield self.names[number], self.families[number], float(value), some
 
     def tell_once(self, ignored: str) -> None:
         """Note what is ignored, once however many elements it concerns."""
@@ -255,9 +281,9 @@ def add_mass(
 ) -> None:
     """A mass per length, area or volume (1, 2, 3) of elements; 0: of what each has."""
     own, across, _ = _sections(builder, elements, place)
-    if dimension in (1, 2) and (own != dimension).any():
-        what = "length" if dimension == 1 else "area"
-        raise place.error(f"a mass per {what} on elements that have none.")
+    alike = dimension not in (1, 2) or (own == dimension).all()
+    place.needs(alike, f"a mass per {'length' if dimension == 1 else 'area'} on elements that have "
+                "none.")  # fmt: skip
     _spread(builder, elements, np.where((own < 3) & (dimension < 3), value / across, value))
 
 
@@ -266,8 +292,8 @@ def add_total(
 ) -> None:
     """A mass spread over elements by their "measure" (length or area), "volume" or "mass"."""
     dimension, across, density = _sections(builder, elements, place)
-    if by == "measure" and len(set(dimension.tolist())) > 1:
-        raise place.error("one mass is spread over lines, areas or volumes alone.")
+    alike = by != "measure" or len(set(dimension.tolist())) == 1
+    place.needs(alike, "one mass is spread over lines, areas or volumes alone.")
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
@@ -313,17 +339,12 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
         rod = builder.rods[element]
         builder.rods[element] = replace(rod, mass=rod.mass + more * rod.across)
-    numbers = builder.of_element[elements]
-    for number in np.unique(numbers[~rods]):
-        family, name = builder.families[number], builder.names[number]
-        mine = (numbers == number) & ~rods
-        for value in np.unique(density[mine]):
-            more = float(value) * builder.units.density
-            own = Family(family.kind, _heavier(family.arguments, more), family.place)
-            builder.add(name, elements[mine & (density == value)], own)
+    for name, family, value, some in builder.alike(elements[~rods], density[~rods]):
+        more = value * builder.units.density
+        builder.add(name, some, family._replace(arguments=_heavier(family.arguments, more)))
 
 
-def _heavier(arguments: Arguments, density: float) -> Arguments:
+def _heavier(arguments: Json, density: float) -> Json:
     """Arguments of a section with more density, kg/m³."""
     own = dict(arguments)
     if "layers" in own:

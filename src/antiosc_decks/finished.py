@@ -22,8 +22,8 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
 from antiosc.io.deck import Array, Place
-from antiosc.io.neutral import EDGES, Model, Term
-from antiosc_decks.builder import MOTIONS, Arguments, Family, ModelBuilder, Rod
+from antiosc.io.neutral import EDGES, Json, Model, Term
+from antiosc_decks.builder import MOTIONS, Family, ModelBuilder, Rod
 from antiosc_decks.constraints import SPRINGS, connected, held_apart
 from antiosc_decks.sources import lines
 
@@ -214,7 +214,7 @@ def finished(builder: ModelBuilder) -> Model:
         (_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))})
         for ((n, m, _),), k in (() if joined else grounded)
     ]
-    groups: list[tuple[str, str, Arguments, str]] = []
+    groups: list[tuple[str, str, Json, str]] = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):

@@ -19,15 +19,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, Matrix
-from antiosc.io.matrices import (
-    Entries,
-    Labels,
-    MatrixFormat,
-    Source,
-    fortran,
-    is_text,
-    of_labels,
-)
+from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text, of_labels
 from antiosc_decks.nastran_cards import fields_of
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from inspect import signature
 
 import numpy as np
 
@@ -160,26 +160,21 @@ class BeamProfiles:
     def _listed(self) -> list[tuple[float, BeamProfile]]:
         entry = self.entry
         kind = entry.text(3).upper()
-        entry.needs(
-            kind in DIMENSIONS,
-            f"{entry.name} of the type {kind!r} is not supported; give its "
-            f"constants by PBAR, or take one of {', '.join(DIMENSIONS)}.",
-        )
-        entry.needs(
-            entry.name != "PBEAML" or kind not in LOPSIDED,
-            f"PBEAML of the type {kind!r} has its neutral axis off the shear "
-            "centre, which is not supported; give its constants by PBAR.",
-        )
-        count = DIMENSIONS[kind]
-        first = self._dimensions(8, count, [None] * count)
+        entry.needs(kind in SHAPES, f"{entry.name} of the type {kind!r} is not supported; give its "
+                    f"constants by PBAR, or take one of {', '.join(SHAPES)}.")  # fmt: skip
+        centred = entry.name != "PBEAML" or kind not in LOPSIDED
+        entry.needs(centred, f"PBEAML of the type {kind!r} has its neutral axis off the shear "
+                    "centre, which is not supported; give its constants by PBAR.")  # fmt: skip
+        count = len(signature(SHAPES[kind]).parameters)
+        first = self._dimensions(8, [None] * count)
         if entry.name == "PBEAML" and kind == "L":
             middle = np.array([first[2], first[3]]) / 2
-            self.neutral[:] = profiles.centroid(WALLS["L"](*first)) - middle
+            self.neutral[:] = profiles.centroid(_angle(*first)) - middle
         extra = entry.real(8 + count)
         stations = [(0.0, BeamProfile(self._shape(kind, first), extra, True))]
         start = 9 + count
         while entry.name == "PBEAML" and entry.words(start, start + 2):
-            own = self._dimensions(start + 2, count, first)
+            own = self._dimensions(start + 2, first)
             beside = entry.real(start + 2 + count, extra)
             one = BeamProfile(self._shape(kind, own), beside, True)
             stations.append((entry.real(start + 1, 1.0), one))
@@ -191,18 +186,18 @@ class BeamProfiles:
             )
         return stations
 
-    def _dimensions(self, start: int, count: int, blank: Sequence[float | None]) -> list[float]:
-        d = [self.entry.real(start + k, blank[k]) for k in range(count)]
+    def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
+        d = [self.entry.real(start + k, value) for k, value in enumerate(blank)]
         full = self.entry.text(3).upper() == "TUBE" and d[0] > 0 and d[1] == 0
         self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
         return d
 
     def _shape(self, kind: str, d: Sequence[float]) -> profiles.Profile:
         try:
-            if kind in FULL:
-                return FULL[kind](*d)
-            bredt = profiles.box_torsion(*d) if kind == "BOX1" else None
-            found = profiles.walled(WALLS[kind](*d), bredt)
+            made = SHAPES[kind](*d)
+            if isinstance(made, profiles.Profile):
+                return made
+            found = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
             return found if kind in ("L", "Z") else replace(found, mixed=0.0)
         except ValueError as error:
             raise self.entry.place.error(
@@ -211,16 +206,12 @@ class BeamProfiles:
             ) from error
 
 
-#: Cross-sections by closed forms, from dimensions, plane 1 upright.
-FULL: dict[str, Callable[..., Any]] = {
-    "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
-    "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
-    "TUBE2": profiles.tube,
-    "BAR": lambda width, h: profiles.rectangle(h, width),
-    "BOX": lambda width, h, flange, web: profiles.box(h, width, (flange, web, flange, web)),
-    "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
-}
 Walls = list[profiles.Wall]
+
+
+def _pair(low: float, high: float, left: float, right: float) -> Walls:
+    """A wall and its mirror image."""
+    return [(low, high, left, right), (low, high, -right, -left)]
 
 
 def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
@@ -233,62 +224,56 @@ def _t(width: float, h: float, flange: float, web: float) -> Walls:
 
 
 def _chan(width: float, h: float, web: float, flange: float) -> Walls:
-    ends = [(0, flange, 0, width), (h - flange, h, 0, width)]
-    return [ends[0], (flange, h - flange, 0, web), ends[1]]
+    return [(0, flange, 0, width), (flange, h - flange, 0, web), (h - flange, h, 0, width)]
 
 
-def _h(between: float, legs: float, h: float, bar: float) -> Walls:
-    a, b = between / 2, (between + legs) / 2
-    return [(-h / 2, h / 2, a, b), (-h / 2, h / 2, -b, -a), (-bar / 2, bar / 2, -a, a)]
+def _angle(width: float, h: float, base: float, leg: float) -> Walls:
+    return [(0, base, 0, width), (base, h, 0, leg)]
 
 
-def _cross(arms: float, t: float, h: float, bar: float) -> Walls:
-    a, b = t / 2, (t + arms) / 2
-    return [(-h / 2, h / 2, -a, a), (-bar / 2, bar / 2, a, b), (-bar / 2, bar / 2, -b, -a)]
-
-
-def _hat(h: float, t: float, top: float, brim: float) -> Walls:
-    a, b = top / 2 - t, top / 2
-    webs = [(t, h - t, -b, -a), (t, h - t, a, b)]
-    return [(h - t, h, -b, b), *webs, (0, t, -b - brim, -a), (0, t, a, b + brim)]
-
-
-def _z(arm: float, web: float, inner: float, h: float) -> Walls:
-    flange, a = (h - inner) / 2, web / 2
-    ends = [(0, flange, -a, a + arm), (h - flange, h, -a - arm, a)]
-    return [*ends, (flange, h - flange, -a, a)]
-
-
-def _box1(width: float, h: float, top: float, low: float, left: float, right: float) -> Walls:
-    sides = [(low, h - top, 0, left), (low, h - top, width - right, width)]
-    return [(0, low, 0, width), (h - top, h, 0, width), *sides]
-
-
-#: Cross-sections of walls: rectangles from dimensions, plane 1 upright.
-WALLS: dict[str, Callable[..., Walls]] = {
+#: Cross-sections by closed forms, or of walls, from their dimensions, plane 1 upright.
+SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
+    "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
+    "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
+    "TUBE2": profiles.tube,
+    "BAR": lambda width, h: profiles.rectangle(h, width),
+    "BOX": lambda width, h, flange, web: profiles.box(h, width, flange, web),
+    "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
+    "CROSS": lambda arms, t, h, bar: [
+        *((-h / 2, h / 2, -t / 2, t / 2), *_pair(-bar / 2, bar / 2, t / 2, (t + arms) / 2))
+    ],
+    "H": lambda between, legs, h, bar: [
+        *_pair(-h / 2, h / 2, between / 2, (between + legs) / 2),
+        (-bar / 2, bar / 2, -between / 2, between / 2),
+    ],
     "I": _i,
-    "I1": lambda arms, web, inner, h: _i(
-        h, arms + web, arms + web, web, (h - inner) / 2, (h - inner) / 2
-    ),
-    **{"T": _t, "T2": _t, "CHAN": _chan, "H": _h, "CROSS": _cross, "HAT": _hat},
+    "I1": lambda arms, t, inner, h: _i(h, arms + t, arms + t, t, (h - inner) / 2, (h - inner) / 2),
+    "T": _t,
     "T1": lambda flange, web, t_flange, t_web: [
         (-flange / 2, flange / 2, 0, t_flange),
         (-t_web / 2, t_web / 2, t_flange, t_flange + web),
     ],
+    "T2": _t,
+    "CHAN": _chan,
     "CHAN1": lambda arm, web, inner, h: _chan(arm + web, h, web, (h - inner) / 2),
     "CHAN2": lambda leg, base, h, width: [
-        (0, base, 0, width),
-        (base, h, 0, leg),
-        (base, h, width - leg, width),
+        *((0, base, 0, width), (base, h, 0, leg), (base, h, width - leg, width))
     ],
-    "L": lambda width, h, base, leg: [(0, base, 0, width), (base, h, 0, leg)],
-    **{"Z": _z, "BOX1": _box1},
-}
-#: Supported cross-sections and the number of their dimensions.
-DIMENSIONS = {
-    **{"ROD": 1, "TUBE": 2, "TUBE2": 2, "BAR": 2, "BOX": 4, "HEXA": 3, "CROSS": 4, "H": 4},
-    **{"I": 6, "I1": 4, "T": 4, "T1": 4, "T2": 4, "CHAN": 4, "CHAN1": 4, "CHAN2": 4, "HAT": 4},
-    **{"BOX1": 6, "Z": 4, "L": 4},
+    "HAT": lambda h, t, top, brim: [
+        (h - t, h, -top / 2, top / 2),
+        *_pair(t, h - t, -top / 2, t - top / 2),
+        *_pair(0, t, -top / 2 - brim, t - top / 2),
+    ],
+    "BOX1": lambda width, h, top, low, left, right: [
+        *((0, low, 0, width), (h - top, h, 0, width)),
+        *((low, h - top, 0, left), (low, h - top, width - right, width)),
+    ],
+    "Z": lambda arm, web, inner, h: [
+        (0, (h - inner) / 2, -web / 2, web / 2 + arm),
+        (h - (h - inner) / 2, h, -web / 2 - arm, web / 2),
+        ((h - inner) / 2, h - (h - inner) / 2, -web / 2, web / 2),
+    ],
+    "L": _angle,
 }
 
 

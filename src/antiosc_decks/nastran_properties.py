@@ -10,9 +10,9 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
-from antiosc.io.neutral import CORNERS
+from antiosc.io.neutral import CORNERS, Json
 from antiosc_decks import properties as geometry
-from antiosc_decks.builder import Arguments, Family, ModelBuilder, Rod
+from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offset_along, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
 from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
@@ -111,12 +111,6 @@ class Properties:
                     f"the number {number % SCOPE}.")  # fmt: skip
         return self._materials[number]
 
-    def _elastic(self, material: Material, what: str) -> tuple[float, float, float]:
-        """(E, nu, density) of an isotropic material, in the deck's units."""
-        units = self.builder.units
-        E, nu = self.builder.elastic(material, what)
-        return E / units.stress, nu, self.builder.rho(material) / units.density
-
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
         return extra * self.factor / size * self.builder.units.density if size else 0.0
@@ -134,17 +128,16 @@ class Properties:
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
-        kind, arguments = "Solid", Arguments(rho=self.builder.rho(material))
         if stiffness is None:
-            arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
+            family = Family("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
             entry.needs(number not in ("", "-1"), f"PSOLID with {material.name} has its directions "
                         "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
                         "system.")  # fmt: skip
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
-            arguments = {"stiffness": stiffness, **arguments, "axes": axes}
-            kind = "AnisotropicSolid"
-        self.builder.add(name, elements, Family(kind, arguments, entry.place))
+            given = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
+            family = Family("AnisotropicSolid", given, entry.place)
+        self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PCOMPS: layers of one isotropic material are a solid of it."""
@@ -165,19 +158,16 @@ class Properties:
         else:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
-        E, nu, density = self._elastic(self._material(entry, k), "rods")
-        mass = density * area + extra * self.factor
-        rod = Rod(E, nu, area, mass, entry.place, torsion)
-        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
+        material, extra = self._material(entry, k), extra * self.factor
+        self.builder.add_rods(elements, material, "rods", area, entry.place, extra, torsion)
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        E, nu, density = self._elastic(self._material(entry, 1), "shear panels")
-        t = entry.real(2, None)
+        t, extra, sides = entry.real(2, None), entry.real(3), (entry.real(4), entry.real(5))
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        mass = density * t + entry.real(3) * self.factor
-        effective = (entry.real(4), entry.real(5))
-        panel = Rod(E, nu, t, mass, entry.place, effective=effective)
-        self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
+        material, extra = self._material(entry, 1), extra * self.factor
+        self.builder.add_rods(
+            elements, material, "shear panels", t, entry.place, extra, effective=sides
+        )
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
@@ -211,7 +201,7 @@ class Properties:
                 side = np.cross(tangents[some[0]], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
-            arguments: Arguments = {
+            arguments: Json = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),
                 "rho": density + self._beside(one.extra, profile.A),
@@ -260,7 +250,7 @@ class Properties:
             else:
                 E, nu = self.builder.elastic(material, "shells")
                 rho = self.builder.rho(material) + extra
-                arguments: Arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
+                arguments: Json = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
                 if offset:
                     arguments["offset"] = offset * length
                     arguments |= geometry.side_of(self.found.deck, some, length)
@@ -292,7 +282,7 @@ class Properties:
             )
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
-    def _given(self, entry: Entry, thickness: float) -> Arguments:
+    def _given(self, entry: Entry, thickness: float) -> Json:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
         membrane, bending, across = (
@@ -361,7 +351,7 @@ class Properties:
         name: str,
         elements: IntArray,
         kind: str,
-        arguments: Arguments,
+        arguments: Json,
         offset: float,
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""

@@ -134,15 +134,8 @@ def tube(radius: float, wall: float) -> Profile:
     return Profile(area, second, second, 2 * second, TUBE, 2 * radius, 2 * radius)
 
 
-def box(height: float, width: float, walls: tuple[float, float, float, float]) -> Profile | None:
-    """A rectangular tube; None if its walls differ on opposite sides.
-
-    `walls`: the two across the height (right, left), then the two along the width (top, bottom);
-    torsion by Bredt's formula for thin walls.
-    """
-    right, top, left, bottom = walls
-    if right != left or top != bottom:
-        return None
+def box(height: float, width: float, right: float, top: float) -> Profile:
+    """A rectangular tube by its walls across the height and along the width; torsion by Bredt."""
     h, w = height - 2 * right, width - 2 * top
     second = (width * height**3 - w * h**3) / 12, (height * width**3 - h * w**3) / 12
     torsion = box_torsion(height, width, top, top, right, right)
