@@ -6,11 +6,18 @@ The tables say what becomes of each card, and of the options of those that are r
 from __future__ import annotations
 
 import re
+from copy import copy
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, Placed, real_number, whole_number
+from antiosc.io.deck import IntArray, Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
+
+if TYPE_CHECKING:
+    from antiosc_decks.abaqus_assembly import Instance
 
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
@@ -23,8 +30,8 @@ SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 class Row(Placed):
     """The fields of a data line; a comma at the end adds none."""
 
-    def __init__(self, line: str, place: Place) -> None:
-        self.place = place
+    def __init__(self, line: str, card: Card, place: Place) -> None:
+        self.card, self.place = card, place
         self.fields = [part.strip() for part in line.split(",")]
         while self.fields and not self.fields[-1]:
             self.fields.pop()
@@ -45,6 +52,10 @@ class Row(Placed):
         """Its numbers, or so many; an empty field is 0."""
         return [self.real(k) for k in range(count or len(self.fields))]
 
+    def nodes(self) -> IntArray:
+        """Rows of the node or of the set of nodes that its first field names."""
+        return self.card.within.nodes(self.word(0), self.place)
+
 
 @dataclass
 class Card(Placed):
@@ -59,11 +70,19 @@ class Card(Placed):
     lines: list[str] = field(default_factory=list)
     #: file and line of each data line
     places: list[Place] = field(default_factory=list)
+    #: whose names it uses
+    within: Instance = field(init=False, repr=False)
+
+    def of(self, within: Instance) -> Card:
+        """The card with the names of an instance."""
+        own = copy(self)
+        own.within = within
+        return own
 
     def rows(self) -> list[Row]:
         """The data lines that have fields."""
-        rows = map(Row, self.lines, self.places)
-        return [row for row in rows if row.fields]
+        every = zip(self.lines, self.places, strict=True)
+        return [row for line, place in every if (row := Row(line, self, place)).fields]
 
     def numbers(self) -> list[float]:
         """Numbers of all data lines; an empty field is 0."""
@@ -71,7 +90,8 @@ class Card(Placed):
 
     def first(self) -> Row:
         """The first data line, which may be without fields."""
-        return Row(self.lines[0], self.places[0]) if self.lines else Row("", self.place)
+        first = (self.lines[0], self, self.places[0]) if self.lines else ("", self, self.place)
+        return Row(*first)
 
     def option(self, name: str, default: str = "") -> str:
         """Value of an option, without quotes."""
@@ -82,6 +102,21 @@ class Card(Placed):
         value = self.option(name)
         self.needs(value, f"*{self.keyword} needs {name}=.")
         return value
+
+    def nodes(self, name: str) -> IntArray:
+        """Rows of the nodes that a required option names."""
+        return self.within.nodes(self.needed(name), self.place)
+
+    def elements(self) -> IntArray:
+        """Numbers of the cells that ELSET= names."""
+        return self.within.elements(self.needed("ELSET"), self.place)
+
+    def refuse_turned(self) -> None:
+        """MeshError if its instance is rotated: it gives motions or axes by their numbers."""
+        alike = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
+        self.needs(alike, f"the instance {self.within.name!r} is rotated, and the axes of this "
+                   f"*{self.keyword} in its part may be those before or after; give it outside the "
+                   "part, or by vectors (n1, *ORIENTATION).")  # fmt: skip
 
 
 def cards(sources: Sources) -> list[Card]:

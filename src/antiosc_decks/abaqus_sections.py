@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry, properties as profiles
-from antiosc_decks.abaqus_assembly import Instance, Whole
+from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.properties import Material, isotropic, of_stiffness, symmetric
@@ -83,60 +83,58 @@ class Orientations:
     Those of a part turn with each of its instances.
     """
 
-    def __init__(self, cards: Iterable[tuple[Card, Instance]]) -> None:
-        self._cards = {
-            (within.prefix + card.needed("NAME")).upper(): (card, within)
-            for card, within in cards
-            if card.keyword == "ORIENTATION"
-        }
+    def __init__(self, cards: Iterable[Card]) -> None:
+        own = [card for card in cards if card.keyword == "ORIENTATION"]
+        self._cards = {(card.within.prefix + card.needed("NAME")).upper(): card for card in own}
 
-    def find(self, name: str, within: Instance) -> tuple[Card, Instance] | None:
-        """The card of a name in an instance, or else in the assembly, and the instance it is of."""
-        own = self._cards.get((within.prefix + name).upper())
+    def find(self, name: str, by: Card) -> Card | None:
+        """The card of a name in the instance of another, or else in the assembly."""
+        own = self._cards.get((by.within.prefix + name).upper())
         return own or self._cards.get(name.upper())
 
-    def cylindrical(self, name: str, within: Instance) -> bool:
+    def cylindrical(self, name: str, by: Card) -> bool:
         """Whether there is an orientation of this name about the axis of a cylinder."""
-        found = self.find(name, within)
-        return found is not None and found[0].option("SYSTEM").upper().startswith("C")
+        found = self.find(name, by)
+        return found is not None and found.option("SYSTEM").upper().startswith("C")
 
-    def at(self, name: str, place: Place, within: Instance, x: Array) -> Array:
+    def at(self, name: str, by: Card, x: Array, place: Place | None = None) -> Array:
         """Directions 1, 2 and 3 of an *ORIENTATION (n, 3, 3) at points; those are rows."""
-        found = self.find(name, within)
-        if found is None:
-            raise place.error(f"there is no orientation {name!r} (*ORIENTATION, NAME=).")
-        card, of = found
-        first, rows = card.first(), card.rows()
-        if self.cylindrical(name, within):
+        card = self.find(name, by)
+        if card is None:
+            told = f"there is no orientation {name!r} (*ORIENTATION, NAME=)."
+            raise (place or by.place).error(told)
+        first, of = card.first(), card.within
+        if self.cylindrical(name, by):
             a, b = np.reshape(first.reals(6), (2, 3)) @ of.turn.T + of.shift
-            if (a == b).all():
-                raise card.place.error("a cylindrical *ORIENTATION needs two points on its axis.")
+            apart = (a != b).any()
+            card.needs(apart, "a cylindrical *ORIENTATION needs two points on its axis.")
             return around_axis(a, b, x)
-        system = card.option("SYSTEM", "R").upper()
-        if not system.startswith("R") or not rows or "DEFINITION" in card.options:
-            raise card.place.error("*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
+        plain = card.option("SYSTEM", "R").upper().startswith("R") and card.rows()
+        by_points = plain and "DEFINITION" not in card.options
+        card.needs(by_points, "*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
         a, b, origin = np.reshape(first.reals(9), (3, 3)) @ of.turn.T
         normal = np.cross(a - origin, b - origin)
         card.needs(normal.any(), "the two points of *ORIENTATION give no plane.")
         one, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
-        if degrees := self.degrees(name, within):
-            if rows[1].word(0) != "3":
-                raise rows[1].place.error("*ORIENTATION is read with a rotation about 3 only.")
+        if degrees := self.degrees(name, by):
+            row = card.rows()[1]
+            row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
             angle = math.radians(degrees)
             one = math.cos(angle) * one + math.sin(angle) * np.cross(z, one)
         return np.broadcast_to(np.stack([one, np.cross(z, one), z]), (len(x), 3, 3))
 
-    def degrees(self, name: str, within: Instance) -> float:
+    def degrees(self, name: str, by: Card) -> float:
         """The angle in the second line: about 3, on shells about the normal."""
-        found = self.find(name, within)
-        rows = found[0].rows() if found else []
+        found = self.find(name, by)
+        rows = found.rows() if found else []
         return rows[1].real(1) if len(rows) > 1 else 0.0
 
-    def frame(self, name: str, place: Place, within: Instance) -> Array:
-        """Directions 1, 2 and 3, as rows, of an *ORIENTATION that is the same everywhere."""
-        frame = self.at(name, place, within, np.zeros((1, 3)))[0]
-        place.needs(not self.cylindrical(name, within), f"the orientation {name!r} is "
-                    "CYLINDRICAL; here it must be RECTANGULAR.")  # fmt: skip
+    def frame(self, by: Card) -> Array:
+        """Directions 1, 2 and 3, as rows, of ORIENTATION=, which is the same everywhere."""
+        name = by.option("ORIENTATION")
+        frame = self.at(name, by, np.zeros((1, 3)))[0]
+        by.needs(not self.cylindrical(name, by), f"the orientation {name!r} is CYLINDRICAL; here "
+                 "it must be RECTANGULAR.")  # fmt: skip
         return np.asarray(frame)
 
 
@@ -198,30 +196,30 @@ class Sections:
         self.materials = materials
         self.orientations = Orientations(whole.cards)
 
-    def read(self, card: Card, within: Instance) -> None:
+    def read(self, card: Card) -> None:
         """One section card."""
-        elements = self.whole.elements(card.needed("ELSET"), card.place, within)
+        elements = card.elements()
         if not len(elements):
             return  # of springs, masses, or of a set that is empty
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
-            kind, arguments = self._shell(card, elements, within)
+            kind, arguments = self._shell(card, elements)
         elif card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             material = self._material(card.needed("MATERIAL"), card.place)
             area = _positive(card, "area of rods")
             self.builder.add_rods(elements, material, "solids", area, card.place)
             return
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
-            kind, arguments = self._solid(card, within)
+            kind, arguments = self._solid(card)
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
             kind, arguments = self._plane(card, roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
-            kind, arguments = self._beam(card, elements, within)
+            kind, arguments = self._beam(card, elements)
         else:
             self._refuse(card, roles, {block.type for block in blocks})
-        name = self.whole.spelled(card.option("ELSET"), within)
+        name = card.within.spelled(card.option("ELSET"))
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
@@ -247,16 +245,16 @@ class Sections:
         material = self._material(card.needed("MATERIAL"), card.place)
         return self.builder.isotropic(material, what)
 
-    def _solid(self, card: Card, within: Instance) -> tuple[str, Json]:
+    def _solid(self, card: Card) -> tuple[str, Json]:
         material = self._material(card.needed("MATERIAL"), card.place)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
             return "Solid", self._isotropic(card, "solids")
         arguments: Json = {"stiffness": stiffness, "rho": self.builder.rho(material)}
-        if name := card.option("ORIENTATION"):
-            arguments["axes"] = self.orientations.frame(name, card.place, within)[:2].tolist()
+        if card.option("ORIENTATION"):
+            arguments["axes"] = self.orientations.frame(card)[:2].tolist()
         else:
-            within.refuse_turned(card)
+            card.refuse_turned()
         return "AnisotropicSolid", arguments
 
     def _plane(self, card: Card, roles: set[str]) -> tuple[str, Json]:
@@ -266,14 +264,14 @@ class Sections:
         plane = {"plane": min(roles).removeprefix("plane "), "thickness": thickness}
         return "Solid", {**self._isotropic(card, "solids"), **plane}
 
-    def _shell(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Json]:
+    def _shell(self, card: Card, elements: IntArray) -> tuple[str, Json]:
         if "COMPOSITE" in card.options:
-            return self._laminate(card, elements, card.rows(), within)
+            return self._laminate(card, elements, card.rows())
         material = self._material(card.needed("MATERIAL"), card.place)
         thickness = card.first().real(0)
         if material.constants is not None and material.isotropic is None:
-            row = Row(f"{thickness!r},,{material.name},0", card.place)
-            return self._laminate(card, elements, [row], within)
+            row = Row(f"{thickness!r},,{material.name},0", card, card.place)
+            return self._laminate(card, elements, [row])
         length = {"thickness": thickness * self.builder.units.length}
         offset = self._offset(card, elements, thickness)
         return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
@@ -291,19 +289,17 @@ class Sections:
         side = geometry.side_of(self.whole.deck, elements, length)
         return {"offset": -share * thickness * length, **side}
 
-    def _laminate(
-        self, card: Card, elements: IntArray, rows: list[Row], within: Instance
-    ) -> tuple[str, Json]:
+    def _laminate(self, card: Card, elements: IntArray, rows: list[Row]) -> tuple[str, Json]:
         deck, length = self.whole.deck, self.builder.units.length
         normals = geometry.normals_of(deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
-        known = [row for row in rows if self.orientations.find(row.word(3), within)]
+        known = [row for row in rows if self.orientations.find(row.word(3), card)]
         name = card.option("ORIENTATION") or (known[0].word(3) if known else "")
         if name:
-            axis = self._directions(name, card.place, within, elements)
+            axis = self._directions(name, card, elements, card.place)
         else:
-            within.refuse_turned(card)
+            card.refuse_turned()
             alike = all(one.isotropic is not None for one in materials)
             across = np.abs(normals[:, :1]) > math.cos(math.radians(45.0 if alike else STEEP))
             axis = np.where(across, np.eye(3)[2], np.eye(3)[0])
@@ -311,47 +307,44 @@ class Sections:
         for row, material in zip(rows, materials, strict=True):
             angle = row.real(3) if row not in known else 0.0
             if row in known:
-                own = self._directions(row.word(3), row.place, within, elements)
+                own = self._directions(row.word(3), card, elements, row.place)
                 angle = _turned(axis, own, normals, row.place)
             layers.append(self.builder.layer(material, row.real(0), angle))
             solid = material.constants is not None and np.isfinite(material.constants).all()
-            names = name, row.word(3)
-            if any(self.orientations.cylindrical(n, within) for n in names) and (
-                solid and material.isotropic is None
-            ):
+            around = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
+            if around and solid and material.isotropic is None:
                 self.builder.tell_once(
                     f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX "
                     "has them: 1 along the radius; on shells 1 is around the axis, as Abaqus has it"
                 )
         alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
+        own_axis = axis[0].tolist() if alike else geometry.everywhere(deck, elements, axis, length)
         return "Laminate", {
             "layers": layers,
-            "axis": axis[0].tolist()
-            if alike
-            else geometry.everywhere(deck, elements, axis, length),
+            "axis": own_axis,
             **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
             "top": geometry.top_of(deck, elements, length),
         }
 
-    def _directions(self, name: str, place: Place, within: Instance, elements: IntArray) -> Array:
+    def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
         """Direction 1 of an *ORIENTATION in each element.
 
         Where that about an axis is the normal of a shell, it is direction 2.
         """
         deck = self.whole.deck
         centres = np.array([x.mean(axis=0) for x in geometry.corners_of(deck, elements)])
-        frames = self.orientations.at(name, place, within, centres)
+        frames = self.orientations.at(name, card, centres, place)
         first = frames[:, 0]
-        if self.orientations.cylindrical(name, within):
+        if self.orientations.cylindrical(name, card):
             normals = geometry.normals_of(deck, elements)
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-            angle = math.radians(self.orientations.degrees(name, within))
+            angle = math.radians(self.orientations.degrees(name, card))
             first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
         return first
 
-    def _beam(self, card: Card, elements: IntArray, within: Instance) -> tuple[str, Json]:
+    def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
@@ -363,9 +356,9 @@ class Sections:
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
         if len(rows) > 1:
-            first = within.turn @ rows[1].reals(3)
+            first = card.within.turn @ rows[1].reals(3)
         elif profile.I_side != profile.I or any(shares):
-            within.refuse_turned(card)
+            card.refuse_turned()
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
@@ -411,13 +404,13 @@ def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
     """
     at_node = np.full(len(whole.deck.points), np.nan)
     cards = whole.named("NODALTHICKNESS")
-    for card, within in cards:
+    for card in cards:
         for row in card.rows():
             if row.word(1):
-                at_node[whole.nodes(row.word(0), row.place, within)] = row.real(1)
+                at_node[row.nodes()] = row.real(1)
     if not cards:
         return
-    place, varying = cards[0][0].place, 0
+    place, varying = cards[0].place, 0
     length = builder.units.length
     families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
     by_section = np.array([*families, np.nan])[builder.of_element]

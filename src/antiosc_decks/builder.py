@@ -158,6 +158,8 @@ class ModelBuilder:
                        f"{what} must be; only layers of shells may be orthotropic.")  # fmt: skip
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
+            material.needs(G > 0, f"{material.name} needs G above 0 for {what}; it is {G:g}: leave "
+                           "it blank, and it follows from E and NU.")  # fmt: skip
             nu = E / (2 * G) - 1
         return E * self.units.stress, nu
 
