@@ -239,7 +239,7 @@ def read(sources: Sources) -> Whole:
     """The deck in some files."""
     cards, name = read_cards(sources), sources.name
     whole = Whole(Deck(name), account_for(cards, name))
-    whole.deck.told += whole.account.unknown_cards()
+    whole.deck.told += whole.account.unknown()
     top, parts, placed = _divided(cards, whole.steps)
     whole.add(Instance(whole, "", top, mesh_of(top, name)))
     meshes: dict[str, Mesh] = {}

@@ -1,8 +1,4 @@
-"""Joints of Abaqus and CalculiX decks: equations, multi-point constraints, rigid bodies, ties.
-
-A tie (*SURFACE, *TIE) joins the nodes of one surface to faces of another by the shape functions of
-these.
-"""
+"""Joints of Abaqus and CalculiX decks: equations, multi-point constraints, rigid bodies, ties."""
 
 from __future__ import annotations
 
@@ -33,10 +29,7 @@ SOLID_FACES = {
 
 @dataclass
 class Surface:
-    """Faces, by (corners, middles of edges; -1: none) in order around each; its nodes.
-
-    An edge of a shell has nodes of its own, and the face that it belongs to.
-    """
+    """Faces, by (corners, middles of edges; -1: none) in order around each; tables of its nodes."""
 
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
     of: list[IntArray] = field(default_factory=list)
@@ -44,7 +37,7 @@ class Surface:
     @property
     def nodes(self) -> IntArray:
         """All of its nodes."""
-        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *self.of]))
+        nodes = np.unique(np.concatenate([NONE, *self.of]))
         return nodes[nodes >= 0]
 
 
@@ -110,10 +103,7 @@ NEWTON_STEPS = 12
 def tie(
     joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
 ) -> list[str]:
-    """Tie the slave's nodes; a sentence where some are too far away.
-
-    `tolerance` is in the deck's unit of length.
-    """
+    """Tie nodes to faces by their shape functions; a sentence where some are beyond `tolerance`."""
     place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
     faces, edges = [], []
     for corners, mids in master.faces:
@@ -141,25 +131,20 @@ def tie(
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
     place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
                 f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
-    if not far:
-        return []
-    return [
-        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
-        "the master surface and are not tied (POSITION TOLERANCE=)."
-    ]
+    told = f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
+    return [f"{told}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(far)
 
 
 def _nearest(
     faces: Sequence[tuple[IntArray, Array]], point: Array
 ) -> tuple[float, IntArray, Array]:
     """(distance from the nearest of some faces, its nodes, their weights)."""
-    best: tuple[float, IntArray, Array] | None = None
+    best: tuple[float, IntArray, Array] = np.inf, NONE, np.zeros(0)
     for nodes, x in faces:
         weights = _projected(x, point)
         distance = float(np.linalg.norm(weights @ x - point))
-        if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
+        if distance < best[0] * (1 - 1e-9) - 1e-15:
             best = distance, nodes, weights
-    assert best is not None
     return best
 
 
@@ -232,8 +217,8 @@ class _Joints:
         self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
-        if name.upper() not in self.surfaces:
-            raise place.error(f"there is no surface {name!r} (*SURFACE, NAME=).")
+        there = name.upper() in self.surfaces
+        place.needs(there, f"there is no surface {name!r} (*SURFACE, NAME=).")
         return self.surfaces[name.upper()]
 
     def tie(self, card: Card) -> None:
@@ -450,8 +435,8 @@ def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
     some = combinations(range(min(len(nodes), 12)), 3)
     first = max(some, key=lambda c: float(np.linalg.norm(normal(c))))
     area = float(np.linalg.norm(normal(first)))
-    if area <= 1e-9 * float(np.ptp(x, axis=0).max()) ** 2:
-        raise place.error("the nodes of the *MPC of type PLANE lie on one line.")
+    flat = area > 1e-9 * float(np.ptp(x, axis=0).max()) ** 2
+    place.needs(flat, "the nodes of the *MPC of type PLANE lie on one line.")
     a, b, c = x[list(first)]
     basis = np.column_stack([b - a, c - a])
     for k, node in enumerate(nodes):
@@ -476,10 +461,7 @@ def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
 
 
 def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
-    """CalculiX: motion 1 of the last node is the mean rotation of the others about its direction.
-
-    Its coordinates are the direction of the axis, which goes through the mean of the others.
-    """
+    """CalculiX: motion 1 of the last node, whose place is an axis, is the others' mean rotation."""
     axis = x[-1]
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
@@ -488,8 +470,7 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     r = r - np.outer(r @ axis, axis)
     size = np.einsum("pi,pi->p", r, r)
     off = size > 1e-18 * size.max()
-    if not off.any():
-        raise place.error("the nodes of the *MPC of type MEANROT lie on its axis.")
+    place.needs(off.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
     if not off.all():  # as CalculiX leaves them out
         kept = np.append(np.flatnonzero(off), len(off))
         yield from _mean_rotation([nodes[k] for k in kept], x[kept], place)

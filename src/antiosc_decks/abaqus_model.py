@@ -54,7 +54,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     top = whole.instances[""]
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
-    whole.deck.told += whole.account.unknown_options()
+    whole.deck.told += whole.account.unknown(options=True)
     materials, ignored = materials_of(whole.cards)
     copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))

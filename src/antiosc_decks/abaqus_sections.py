@@ -6,18 +6,18 @@ Solids, rods, shells with *NODAL THICKNESS, and beams with their cross-sections.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NoReturn
 
 import numpy as np
 
 from antiosc.io.deck import Array, IntArray, Place, real_number
 from antiosc.io.neutral import Json
-from antiosc_decks import properties as geometry, properties as profiles
+from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import Family, ModelBuilder
-from antiosc_decks.properties import Material, isotropic, of_stiffness, symmetric
+from antiosc_decks.properties import Material, Profile, isotropic, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
@@ -33,11 +33,9 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
-            if name.upper() in found:
-                raise card.place.error(
-                    f"the material {name!r} is defined more than once, first in "
-                    f"{found[name.upper()].place}."
-                )
+            if known := found.get(name.upper()):
+                told = f"the material {name!r} is defined more than once, first in {known.place}."
+                raise card.place.error(told)
             current = found[name.upper()] = Material(name, card.place)
         elif current is not None and card.keyword == "ELASTIC":
             kind = _elastic(current, card)
@@ -78,10 +76,7 @@ def _elastic(material: Material, card: Card) -> str:
 
 
 class Orientations:
-    """The *ORIENTATION cards among some cards, by their names and the instances they are in.
-
-    Those of a part turn with each of its instances.
-    """
+    """The *ORIENTATION cards among some cards; those of a part turn with each of its instances."""
 
     def __init__(self, cards: Iterable[Card]) -> None:
         own = [card for card in cards if card.keyword == "ORIENTATION"]
@@ -147,32 +142,32 @@ def around_axis(a: Array, b: Array, x: Array) -> Array:
     return np.stack([out, np.cross(along, out), np.broadcast_to(along, out.shape)], axis=1)
 
 
-#: SECTION= of beams by its first letters -> least number of dimensions, how many must be > 0.
-BEAM_SECTIONS = {"RECT": (1, 1), "CIRC": (1, 1), "PIPE": (2, 2), "BOX": (6, 6), "GENERAL": (5, 2)}
+#: SECTION= of beams by its first letters -> least number of dimensions, how many must be > 0, and
+#: the cross-section. Of CIRC CalculiX gives two diameters, Abaqus one radius.
+BEAM_SECTIONS: dict[str, tuple[int, int, Callable[[list[float]], Profile]]] = {
+    "RECT": (1, 1, lambda d: geometry.rectangle(d[0], d[1] if len(d) > 1 else d[0])),
+    "CIRC": (1, 1, lambda d: geometry.ellipse(*(d[:2] if len(d) > 1 else [2 * d[0]] * 2))),
+    "PIPE": (2, 2, lambda d: geometry.tube(d[0], d[1])),
+    "BOX": (6, 6, lambda d: geometry.box(*d[:4])),
+    "GENERAL": (5, 2, lambda d: Profile(d[0], d[3], d[1], d[4], geometry.RECTANGLE)),
+}
 
 
-def profile_of(card: Card) -> profiles.Profile:
+def profile_of(card: Card) -> Profile:
     """The cross-section of *BEAM SECTION or *BEAM GENERAL SECTION, in the deck's units."""
     kind = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
     short = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
     card.needs(short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or "
                "GENERAL.")  # fmt: skip
-    needed, positive = BEAM_SECTIONS[short]
-    if len(d) < needed or min(d[:positive]) <= 0:
-        raise card.place.error(f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
-    if short == "RECT":
-        return profiles.rectangle(d[0], d[1] if len(d) > 1 else d[0])
-    if short == "CIRC":  # CalculiX gives two diameters, Abaqus one radius
-        return profiles.ellipse(*(d[:2] if len(d) > 1 else (2 * d[0], 2 * d[0])))
-    if short == "PIPE":
-        return profiles.tube(d[0], d[1])
+    needed, positive, made = BEAM_SECTIONS[short]
+    enough = len(d) >= needed and min(d[:positive]) > 0
+    card.needs(enough, f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
     if short == "BOX":
         card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
-        return profiles.box(*d[:4])
-    area, about_1, mixed, about_2, torsion = d[:5]
-    card.needs(not mixed, "I12 must be 0: rotate the section to its principal axes.")
-    return profiles.Profile(area, about_2, about_1, torsion, profiles.RECTANGLE)
+    if short == "GENERAL":
+        card.needs(not d[2], "I12 must be 0: rotate the section to its principal axes.")
+    return made(d)
 
 
 #: Sine of the angle below which a direction is normal to a shell.
@@ -224,21 +219,18 @@ class Sections:
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         kinds = ", ".join(sorted(types))
-        if any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types):
-            raise card.place.error(
-                f"the elements {kinds} are axisymmetric, which is not "
-                "supported; model the part, or a sector between planes of symmetry, by solids."
-            )
+        around = any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types)
+        card.needs(not around, f"the elements {kinds} are axisymmetric, which is not supported; "
+                   "model the part, or a sector between planes of symmetry, by "
+                   "solids.")  # fmt: skip
         card.needs(len(roles) <= 1, f"one section for {' and '.join(sorted(roles))} elements "
                    f"({kinds}); give each kind its own.")  # fmt: skip
-        raise card.place.error(
-            f"*{card.keyword} for elements ({kinds}) that no element "
-            "family here carries in this way."
-        )
+        told = f"*{card.keyword} for elements ({kinds}) that no element family here"
+        raise card.place.error(f"{told} carries in this way.")
 
     def _material(self, name: str, place: Place) -> Material:
-        if name.upper() not in self.materials:
-            raise place.error(f"there is no material {name!r} (*MATERIAL, NAME=).")
+        there = name.upper() in self.materials
+        place.needs(there, f"there is no material {name!r} (*MATERIAL, NAME=).")
         return self.materials[name.upper()]
 
     def _isotropic(self, card: Card, what: str) -> Json:
@@ -282,9 +274,8 @@ class Sections:
         if not share:
             return {}
         if geometry.curved(self.whole.deck, elements):
-            self.whole.deck.told.append(
-                f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
-            )
+            told = f"the area of a curved shell with OFFSET={word} is that at its nodes."
+            self.whole.deck.told.append(f"{card.place}: {told}")
         length = self.builder.units.length
         side = geometry.side_of(self.whole.deck, elements, length)
         return {"offset": -share * thickness * length, **side}
@@ -327,10 +318,7 @@ class Sections:
         }
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
-        """Direction 1 of an *ORIENTATION in each element.
-
-        Where that about an axis is the normal of a shell, it is direction 2.
-        """
+        """Direction 1 of an *ORIENTATION in each element; 2 where 1 is the normal of a shell."""
         deck = self.whole.deck
         centres = np.array([x.mean(axis=0) for x in geometry.corners_of(deck, elements)])
         frames = self.orientations.at(name, card, centres, place)
@@ -348,10 +336,9 @@ class Sections:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
-            self.whole.deck.told.append(
-                f"{card.place}: the one number of SECTION=CIRC is taken for the radius, as Abaqus "
-                "does; CalculiX means the diameter: give it twice there."
-            )
+            told = "the one number of SECTION=CIRC is taken for the radius, as Abaqus does; "
+            told += "CalculiX means the diameter: give it twice there."
+            self.whole.deck.told.append(f"{card.place}: {told}")
         first = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
@@ -362,14 +349,11 @@ class Sections:
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
-            tangent = geometry.common_direction(
-                geometry.tangents_of(self.whole.deck, elements), least=1 - 1e-9
-            )
+            every = geometry.tangents_of(self.whole.deck, elements)
+            tangent = geometry.common_direction(every, least=1 - 1e-9)
             if tangent is None:
-                raise card.place.error(
-                    "OFFSET2 is read for beams in one direction only; give each "
-                    "direction a section of its own."
-                )
+                told = "OFFSET2 is read for beams in one direction only; give each direction a"
+                raise card.place.error(f"{told} section of its own.")
             offset = shares[1] * profile.width
             first, profile = np.cross(tangent, first), profile.rotated()
         length = self.builder.units.length
@@ -382,11 +366,10 @@ def _turned(axis: Array, own: Array, normals: Array, place: Place) -> float:
     flat = [v - np.einsum("ni,ni->n", v, normals)[:, None] * normals for v in (axis, own)]
     sine = np.einsum("ni,ni->n", np.cross(*flat), normals)
     degrees = np.degrees(np.arctan2(sine, np.einsum("ni,ni->n", *flat)))
-    if np.abs((degrees - degrees[0] + 90) % 180 - 90).max() > SAME_ANGLE:
-        raise place.error(
-            "the *ORIENTATION of this layer turns against that of the section, or of the first "
-            "layer, from element to element; give the layers angles instead."
-        )
+    apart = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() > SAME_ANGLE
+    place.needs(not apart, "the *ORIENTATION of this layer turns against that of the section, or "
+                "of the first layer, from element to element; give the layers angles "
+                "instead.")  # fmt: skip
     return float(degrees[0])
 
 
@@ -398,10 +381,7 @@ def _positive(card: Card, what: str) -> float:
 
 
 def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
-    """Thicknesses by *NODAL THICKNESS, the mean of each element.
-
-    CalculiX takes them whether or not the section says so.
-    """
+    """The means of *NODAL THICKNESS in elements, whether or not the section says so (CalculiX)."""
     at_node = np.full(len(whole.deck.points), np.nan)
     cards = whole.named("NODALTHICKNESS")
     for card in cards:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from inspect import signature
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +36,7 @@ BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
 BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
 
-@dataclass(frozen=True)
-class BeamProfile:
+class BeamProfile(NamedTuple):
     """The cross-section of a beam at one place."""
 
     profile: profiles.Profile
@@ -283,8 +283,7 @@ PIECES = 16
 ALONG = 1e-9
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """An end that is not its node: rows of both, what holds them together, along which axes."""
 
     row: int
@@ -360,7 +359,7 @@ def _own_ends(
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
     """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
-    offsets = _offsets(found, entry)
+    offsets = offsets_of(found, entry)
     if not any(pins) and not offsets.any() and not neutral.any():
         return {}
     x = found.deck.points[nodes]
@@ -369,8 +368,10 @@ def _own_ends(
     long = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
     entry.needs(long, f"{entry.name} {entry.text(0)} has no length.")
     height = orientation(found, entry, line / length)
-    if not any(pins) and not neutral.any() and _alike(offsets, height):
-        return {}  # by the section
+    off = float(offsets[0] @ height)
+    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - off * height])).max()
+    if not any(pins) and not neutral.any() and rest <= 1e-6 * abs(off):
+        return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
     return {
@@ -380,7 +381,7 @@ def _own_ends(
     }
 
 
-def _offsets(found: NastranDeck, entry: Entry) -> Array:
+def offsets_of(found: NastranDeck, entry: Entry) -> Array:
     """Offsets (2, 3) of the ends from their nodes along the axes of the deck."""
     given = np.reshape(entry.reals(10, 16), (2, 3))
     if not given.any():
@@ -391,13 +392,6 @@ def _offsets(found: NastranDeck, entry: Entry) -> Array:
                 "not supported; give them in the displacement system (GGG).")  # fmt: skip
     frames = [found.frame(found.at(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(given, frames, strict=True)])
-
-
-def _alike(offsets: Array, height: Array) -> bool:
-    """Whether both ends lie equally far off their nodes along the height."""
-    along = float(offsets[0] @ height)
-    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - along * height])).max()
-    return bool(rest <= 1e-6 * abs(along))
 
 
 def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
@@ -419,13 +413,8 @@ def _vector(found: NastranDeck, entry: Entry) -> Array:
     return v if entry.text(7).upper()[:1] == "B" else np.asarray(v @ found.frame(a, entry.place))
 
 
-def offset_along(found: NastranDeck, entry: Entry, height: Array) -> float:
-    """Equal offsets of both ends along the height."""
-    return float(_offsets(found, entry)[0] @ height)
-
-
 def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Array, Array]:
-    """(points (pieces - 1, 3) between the ends, directions of plane 1 (pieces, 3)) of a CBEND.
+    """(points (pieces - 1, 3) within, directions of plane 1 (pieces, 3)) of a CBEND.
 
     `bend`: its PBEND; `x` (2, 3): its ends; `v`: the vector, or the arm of the node, that it gives.
     """

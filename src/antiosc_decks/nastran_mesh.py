@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,12 +91,11 @@ class Systems:
         self._given: dict[int, tuple[Entry, int]] = {}
         self._moved: Mapping[int, System] = {}
         for entry in entries:
-            if entry.name.startswith("CORD1"):
-                for start in (0, 4):
-                    if entry.text(start):
-                        self._give(entry, start, 4)
-            elif entry.name.startswith("CORD2"):
+            if entry.name.startswith("CORD2"):
                 self._give(entry, 0, 16)
+            for start in (0, 4) if entry.name.startswith("CORD1") else ():
+                if entry.text(start):
+                    self._give(entry, start, 4)
 
     def move(self, moved: Mapping[int, System]) -> None:
         """Parts of the deck lie elsewhere: scope -> where their basic system is."""
@@ -119,8 +119,8 @@ class Systems:
         number += place.scope
         if number not in self._placed:
             place.needs(number in self._given, f"there is no coordinate system {own}.")
-            if number in self._open or len(self._open) > 200:
-                raise place.error(f"the coordinate system {own} depends on itself.")
+            closed = number not in self._open and len(self._open) <= 200
+            place.needs(closed, f"the coordinate system {own} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(*self._given[number])
             self._open.discard(number)
@@ -223,8 +223,7 @@ SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", 
 SCALARS = ("CELAS", "CDAMP", "CMASS")
 
 
-@dataclass(frozen=True)
-class Beam:
+class Beam(NamedTuple):
     """A beam, or a piece of one."""
 
     #: place of its middle, from 0 to 1
@@ -266,10 +265,10 @@ class NastranDeck:
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
+        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects; else all of them.
 
-        Without case control all of them are used. The choice is told; MeshError if there are no
-        supports of the number that is selected. What stands above all subcases is of each.
+        The choice is told; MeshError for supports that are not there. What stands above all
+        subcases is of each.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
@@ -292,10 +291,8 @@ class NastranDeck:
         if lost:
             self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
         if others:
-            self.deck.told.append(
-                f"not used of {name}: {what} {_sets(others)}, which the first subcase does not "
-                "select."
-            )
+            told = f"not used of {name}: {what} {_sets(others)}"
+            self.deck.told.append(f"{told}, which the first subcase does not select.")
         return used & present
 
     def row(self, label: int, place: Place) -> int:
@@ -325,10 +322,9 @@ class NastranDeck:
             if entry.whole(k, 0):
                 row = self.at(entry, k)
                 motion = entry.whole(k + 1, 0) - 1 if two else -1
-                entry.needs(
-                    motion in (-1, 0) if row in self.scalar else 0 <= motion < 6,
-                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or a scalar point.",
-                )
+                there = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
+                entry.needs(there, f"{entry.name} acts on a component from 1 to 6 of a GRID, or a "
+                            "scalar point.")  # fmt: skip
                 found.append((row, max(motion, 0)))
         entry.needs(found, f"{entry.name} acts on no node.")
         return found
@@ -342,11 +338,8 @@ class NastranDeck:
     def axes(self, entry: Entry, number: int) -> Array:
         """The axes of a rectangular system as rows."""
         system = self.systems(number, entry.place)
-        entry.needs(
-            system.kind == "R",
-            f"{entry.name} is read in rectangular systems; give the coordinate system {number} as "
-            "CORD2R.",
-        )
+        entry.needs(system.kind == "R", f"{entry.name} is read in rectangular systems; give the "
+                    f"coordinate system {number} as CORD2R.")  # fmt: skip
         return system.axes
 
 
@@ -356,13 +349,12 @@ def read(sources: Sources) -> NastranDeck:
     for entry in bulk.entries:
         if entry.fault and fate_of(entry.name).kind == "read":
             raise entry.fault
-        if entry.name == "SEBULK":
-            own = f"a superelement of the type {entry.text(1)}"
-            whole = entry.text(1).upper() in ("", "PRIMARY")
-            entry.needs(whole, f"{own} is not read; write its elements out.")
+        whole = entry.name != "SEBULK" or entry.text(1).upper() in ("", "PRIMARY")
+        entry.needs(whole, f"a superelement of the type {entry.text(1)} is not read; write its "
+                    "elements out.")  # fmt: skip
     scope_parts(bulk.entries)
     found = _nodes(bulk, sources.name)
-    found.deck.told += [*bulk.told, *found.account.unknown_cards()]
+    found.deck.told += [*bulk.told, *found.account.unknown()]
     for name, sentence in NEAREST.items():
         if count := len(found.named(name)):
             found.converted.append(sentence.format(count, name))
@@ -383,7 +375,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
-    default = grid_defaults(bulk.entries)
+    fill_grids(bulk.entries)
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
@@ -397,8 +389,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:
-            number = _given(grids[row], 1, default)
-            c = np.array(grids[row].reals(2, 5))
+            number, c = grids[row].whole(1, 0), np.array(grids[row].reals(2, 5))
             placed[row] = systems(number, grids[row].place).point(c)
         return placed[row]
 
@@ -412,7 +403,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     account = account_for(bulk.entries, name)
     found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
-        number = _given(grid, 5, default)
+        number = grid.whole(5, 0)
         if number or grid.place.scope in moved:
             found.systems_of[row] = number
     return found
@@ -425,10 +416,10 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         known = first.setdefault(entry.number(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
-            raise entry.place.error(
-                f"the deck defines the {what} {entry.whole(0)} more than once, "
-                f"first otherwise in {known.place}."
+            told = (
+                f"the deck defines the {what} {entry.whole(0)} more than once, first otherwise in"
             )
+            raise entry.place.error(f"{told} {known.place}.")
     return first
 
 
@@ -445,15 +436,14 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def grid_defaults(entries: list[Entry]) -> dict[int, Entry]:
-    """GRDSET of each part of the deck, by its scope."""
-    return {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
-
-
-def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
-    """The number of a coordinate system in field k, by default that of GRDSET."""
-    given = grid if grid.text(k) else defaults.get(grid.place.scope, grid)
-    return given.whole(k, 0)
+def fill_grids(entries: list[Entry]) -> None:
+    """Blank systems and supports of GRID are those of GRDSET of the part."""
+    defaults = {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
+    for grid in entries if defaults else ():
+        if grid.name == "GRID" and grid.place.scope in defaults:
+            grid.fields += [""] * (7 - len(grid.fields))
+            for k in (1, 5, 6):
+                grid.fields[k] = grid.text(k) or defaults[grid.place.scope].text(k)
 
 
 def _defaults(found: NastranDeck) -> None:
@@ -510,11 +500,8 @@ def _elements(found: NastranDeck) -> None:
         rows = np.where(table > 0, found.nodes.rows(table), -1)
         lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         for row, k in np.argwhere(lost):
-            entry = some[row][0]
-            raise entry.place.error(
-                f"{name} {entry.whole(0)} has the node {table[row, k] % SCOPE}, for which "
-                "there is no GRID."
-            )
+            told = f"{name} {some[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
+            raise some[row][0].place.error(f"{told}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]
         found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
@@ -553,11 +540,8 @@ def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, En
         if entry.whole(0) != number:
             continue
         if entry.name == "SPC":
-            result += [
-                (np.array([found.at(entry, k)]), entry.text(k + 1), entry)
-                for k in (1, 4)
-                if entry.text(k)
-            ]
+            some = [(found.at(entry, k), entry.text(k + 1)) for k in (1, 4) if entry.text(k)]
+            result += [(np.array([row]), components, entry) for row, components in some]
             continue
         for first, last in through(entry.fields[2:], entry.place):
             own = found.nodes.between(first + entry.place.scope, last + entry.place.scope)

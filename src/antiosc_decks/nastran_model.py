@@ -25,7 +25,6 @@ from antiosc_decks.nastran_mesh import (
     NastranDeck,
     coincident,
     constraints,
-    grid_defaults,
     its_property,
     place_in,
     property_of,
@@ -161,10 +160,9 @@ class Joints:
             if set(components) & set("456"):
                 told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
                 self.builder.tell_once(told)
-            entry.needs(
-                set(components) - set("456 ") == set("123"),
-                f"RBE3 is read where the independent nodes move by 123; got {components!r}.",
-            )
+            plain = set(components) - set("456 ") == set("123")
+            entry.needs(plain, "RBE3 is read where the independent nodes move by 123; got "
+                        f"{components!r}.")  # fmt: skip
             start = k = k + 2
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
                 k += 1
@@ -277,29 +275,23 @@ class Joints:
                 elif kind == "GE":
                     told(f"GE of PBUSH {own.text(0)}")
                 elif kind != "RCV":
-                    own.needs(
-                        not kind and not own.words(start + 2, start + 8),
-                        "PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
-                        f"{kind or '(?)'} would change the result.",
-                    )
+                    none = not kind and not own.words(start + 2, start + 8)
+                    own.needs(none, "PBUSH is read with stiffnesses (K) and dampers (B) alone; its "
+                              f"line {kind or '(?)'} would change the result.")  # fmt: skip
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes as rows: of the system of an entry, by its line and a vector, or of the deck.
-
-        `acts`: which of the six motions have a constant.
-        """
+        """Axes as rows: of a system, by a line and a vector, or of the deck; `acts`: of the six."""
         if entry.text(7):
             return self.found.systems(entry.whole(7), entry.place).frame(place)
         across = any(acts[k] for k in (1, 2, 4, 5))
         given = any(entry.text(k) for k in (4, 5, 6))
         if len(x) == 1 and not given and not (entry.name in ON_LINE and entry.text(3)):
             return np.eye(3)
-        entry.needs(
-            len(x) > 1 and (given or not across),
-            f"{entry.name} needs the system CID at coincident nodes or to the ground, and "
-            "CID or an orientation between nodes apart, unless it acts along their line alone.",
-        )
+        known = len(x) > 1 and (given or not across)
+        entry.needs(known, f"{entry.name} needs the system CID at coincident nodes or to the "
+                    "ground, and CID or an orientation between nodes apart, unless it acts along "
+                    "their line alone.")  # fmt: skip
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
         if given:
@@ -421,11 +413,9 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
-    defaults = grid_defaults(found.bulk.entries)
     for row, grid in enumerate(found.grids):
-        permanent = grid.text(6) or defaults.get(grid.place.scope, grid).text(6)
-        if permanent:
-            _fix(found, builder, np.array([row]), permanent, grid.place)
+        if grid.text(6):
+            _fix(found, builder, np.array([row]), grid.text(6), grid.place)
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in constraints(found, number):

@@ -13,7 +13,7 @@ from antiosc.io.deck import Array, IntArray
 from antiosc.io.neutral import CORNERS, Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.builder import Family, ModelBuilder
-from antiosc_decks.nastran_beams import BeamProfiles, offset_along, orientation
+from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
 from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
 from antiosc_decks.properties import Material, isotropic, symmetric, tube
@@ -82,9 +82,8 @@ class Properties:
             material.constants = isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
-                self.builder.tell_once(
-                    f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
-                )
+                told = f"G of MAT1 {number}, which does not follow from E and NU"
+                self.builder.tell_once(f"{told}, of solids and shells")
         elif entry.name == "MAT2":
             material.plane = symmetric(entry.reals(1, 7), np.triu_indices)
         elif entry.name == "MAT9":
@@ -117,10 +116,8 @@ class Properties:
 
     def _tell_beside(self, entry: Entry, extra: float) -> None:
         if extra:
-            self.builder.tell_once(
-                f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
-                "over the section"
-            )
+            told = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
+            self.builder.tell_once(f"{told}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         fluid = entry.text(6) not in ("", "SMECH")
@@ -186,7 +183,7 @@ class Properties:
             beam = self.found.beams.get(int(element), Beam())
             own = self.found.elements[element]
             height = orientation(self.found, own, tangent) if beam.height is None else beam.height
-            offset = 0.0 if beam.moved else offset_along(self.found, own, height)
+            offset = 0.0 if beam.moved else float(offsets_of(self.found, own)[0] @ height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(k)
         for key, some in apart.items():
@@ -219,10 +216,10 @@ class Properties:
             if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
                 entry.fields[k] = entry.text(other)
-                self.builder.tell_once(
-                    f"that PSHELL {number} has no stiffness against {what} (no "
-                    f"MID{(k + 1) // 2}), that of its other material is taken"
+                told = (
+                    f"that PSHELL {number} has no stiffness against {what} (no MID{(k + 1) // 2})"
                 )
+                self.builder.tell_once(f"{told}, that of its other material is taken")
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
@@ -248,9 +245,8 @@ class Properties:
                 layer["rho"] += extra
                 self._directed(entry, name, some, "Laminate", {"layers": [layer]}, offset)
             else:
-                E, nu = self.builder.elastic(material, "shells")
-                rho = self.builder.rho(material) + extra
-                arguments: Json = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
+                arguments = self.builder.isotropic(material, "shells") | {"thickness": own * length}
+                arguments["rho"] += extra
                 if offset:
                     arguments["offset"] = offset * length
                     arguments |= geometry.side_of(self.found.deck, some, length)
@@ -276,10 +272,8 @@ class Properties:
             key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
             apart.setdefault(key, []).append(int(element))
         if varying:
-            self.builder.tell_once(
-                f"the variation of the thickness within {varying} elements of {label}, the mean of "
-                "the corners is taken in each"
-            )
+            told = f"the variation of the thickness within {varying} elements of {label}"
+            self.builder.tell_once(f"{told}, the mean of the corners is taken in each")
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
     def _given(self, entry: Entry, thickness: float) -> Json:
@@ -346,20 +340,14 @@ class Properties:
         return self.builder.layer(material, thickness, angle)
 
     def _directed(
-        self,
-        entry: Entry,
-        name: str,
-        elements: IntArray,
-        kind: str,
-        arguments: Json,
-        offset: float,
+        self, entry: Entry, name: str, elements: IntArray, kind: str, own: Json, offset: float
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
         deck, length = self.found.deck, self.builder.units.length
         normals = geometry.normals_of(deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
         axis = geometry.common_direction(axes, least=1 - 1e-6)
-        own = {**arguments, "top": geometry.top_of(deck, elements, length)}
+        own = {**own, "top": geometry.top_of(deck, elements, length)}
         given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
         own["axis"] = given
         if offset:
@@ -369,10 +357,8 @@ class Properties:
 
     def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
         if geometry.curved(self.found.deck, elements):
-            self.builder.tell_once(
-                f"the area of the offset surface of {entry.name} {entry.text(0)}, that at the "
-                "nodes is taken"
-            )
+            told = f"the area of the offset surface of {entry.name} {entry.text(0)}"
+            self.builder.tell_once(f"{told}, that at the nodes is taken")
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""

@@ -30,9 +30,9 @@ class Material(Placed):
 
     def elasticity(self) -> Array:
         """The constants; MeshError without such."""
-        if self.constants is None:
-            raise self.place.error(f"the material {self.name!r} has no constants of elasticity.")
-        return self.constants
+        found = self.constants
+        self.needs(found is not None, f"the material {self.name!r} has no constants of elasticity.")
+        return np.asarray(found)
 
     @property
     def modulus(self) -> float:
@@ -147,10 +147,7 @@ Wall = tuple[float, float, float, float]
 
 
 def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
-    """Rectangles that touch each other.
-
-    Torsion of thin open walls, Σ l t³/3, if it is not given. ValueError if a wall has no width.
-    """
+    """Rectangles that touch; torsion of thin open walls, Σ l t³/3. ValueError: no width."""
     low, high, left, right = np.array(walls, dtype=float).T
     h, w = high - low, right - left
     if min(h.min(), w.min()) <= 0:
@@ -181,10 +178,7 @@ def box_torsion(
 
 
 def hexagon(height: float, width: float, tip: float) -> Profile:
-    """A full hexagon: a rectangle between two triangles with tips of this length.
-
-    ValueError if the triangles fill it.
-    """
+    """A hexagon: a rectangle between two triangles with these tips. ValueError: they fill it."""
     flat = width - 2 * tip
     if flat < 0:
         raise ValueError("the tips are wider than the hexagon")
@@ -298,10 +292,7 @@ def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Everywhe
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
-    """The motions along x, y and z (3,) that are fixed with those along the rows of `frame`.
-
-    None where they are not a set of these: one or two directions askew to the axes.
-    """
+    """The motions along x, y, z (3,) that are fixed with those along rows; None: askew to these."""
     if fixed.all() or not fixed.any():
         return fixed
     cosines = np.abs(frame)
