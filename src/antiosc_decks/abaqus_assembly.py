@@ -175,10 +175,8 @@ class Whole:
             if cells is not None:
                 found.append(self.deck.nodes_of(cells))
             else:
-                self.deck.told.append(
-                    f"{card.place}: *NSET {name} is of the set of elements {elements}, "
-                    "which does not exist before it."
-                )
+                told = f"{card.place}: *NSET {name} is of the set of elements {elements}"
+                self.deck.told.append(f"{told}, which does not exist before it.")
         strict = len(self.instances) > 1 and not within.name
         every = self._all_numbers(card, of)
         found += [] if every is None else [every]
@@ -199,10 +197,9 @@ class Whole:
                 else:
                     lost.append(word)
         if lost:
-            self.deck.told.append(
-                f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist "
-                f"({', '.join(lost[:4])}{', …' * (len(lost) > 4)})."
-            )
+            told = f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
+            shown = f"{', '.join(lost[:4])}{', …' * (len(lost) > 4)}"
+            self.deck.told.append(f"{told} ({shown}).")
         self._extend(keyword, name, within, found)
 
     def _all_numbers(self, card: Card, of: Instance) -> IntArray | None:
@@ -215,23 +212,14 @@ class Whole:
         rows = known.rows(np.array(words, dtype=np.int64))
         return of.placed(card.keyword, rows) if (rows >= 0).all() else None
 
-    def finish(self) -> None:
-        """Give the deck the sets, without elements that are not cells."""
-        sets = {"NSET": self.deck.node_sets, "ELSET": self.deck.element_sets}
-        for (keyword, name), rows in self.sets.items():
-            cells = rows[rows < OTHER]
-            if len(cells) or not len(rows):
-                sets[keyword][self.spelling[name]] = cells
-
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     """What selects the existing numbers in a range, which may be wide."""
     row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
     first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
-    if step == 0 and first == last:
-        step = 1
-    if step < 1 or last < first:
-        raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
+    step = step or int(first == last)
+    some = step >= 1 and last >= first
+    row.needs(some, f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
 
 
@@ -251,7 +239,11 @@ def read(sources: Sources) -> Whole:
         whole.add(_placed(whole, card, own, parts, meshes))
     for card in sorted(whole.named(*WHAT), key=lambda card: not card.within.name):
         whole.read_set(card)
-    whole.finish()
+    named = {"NSET": whole.deck.node_sets, "ELSET": whole.deck.element_sets}
+    for (keyword, label), rows in whole.sets.items():  # without elements that are not cells
+        cells = rows[rows < OTHER]
+        if len(cells) or not len(rows):
+            named[keyword][whole.spelling[label]] = cells
     if not len(whole.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE).")
     return whole
@@ -272,27 +264,22 @@ def _divided(
     for card in cards:
         if card.keyword in ("PART", "INSTANCE"):
             named = card.keyword, card.needed("NAME").upper()
-            if named in names:
-                raise card.place.error(f"*{card.keyword} {card.option('NAME')!r} is there twice.")
+            once = named not in names
+            card.needs(once, f"*{card.keyword} {card.option('NAME')!r} is there twice.")
             names.add(named)
-        match card.keyword:
-            case "PART":
-                current = []
-                parts[card.needed("NAME").upper()] = card.needed("NAME"), current
-            case "INSTANCE":
-                current = []
+            current = []
+            if card.keyword == "PART":
+                parts[named[1]] = card.needed("NAME"), current
+            else:
                 placed.append((card, current))
-            case "ENDPART" | "ENDINSTANCE":
-                current = top
-            case "STEP":
-                in_step = True
-                steps.append([])
-            case "ENDSTEP":
-                in_step = False
-            case _ if in_step and card.keyword not in WHAT:
-                steps[-1].append(card)
-            case _:
-                current.append(card)
+        elif card.keyword in ("ENDPART", "ENDINSTANCE"):
+            current = top
+        elif card.keyword in ("STEP", "ENDSTEP"):
+            in_step = card.keyword == "STEP"
+            steps += [[]] * in_step
+        else:
+            in_model = not in_step or card.keyword in WHAT
+            (current if in_model else steps[-1]).append(card)
     return top, parts, placed
 
 

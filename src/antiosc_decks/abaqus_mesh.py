@@ -230,10 +230,8 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
     apart = np.abs(mesh.points[mesh.nodes.rows(every)] - given).max(axis=1)
     moved = apart > 1e-9 * np.abs(given).max(initial=0.0)
     if moved.any():
-        mesh.told.append(
-            f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such "
-            "lines): the last one is taken."
-        )
+        told = f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such"
+        mesh.told.append(f"{told} lines): the last one is taken.")
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
 
 
@@ -262,10 +260,9 @@ def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
     every = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
     numbers, count = np.unique(every, return_counts=True)
     if (count > 1).any():
-        raise MeshError(
-            f"{name} defines {int((count > 1).sum())} elements twice, one of them "
-            f"{numbers[count > 1][0]}; every element needs a number of its own."
-        )
+        told = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
+        told += f"{numbers[count > 1][0]}; every element needs a number of its own."
+        raise MeshError(told)
     mesh.elements = Numbering(every)
     mesh.sets += [("ELSET", label, mesh.elements.rows(own)) for label, own in sets]
 
@@ -295,10 +292,8 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
     if len(wrong):
         row = int(wrong[0])
         missing = int(table[row, 1:][nodes[row] < 0][0])
-        raise places[row].error(
-            f"element {table[row, 0]} ({kind}) has the node {missing}, which "
-            f"the deck does not define ({len(wrong)} such elements)."
-        )
+        told = f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
+        raise places[row].error(f"{told} define ({len(wrong)} such elements).")
     if len(table):
         corners, mids, inner = (
             nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)
@@ -322,8 +317,8 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
             numbers = [int(word) for word in words if word and not word.isspace()]
         except ValueError:
             numbers = [whole_number(word, place) for word in words if word.strip()]
-        if max(map(abs, numbers), default=0) > LARGEST_NUMBER:
-            raise place.error("a number of a node or element is too large.")
+        small = max(map(abs, numbers), default=0) <= LARGEST_NUMBER
+        place.needs(small, "a number of a node or element is too large.")
         current += numbers
         if len(current) >= least:
             longer += len(current) > least
@@ -333,15 +328,11 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
     if current:
         raise _short(start, current[0], kind, len(current) - 1, width)
     if longer:
-        mesh.told.append(
-            f"{card.place}: {longer} {kind} elements list more than their {width} nodes; the "
-            f"first {width} are taken, as CalculiX does."
-        )
+        told = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
+        mesh.told.append(f"{told}; the first {width} are taken, as CalculiX does.")
     return found, places
 
 
 def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
-    return place.error(
-        f"element {label} of type {kind} has {nodes} nodes; it must "
-        f"have {width}: the deck is cut off, or of another program."
-    )
+    told = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
+    return place.error(f"{told}: the deck is cut off, or of another program.")

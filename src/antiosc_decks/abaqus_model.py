@@ -37,16 +37,9 @@ BESIDE = {
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }
 #: Names of supports -> the motions (0 to 5) that they fix.
-NAMED = {
-    "ENCASTRE": (0, 1, 2, 3, 4, 5),
-    "PINNED": (0, 1, 2),
-    "XSYMM": (0, 4, 5),
-    "YSYMM": (1, 3, 5),
-    "ZSYMM": (2, 3, 4),
-    "XASYMM": (1, 2, 3),
-    "YASYMM": (0, 2, 4),
-    "ZASYMM": (0, 1, 5),
-}
+NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
+NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
+NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
@@ -125,8 +118,8 @@ class _Supports:
         nodes = card.nodes("NSET")
         values = card.numbers()[:6]
         kind = card.option("TYPE", "R").upper()[:1]
-        if len(values) < 6 or kind not in "RC":
-            raise card.place.error("*TRANSFORM needs six coordinates, TYPE=R or C.")
+        enough = len(values) == 6 and kind in "RC"
+        card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
         shift = card.within.shift if kind == "C" else 0.0
         a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
         if kind == "C" and (a != b).any():
@@ -135,8 +128,8 @@ class _Supports:
             z = np.cross(a, b) if kind == "R" else np.zeros(3)
             x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
             frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
-        if np.linalg.norm(frames, axis=2).min(initial=1.0) < 0.5:
-            raise card.place.error("*TRANSFORM gives no axes.")
+        sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
+        card.needs(sound, "*TRANSFORM gives no axes.")
         self.frames.update(zip(nodes.tolist(), frames, strict=True))
 
     def apply(self) -> None:
@@ -157,10 +150,8 @@ def _nonstructural(builder: ModelBuilder, card: Card) -> None:
     elif unit in UNITS and len(row.fields) < 2:
         add_mass(builder, elements, row.real(0), UNITS[unit], card.place)
     else:
-        raise card.place.error(
-            "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
-            "(DISTRIBUTION=MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH."
-        )
+        told = "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS (DISTRIBUTION=MASS or VOLUME"
+        raise card.place.error(f"{told} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
 
 
 def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:

@@ -68,12 +68,9 @@ def make_truss(builder: ModelBuilder) -> None:
         if rod is not None and rod.effective is None:
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
-        arguments = {
-            "E": rod.E * units.stress,
-            "nu": rod.nu,
-            "rho": rod.mass / rod.across * units.density,
-            "area": rod.across * units.length**2,
-        }
+        arguments = {"E": rod.E * units.stress, "nu": rod.nu}
+        arguments["rho"] = rod.mass / rod.across * units.density
+        arguments["area"] = rod.across * units.length**2
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
     if any(rod.torsion for rod in alike):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
@@ -295,6 +292,7 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
 
 
 def _on_edges(builder: ModelBuilder) -> bool:
+    """Whether all beams lie on edges of shells."""
     found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)

@@ -110,7 +110,12 @@ class BeamProfiles:
             entry.needs(not beside, "PBEND with RC or ZC is not supported; move its nodes.")
         elif entry.name == "PBEAM":
             start = self._along(rows)
-            self._behind(start)
+            # blank at the second end: as at the first
+            ends = (start + 12, start + 13)
+            second = [k + 2 if entry.text(k + 2) else k for k in ends]
+            self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, second)]
+            if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
+                self.told.append(f"{', '.join(given)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
                              "of the other is taken")  # fmt: skip
@@ -149,14 +154,6 @@ class BeamProfiles:
         entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
         return start
 
-    def _behind(self, start: int) -> None:
-        entry = self.entry
-        ends = [start + 12, start + 13]
-        own = [k + 2 if entry.text(k + 2) else k for k in ends]  # blank: as at the first end
-        self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, own)]
-        if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
-            self.told.append(f"{', '.join(given)} of PBEAM {entry.text(0)}")
-
     def _listed(self) -> list[tuple[float, BeamProfile]]:
         entry = self.entry
         kind = entry.text(3).upper()
@@ -180,10 +177,9 @@ class BeamProfiles:
             stations.append((entry.real(start + 1, 1.0), one))
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
-            self.told.append(
-                f"the shear coefficients and the torsion constant that Nastran gives {entry.name} "
-                f"{entry.text(0)} ({kind}), {profiles.THIN:g} and that of thin walls are taken"
-            )
+            told = f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
+            told = f"the shear coefficients and {told}, {profiles.THIN:g}"
+            self.told.append(f"{told} and that of thin walls are taken")
         return stations
 
     def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
@@ -200,10 +196,8 @@ class BeamProfiles:
             found = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
             return found if kind in ("L", "Z") else replace(found, mixed=0.0)
         except ValueError as error:
-            raise self.entry.place.error(
-                f"the dimensions of {self.entry.name} {self.entry.text(0)} do "
-                f"not fit into each other for the type {kind!r}."
-            ) from error
+            told = f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
+            raise self.entry.place.error(f"{told} other for the type {kind!r}.") from error
 
 
 Walls = list[profiles.Wall]

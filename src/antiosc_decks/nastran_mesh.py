@@ -459,11 +459,9 @@ def _defaults(found: NastranDeck) -> None:
 
 def _rods_of_bars(found: NastranDeck) -> None:
     """CBAR of a PBAR without second moments are CROD; the model tells it."""
-    bare = {
-        entry.text(0): entry
-        for entry in found.named("PBAR")
-        if not any(entry.text(k).strip("+-.0") for k in (3, 4))
-    }
+    every = found.named("PBAR")
+    some = [one for one in every if not any(one.text(k).strip("+-.0") for k in (3, 4))]
+    bare = {entry.text(0): entry for entry in some}
     for entry in found.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in bare:
             entry.name, entry.fields = "CROD", entry.fields[:4]

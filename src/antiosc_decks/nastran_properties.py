@@ -398,9 +398,8 @@ def _moduli(entry: Entry) -> tuple[float, float | None, float]:
         E = 2 * G * (1 + nu)
     if nu is None and E and G:
         nu = E / (2 * G) - 1
-    if not E:
-        raise entry.place.error("MAT1 needs E, or G and NU, above 0.")
-    return E, G, nu or 0.0
+    entry.needs(E, "MAT1 needs E, or G and NU, above 0.")
+    return E or 0.0, G, nu or 0.0
 
 
 def _plane(material: Material) -> Array:

@@ -154,10 +154,8 @@ class Account:
         for name, place, fate in (*self.cards, *self.options):
             if fate.kind == "refused":
                 what = f" is {fate.what}, which" if fate.what else ""
-                raise place.error(
-                    f"{name}{what} is not supported here and would change the result; "
-                    "remove it from the deck, or model the part without it."
-                )
+                told = f"{name}{what} is not supported here and would change the result; remove"
+                raise place.error(f"{told} it from the deck, or model the part without it.")
 
     def ignored(self) -> list[str]:
         """Count, name and lines of what is ignored."""
