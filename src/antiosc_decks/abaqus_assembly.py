@@ -55,7 +55,12 @@ class Instance:
         """Rows of the number or of the set (NSET or ELSET) that `word` names."""
         found = self.find(keyword, word)
         if found is None:
-            raise self.missing(keyword, word, place)
+            what, where = WHAT[keyword], f" in {self.name}" if self.name else ""
+            number = word.lstrip("-").isdigit()
+            if number and len(self.whole.instances) > 1 and not self.name:
+                where = " outside the instances; name its instance (INSTANCE=)"
+            what = what if number else f"set of {what}s"
+            raise place.error(f"there is no {what} {word}{where}.")
         return found
 
     def nodes(self, word: str, place: Place) -> IntArray:
@@ -95,15 +100,6 @@ class Instance:
             if (rows >= 0).any():
                 return one.placed(keyword, rows)
         return NONE
-
-    def missing(self, keyword: str, word: str, place: Place) -> MeshError:
-        """The error of a number or a set that is not there."""
-        what = WHAT[keyword]
-        where = f" in {self.name}" if self.name else ""
-        number = word.lstrip("-").isdigit()
-        if number and len(self.whole.instances) > 1 and not self.name:
-            where = " outside the instances; name its instance (INSTANCE=)"
-        return place.error(f"there is no {what if number else f'set of {what}s'} {word}{where}.")
 
 
 @dataclass
@@ -189,13 +185,11 @@ class Whole:
                 continue
             for word in filter(None, row.fields):
                 count += 1
-                rows = of.find(keyword, word)
-                if rows is not None:
-                    found.append(rows)
-                elif strict:
-                    raise of.missing(keyword, word, row.place)
-                else:
+                rows = of.rows(keyword, word, row.place) if strict else of.find(keyword, word)
+                if rows is None:
                     lost.append(word)
+                else:
+                    found.append(rows)
         if lost:
             told = f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
             shown = f"{', '.join(lost[:4])}{', …' * (len(lost) > 4)}"

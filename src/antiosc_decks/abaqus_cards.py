@@ -90,8 +90,7 @@ class Card(Placed):
 
     def first(self) -> Row:
         """The first data line, which may be without fields."""
-        first = (self.lines[0], self, self.places[0]) if self.lines else ("", self, self.place)
-        return Row(*first)
+        return Row("".join(self.lines[:1]), self, [*self.places, self.place][0])
 
     def option(self, name: str, default: str = "") -> str:
         """Value of an option, without quotes."""
@@ -157,23 +156,15 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             line += following
             number += 1
         card = _card(line, place)
-        if card.keyword == "INCLUDE" and not _of_loads(sources, card, found):
-            _included(sources, card.needed("INPUT"), place, found)
-            continue
-        found.append(card)
-        if card.keyword in WITH_INPUT and card.option("INPUT"):
-            _included(sources, card.option("INPUT"), place, found)
-
-
-def _of_loads(sources: Sources, card: Card, found: list[Card]) -> bool:
-    """Whether a file that is not there would be of loads, which are not read either."""
-    return bool(found) and found[-1].keyword in LOADS and not sources.holds(card.needed("INPUT"))
-
-
-def _included(sources: Sources, named: str, place: Place, found: list[Card]) -> None:
-    lines = sources.enter(named, place)
-    _collect(sources, lines, named.strip().strip('"'), found)
-    sources.leave()
+        include = card.keyword == "INCLUDE"
+        named = card.needed("INPUT") if include else card.option("INPUT")
+        # a file that is not there may be of loads, which are not read either
+        lost = include and found and found[-1].keyword in LOADS and not sources.holds(named)
+        if not include or lost:
+            found.append(card)
+        if not lost and named and (include or card.keyword in WITH_INPUT):
+            _collect(sources, sources.enter(named, place), named.strip().strip('"'), found)
+            sources.leave()
 
 
 def _card(line: str, place: Place) -> Card:
@@ -189,17 +180,10 @@ def _card(line: str, place: Place) -> Card:
 
 
 def _outside_quotes(text: str) -> list[str]:
-    """Fields between the commas outside quotes."""
-    if '"' not in text:
-        return text.split(",")
-    fields, quoted = [""], False
-    for letter in text:
-        quoted ^= letter == '"'
-        if letter == "," and not quoted:
-            fields.append("")
-        else:
-            fields[-1] += letter
-    return fields
+    """Fields between the commas outside quotes; no text contains zero bytes."""
+    parts = text.split('"')
+    parts[::2] = [part.replace(",", "\0") for part in parts[::2]]
+    return '"'.join(parts).split("\0")
 
 
 #: Cards that are read -> options that are read or harmless, with their values if not all are.

@@ -13,7 +13,7 @@ from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
-from antiosc_decks.constraints import Constraints
+from antiosc_decks.constraints import Constraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
 SOLID_FACES = {
@@ -55,7 +55,7 @@ def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
                 continue
             elements, side = card.within.elements(row.word(0), row.place), row.word(1).upper()
             for block, _ in whole.deck.blocks_of(elements):
-                faces = list(_faces(block, side, row.place))
+                faces = _faces(block, side, row.place)
                 surface.faces += faces
                 edge = _edge(block, side, row.place)
                 if edge is None:
@@ -75,22 +75,19 @@ def _edge(block: Block, side: str, place: Place) -> int | None:
     return edge if edge >= 0 else None
 
 
-def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
-    corners = _corners(block.shape, side, place)
+def _faces(block: Block, side: str, place: Place) -> list[tuple[IntArray, IntArray]]:
+    """(corners, middles of edges) of a side of each element."""
+    corners = tuple(range(CORNERS[block.shape]))
+    if block.shape not in ("triangle", "quad"):
+        sides = SOLID_FACES.get(block.shape, ())
+        number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+        place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a "
+                    f"{block.shape}; it must be S1 to S{len(sides)}.")  # fmt: skip
+        corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
     around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
-    yield from zip(block.corners[:, list(corners)], block.mids[:, around], strict=True)
-
-
-def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
-    if shape in ("triangle", "quad"):
-        return tuple(range(CORNERS[shape]))
-    sides = SOLID_FACES.get(shape, ())
-    number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-    place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a {shape}; it "
-                f"must be S1 to S{len(sides)}.")  # fmt: skip
-    return sides[number - 1]
+    return list(zip(block.corners[:, list(corners)], block.mids[:, around], strict=True))
 
 
 #: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
@@ -313,7 +310,7 @@ class _Joints:
             joints.equation([(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0))
                              for c in range(3)], place)  # fmt: skip
         elif kind == "BEAM" and joints.has_rotations[b]:
-            joints.rigid(np.array([a]), b, range(6), place)
+            joints.rigid(np.array([a]), b, range(6), {})
         else:
             return False
         return True
@@ -332,10 +329,10 @@ class _Joints:
             reference = joints.point(joints.deck.points[nodes].mean(axis=0))
         leader = joints.leader(reference, rotation)
         own = [n for n in (reference, rotation) if n is not None]
-        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), place)
+        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), {})
         if card.option("PINNSET"):
             pinned = card.nodes("PINNSET")
-            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), place)
+            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), {})
 
     def coupling(self, card: Card) -> None:
         """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
@@ -346,8 +343,7 @@ class _Joints:
     def coupled(self, card: Card) -> None:
         if self.current is None:
             raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
-        rows = card.rows()
-        if rows:
+        if rows := card.rows():
             card.refuse_turned()
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
         node, nodes, given = self.current
@@ -376,21 +372,17 @@ class _Joints:
             self._mean(card, reference, range(6), nodes, every)
             self.whole.deck.left[kind] -= 1
 
-    def _rigid(self, node: int, nodes: IntArray, motions: Sequence[int], card: Card) -> None:
+    def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Motions of nodes, along the axes of the card's ORIENTATION=, follow those of one."""
-        leader, joints, name = self.joints.leader(node), self.joints, card.option("ORIENTATION")
+        leader, name, frames = self.joints.leader(node), card.option("ORIENTATION"), {}
         nodes = nodes[nodes != node]
-        if not name:
-            joints.rigid(nodes, leader, motions, card.place)
-            return
-        frames = self.orientations.at(name, card, joints.deck.points[nodes])
-        of_supports = joints.frames
-        joints.frames = dict(zip(nodes.tolist(), frames, strict=True))
-        joints.rigid(nodes, leader, motions, card.place, own=True)
-        joints.frames = of_supports
+        if name:
+            axes = self.orientations.at(name, card, self.joints.deck.points[nodes])
+            frames = dict(zip(nodes.tolist(), axes, strict=True))
+        self.joints.rigid(nodes, leader, motions, frames)
 
     def _mean(
-        self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array
+        self, card: Card, node: int, motions: Motions, nodes: IntArray, weights: Array
     ) -> None:
         card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
                    "whose mean motion it follows; give the coupling a node of its "

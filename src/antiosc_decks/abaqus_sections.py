@@ -402,10 +402,8 @@ def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
             varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
             _thin(builder, own, values[:, : block.corners.shape[1]].mean(axis=1), place)
     if varying:
-        told = (
-            f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, {place})"
-        )
-        builder.ignored.append(f"{told}, the mean of the corners is taken in each")
+        told = f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, "
+        builder.ignored.append(f"{told}{place}), the mean of the corners is taken in each")
 
 
 def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:

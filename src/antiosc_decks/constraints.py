@@ -12,7 +12,7 @@ those of the first: stiffness and mass add.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -25,6 +25,11 @@ from antiosc.io.neutral import Joints, Term, UnitSystem
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
 NO_NODES = np.zeros(0, dtype=np.int64)
+ZERO = np.zeros(3)
+#: Node -> directions of its motions, as rows.
+Frames = Mapping[int, Array]
+#: From 0 to 5.
+Motions = Sequence[int]
 #: Coefficients below this share of the largest of a constraint are rounding.
 NEGLIGIBLE_TERM = 1e-14
 
@@ -149,32 +154,23 @@ class Constraints:
         return point
 
     def rigid(
-        self,
-        nodes: IntArray,
-        leader: int,
-        motions: Sequence[int],
-        place: Place,
-        own: bool = False,
-        twisted: tuple[Array, Array] | None = None,
+        self, nodes: IntArray, leader: int, motions: Motions, frames: Frames, beside: Array = ZERO
     ) -> None:
-        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
+        """Motions (of 0 to 5) of nodes, along rows of `frames`, follow a point as a rigid body.
 
-        `own`: motions along the directions of a node's own, where it has such. `twisted`: an axis,
-        and the last part of the arm, which a rotation about the axis does not move.
+        `beside`: the last part of the arm, which a rotation about the first row does not move.
         """
         x = self.place(leader)
-        for node in map(int, nodes):
-            if node == leader:
-                continue
+        for node in map(int, nodes[nodes != leader]):
             r = self.place(node) - x
             arm = lever(r)
-            if twisted is not None:
-                axis, last = twisted
-                arm = lever(r - last) + np.outer(axis, axis) @ lever(last)
+            if beside.any():
+                axis = frames[node][0]
+                arm = lever(r - beside) + np.outer(axis, axis) @ lever(beside)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
-                for pivot, along in self._directions(node, motions, first, own):
+                for pivot, along in _directions(frames.get(node), motions, first):
                     terms = [(node, first + pivot, float(along[pivot]))]
                     rest = [k for k in range(3) if along[k]]
                     terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
@@ -184,31 +180,8 @@ class Constraints:
                         terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
                     self.equations.append(terms)
 
-    def _directions(
-        self, node: int, motions: Sequence[int], first: int, own: bool
-    ) -> list[tuple[int, Array]]:
-        """(the dependent axis, direction) of each of some motions; the axes differ."""
-        some = [c - first for c in motions if first <= c < first + 3]
-        if not own or node not in self.frames or len(some) == 3:
-            return [(k, np.eye(3)[k]) for k in some]
-        rows = self.frames[node][some].copy()
-        pivots: list[int] = []
-        for i in range(len(rows)):
-            # the same plane of directions, each with an axis that the others lack
-            left = np.abs(rows[i:]).copy()
-            left[:, pivots] = 0.0
-            j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
-            rows[[i, i + int(j)]] = rows[[i + int(j), i]]
-            rows[i] /= rows[i, pivot]
-            for k in range(len(rows)):
-                if k != i:
-                    rows[k] -= rows[k, pivot] * rows[i]
-            pivots.append(int(pivot))
-        rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
-        return list(zip(pivots, rows, strict=True))
-
     def mean(
-        self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
+        self, follower: int, motions: Motions, nodes: IntArray, weights: Array, place: Place
     ) -> None:
         """Motions of a node follow the weighted mean ones of others (RBE3)."""
         x = np.array([self.place(int(node)) for node in nodes])
@@ -235,7 +208,7 @@ class Constraints:
                     "centre.")  # fmt: skip
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
         for first, table in ((0, displacements), (3, rotations)):
-            for pivot, along in self._directions(follower, motions, first, own=True):
+            for pivot, along in _directions(self.frames.get(follower), motions, first):
                 followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", along, table)
                 terms = [(follower, first + int(k), float(along[k])) for k in followed]
@@ -280,6 +253,28 @@ class Constraints:
             ],
             "points": [[float(c) * length for c in self.place(node)] for node in loose],
         }
+
+
+def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple[int, Array]]:
+    """(the dependent axis, direction) of each of some motions; the axes differ."""
+    some = [c - first for c in motions if first <= c < first + 3]
+    if frame is None or len(some) == 3:
+        return [(k, np.eye(3)[k]) for k in some]
+    rows = frame[some].copy()
+    pivots: list[int] = []
+    for i in range(len(rows)):
+        # the same plane of directions, each with an axis that the others lack
+        left = np.abs(rows[i:]).copy()
+        left[:, pivots] = 0.0
+        j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+        rows[[i, i + int(j)]] = rows[[i + int(j), i]]
+        rows[i] /= rows[i, pivot]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, pivot] * rows[i]
+        pivots.append(int(pivot))
+    rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
+    return list(zip(pivots, rows, strict=True))
 
 
 #: Roles of elements that are springs between other elements; rods alone are a truss.

@@ -112,8 +112,8 @@ class BeamProfiles:
             start = self._along(rows)
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
-            second = [k + 2 if entry.text(k + 2) else k for k in ends]
-            self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, second)]
+            further = [k + 2 if entry.text(k + 2) else k for k in ends]
+            self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, further)]
             if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
                 self.told.append(f"{', '.join(given)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
@@ -340,12 +340,10 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
     for end in ends:
         builder.apart.append(end.row)
         leader = builder.joints.leader(end.node)
-        builder.joints.frames[end.row] = end.axes
         if end.beside.any():
             builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
-        builder.joints.rigid(np.array([end.row]), leader, end.held, end.entry.place, own=True,
-                             twisted=(end.axes[0], end.beside))  # fmt: skip
-        del builder.joints.frames[end.row]
+        own = {end.row: end.axes}
+        builder.joints.rigid(np.array([end.row]), leader, end.held, own, end.beside)
 
 
 def _own_ends(

@@ -20,6 +20,8 @@ PROPERTY_NAMES = (
 )
 #: Entries of a text, whose lines have no fields.
 TEXTS = ("DEQATN",)
+LONG_LINE = """a line of free fields ends with the mark of the next line, and one of GRID has up to
+8 fields after its name; write the further ones in a line of their own.""".replace("\n", " ")
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
@@ -47,8 +49,7 @@ class Entry(Placed):
 
     def words(self, first: int, stop: int | None = None) -> list[str]:
         """The fields from `first` that are not blank."""
-        last = len(self.fields) if stop is None else stop
-        return [word for k in range(first, last) if (word := self.text(k))]
+        return [word for one in self.fields[first:stop] if (word := one.strip())]
 
     def _filled(self, k: int) -> str:
         self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
@@ -223,12 +224,8 @@ class Bulk:
         if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
             return
         name, fields, large, mark = fields_of(line)
-        fault = None
-        if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
-            fault = place.error(
-                "a line of free fields ends with the mark of the next line, and one of GRID has up "
-                "to 8 fields after its name; write the further ones in a line of their own."
-            )
+        long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
+        fault = place.error(LONG_LINE) if long else None
         if name[:1] == "=":
             self._copy(words[0].split(",")[0], fields, place)
         elif name[:1] in ("", "+", "*"):
@@ -257,15 +254,14 @@ class Bulk:
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
-            if not 0 < times <= MOST_COPIES or self._changes is None:
-                raise place.error(f"{name[:20]!r} repeats no copy, or one too often.")
+            few = 0 < times <= MOST_COPIES and self._changes is not None
+            place.needs(few, f"{name[:20]!r} repeats no copy, or one too often.")
         else:
             self._changes = [*takewhile(lambda word: word != "==", fields)]
+        changes = self._changes or []
         for _ in range(times):
             last = self.entries[-1]
-            pairs = zip_longest(
-                last.fields, (self._changes or [])[: len(last.fields)], fillvalue="="
-            )
+            pairs = zip_longest(last.fields, changes[: len(last.fields)], fillvalue="=")
             self._begin(Entry(last.name, place, [_changed(*pair, place) for pair in pairs]))
 
 

@@ -104,7 +104,8 @@ class Joints:
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
         leader = self.builder.joints.leader(node)
         followers = np.array(rows, dtype=np.int64)
-        self.builder.joints.rigid(followers, leader, motions, entry.place, own=own)
+        frames = self.builder.joints.frames if own else {}
+        self.builder.joints.rigid(followers, leader, motions, frames)
 
     def _nodes(self, entry: Entry, words: list[str]) -> list[int]:
         """Rows of a list of GRIDs, with THRU, of which those within need not exist."""
