@@ -17,14 +17,12 @@ from antiosc_decks.constraints import Constraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
 SOLID_FACES = {
-    "hexahedron": (
-        *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
-        *((1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-    ),
-    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
-}
+    shape: tuple(tuple(map(int, face)) for face in faces.split())
+    for shape, faces in (
+        ("hexahedron", "0123 4765 0451 1562 2673 3740"), ("wedge", "012 354 0341 1452 2530"),
+        ("tetra", "012 031 132 230"), ("pyramid", "0123 041 142 243 340"),
+    )
+}  # fmt: skip
 
 
 @dataclass
@@ -392,11 +390,8 @@ class _Joints:
 
 #: Card -> what reads it.
 READERS: dict[str, Callable[[_Joints, Card], None]] = {
-    "EQUATION": _Joints.equations,
-    "MPC": _Joints.mpc,
-    "RIGIDBODY": _Joints.rigid_body,
-    "TIE": _Joints.tie,
-    "COUPLING": _Joints.coupling,
+    **{"EQUATION": _Joints.equations, "MPC": _Joints.mpc, "RIGIDBODY": _Joints.rigid_body},
+    **{"TIE": _Joints.tie, "COUPLING": _Joints.coupling},
     **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _Joints.coupled),
     "KINEMATICCOUPLING": _Joints.kinematic_coupling,
     "DISTRIBUTINGCOUPLING": _Joints.distributing_coupling,

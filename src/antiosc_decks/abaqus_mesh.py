@@ -295,9 +295,7 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
         told = f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
         raise places[row].error(f"{told} define ({len(wrong)} such elements).")
     if len(table):
-        corners, mids, inner = (
-            nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)
-        )
+        corners, mids, inner = (nodes[:, list(some)] for some in known[3:])
         mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
     return table[:, 0]
 

@@ -31,8 +31,7 @@ from antiosc_decks.finished import finished
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
 BESIDE = {
-    "MASS": ("mass", ("MASS", "ROTARYI")),
-    "ROTARYINERTIA": ("moment of inertia", ("MASS", "ROTARYI")),
+    **dict.fromkeys(("MASS", "ROTARYINERTIA"), ("mass", ("MASS", "ROTARYI"))),
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }

@@ -304,18 +304,14 @@ class Sections:
             solid = material.constants is not None and np.isfinite(material.constants).all()
             around = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
             if around and solid and material.isotropic is None:
-                self.builder.tell_once(
-                    f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX "
-                    "has them: 1 along the radius; on shells 1 is around the axis, as Abaqus has it"
-                )
+                told = f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
+                told += " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
+                self.builder.tell_once(f"{told} has it")
         alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
         own_axis = axis[0].tolist() if alike else geometry.everywhere(deck, elements, axis, length)
-        return "Laminate", {
-            "layers": layers,
-            "axis": own_axis,
-            **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
-            "top": geometry.top_of(deck, elements, length),
-        }
+        offset = self._offset(card, elements, sum(one["thickness"] for one in layers) / length)
+        top = geometry.top_of(deck, elements, length)
+        return "Laminate", {"layers": layers, "axis": own_axis, **offset, "top": top}
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
         """Direction 1 of an *ORIENTATION in each element; 2 where 1 is the normal of a shell."""

@@ -266,10 +266,8 @@ class ModelBuilder:
                 self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
-        points = len(self.fixed)
-        return [
-            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
-        ]
+        free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
+        return [term for term in free if abs(term[2]) > LEAST_TERM]
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.

@@ -192,10 +192,9 @@ def finished(builder: ModelBuilder) -> Model:
     pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
     # N/m, and N m of rotations
     size, force = builder.units.length, builder.units.force
-    springs = [
-        (_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))})
-        for ((n, m, _),), k in (() if joined else grounded)
-    ]
+    units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
+    alone = [] if joined else grounded
+    springs = [(_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in alone]
     groups: list[tuple[str, str, Json, str]] = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)

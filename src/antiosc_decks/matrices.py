@@ -165,9 +165,8 @@ def read_harwell_boeing(source: Source) -> Entries:
         what = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
         raise source.error(3, f"the matrix is {what}: stiffness and mass must be real.")
     if kind[1] not in "SU" or kind[2] != "A":
-        raise source.error(
-            3, f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
-        )
+        told = "the type must be RSA or RUA (real, symmetric or not, assembled)"
+        raise source.error(3, f"{told}; got {kind!r}.")
     rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
     if rows != columns or rows < 1:
         raise source.error(3, f"the matrix must be square; got {rows} rows, {columns} columns.")

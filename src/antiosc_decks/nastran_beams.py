@@ -26,11 +26,8 @@ LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 #: Of a second moment that is 0 the share of the other one that is taken.
 SLIGHT = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM, and of K1 (-1: none, or behind the sections).
-FIELDS = {
-    "PBAR": ((2, 3, 4, 18, 5, 6), 16),
-    "PBEND": ((2, 3, 4, -1, 5, 18), 16),
-    "PBEAM": ((2, 3, 4, 5, 6, 7), -1),
-}
+FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEND": ((2, 3, 4, -1, 5, 18), 16)}
+FIELDS["PBEAM"] = ((2, 3, 4, 5, 6, 7), -1)
 #: What is not taken of a PBEAM -> its fields behind the sections.
 BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
 BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
@@ -366,11 +363,9 @@ def _own_ends(
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    return {
-        k: (places[k], tuple(c for c in range(6) if c not in pins[k]), axes)
-        for k in (0, 1)
-        if pins[k] or offsets[k].any() or neutral[k].any()
-    }
+    own = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    held = [tuple(c for c in range(6) if c not in some) for some in pins]
+    return {k: (places[k], held[k], axes) for k in own}
 
 
 def offsets_of(found: NastranDeck, entry: Entry) -> Array:

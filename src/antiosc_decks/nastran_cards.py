@@ -386,13 +386,11 @@ BESIDE = (
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
 #: Elements without a counterpart; names that begin with C and are in no list are such, too.
-NO_COUNTERPART = (
-    *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
-    *("CFAST", "CWELD", "CSEAM", "CBEAM3", "CBUSH2D"),
-    *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
-    *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
-    *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
-)
+NO_COUNTERPART = """
+RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON CFAST CWELD CSEAM CBEAM3 CBUSH2D CDAMP5 CTRIAX
+CTRIAX6 CTRAX3 CTRAX6 CQUADX CQUADX4 CQUADX8 CQUAD CPLSTN3 CPLSTN4 CPLSTN6 CPLSTN8 CPLSTS3 CPLSTS4
+CPLSTS6 CPLSTS8 CHACAB CHACBR CAABSF CFLUID2 CFLUID3 CFLUID4 CRAC2D CRAC3D
+"""
 
 _READ = """
 GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR PGAP PELAS PDAMP PVISC
@@ -444,12 +442,10 @@ PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MAT
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT = Fate("ignored", "(what it supports stays free)")
 
-ENTRIES = table(
-    read=(*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER),
-    harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
-    ignored=_IGNORED.split(),
-    refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},
-) | dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
+_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER)
+_NOT_READ = {"harmless": (_HARMLESS + _OF_OTHERS).split(), "ignored": _IGNORED.split()}
+ENTRIES = table(read=_READ_ALL, refused=_REFUSED | {"": NO_COUNTERPART}, **_NOT_READ)
+ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
 
 
 def fate_of(name: str) -> Fate:
@@ -488,9 +484,8 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
         elif old in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
-            first, second = (
-                ["" if k is None else entry.text(start + k) for k in order] for start in (0, 4)
-            )
+            every = (["" if k is None else entry.text(at + k) for k in order] for at in (0, 4))
+            first, second = every
             if entry.name == "PSHELL" and second[0]:  # two of them in one entry
                 more.append(Entry(entry.name, entry.place, second))
             entry.fields = first

@@ -285,9 +285,8 @@ class NastranDeck:
             used = {whole_number(word, place) for word in words} | used & present
         lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
-            raise MeshError(
-                f"the case control of {name} selects SPC = {first}, which is not there."
-            )
+            told = f"the case control of {name} selects SPC = {first}"
+            raise MeshError(f"{told}, which is not there.")
         if lost:
             self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
         if others:
@@ -307,12 +306,8 @@ class NastranDeck:
 
     def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
         """Number of a property -> (its entry, its first field); `width` fields make one of them."""
-        return {
-            entry.number(k): (entry, k)
-            for entry in self.named(name)
-            for k in range(0, min(len(entry.fields), 8), width)
-            if entry.text(k)
-        }
+        every = ((one, k) for one in self.named(name) for k in range(0, 8, width) if one.text(k))
+        return {entry.number(k): (entry, k) for entry, k in every}
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
@@ -416,10 +411,8 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         known = first.setdefault(entry.number(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
-            told = (
-                f"the deck defines the {what} {entry.whole(0)} more than once, first otherwise in"
-            )
-            raise entry.place.error(f"{told} {known.place}.")
+            told = f"the deck defines the {what} {entry.whole(0)} more than once"
+            raise entry.place.error(f"{told}, first otherwise in {known.place}.")
     return first
 
 
@@ -442,8 +435,10 @@ def fill_grids(entries: list[Entry]) -> None:
     for grid in entries if defaults else ():
         if grid.name == "GRID" and grid.place.scope in defaults:
             grid.fields += [""] * (7 - len(grid.fields))
-            for k in (1, 5, 6):
-                grid.fields[k] = grid.text(k) or defaults[grid.place.scope].text(k)
+            given = defaults[grid.place.scope]
+            for k in (1, 5):
+                grid.fields[k] = grid.text(k) or str(given.whole(k, 0))
+            grid.fields[6] = grid.text(6) or given.text(6)
 
 
 def _defaults(found: NastranDeck) -> None:

@@ -40,11 +40,8 @@ ROUNDING_ARM = 1e-9
 #: Share of the largest moment of inertia that a negative one may have by rounding.
 INERTIA_ROUNDING = 1e-6
 #: Element -> its property, the number of fields of one of these, and what it gives.
-SCALAR = {
-    "CELAS": ("PELAS", 4, "stiffness"),
-    "CDAMP": ("PDAMP", 2, "damping"),
-    "CMASS": ("PMASS", 2, "mass"),
-}
+SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
+SCALAR["CMASS"] = ("PMASS", 2, "mass")
 #: Elements along axes at their place -> their property, the number of fields of one of these.
 BUSHES = {"CVISC": ("PVISC", 4), "CBUSH1D": ("PBUSH1D", 32), "CBUSH": ("PBUSH", 8)}
 BUSHES["CGAP"] = ("PGAP", 8)
@@ -130,10 +127,8 @@ class Joints:
         entry.needs(plain, "SECONCT is read as pairs of nodes.")
         places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
         for pair in zip(words[::2], words[1::2], strict=True):
-            follower, leader = (
-                self.found.row(whole_number(word, at), at)
-                for word, at in zip(pair, places, strict=True)
-            )
+            both = zip(pair, places, strict=True)
+            follower, leader = (self.found.row(whole_number(word, at), at) for word, at in both)
             if follower != leader:
                 self._follow([follower], leader, ALL, entry, own=False)
 
@@ -373,12 +368,8 @@ class Joints:
 
 
 #: Rigid elements, in the order in which they are read.
-RIGID = {
-    "RBE2": Joints._rbe2,
-    "RBAR": Joints._rbar,
-    "RBE3": Joints._rbe3,
-    "SECONCT": Joints._seconct,
-}
+RIGID = {"RBE2": Joints._rbe2, "RBAR": Joints._rbar, "RBE3": Joints._rbe3}
+RIGID["SECONCT"] = Joints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:

@@ -162,9 +162,8 @@ class Properties:
         t, extra, sides = entry.real(2, None), entry.real(3), (entry.real(4), entry.real(5))
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         material, extra = self._material(entry, 1), extra * self.factor
-        self.builder.add_rods(
-            elements, material, "shear panels", t, entry.place, extra, effective=sides
-        )
+        what, place = "shear panels", entry.place
+        self.builder.add_rods(elements, material, what, t, place, extra, effective=sides)
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
@@ -216,10 +215,9 @@ class Properties:
             if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
                 entry.fields[k] = entry.text(other)
-                told = (
-                    f"that PSHELL {number} has no stiffness against {what} (no MID{(k + 1) // 2})"
-                )
-                self.builder.tell_once(f"{told}, that of its other material is taken")
+                told = f"that PSHELL {number} has no stiffness against {what} (no MID"
+                told += f"{(k + 1) // 2}), that of its other material is taken"
+                self.builder.tell_once(told)
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
@@ -279,9 +277,8 @@ class Properties:
     def _given(self, entry: Entry, thickness: float) -> Json:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
-        membrane, bending, across = (
-            self._material(entry, k if entry.text(k) else 1) for k in (1, 3, 5)
-        )
+        given = (k if entry.text(k) else 1 for k in (1, 3, 5))
+        membrane, bending, across = (self._material(entry, k) for k in given)
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
@@ -290,9 +287,7 @@ class Properties:
             "A": (_plane(membrane) * units.stress * t).tolist(),
             "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
             "S": (_across(across) * units.stress * share * t).tolist(),
-            "mass": mass,
-            "inertia": mass * ratio * t**2 / 12,
-            "thickness": t,
+            **{"mass": mass, "inertia": mass * ratio * t**2 / 12, "thickness": t},
         }
 
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -382,9 +377,7 @@ class Properties:
 
 #: Property -> what reads it; others are of beams.
 OF_PROPERTY = {
-    "PSOLID": Properties._solid,
-    "PCOMPS": Properties._layered,
-    "PSHELL": Properties._shell,
+    **{"PSOLID": Properties._solid, "PCOMPS": Properties._layered, "PSHELL": Properties._shell},
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
     **dict.fromkeys(("PROD", "PTUBE"), Properties._rods),
     "PSHEAR": Properties._panels,

@@ -65,10 +65,8 @@ def read(source: Source) -> dict[str, Entries]:
         rows, columns, values = [], [], []
         for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > size:
-                raise InputError(
-                    f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
-                    f"from row {row + 1} of {size} rows."
-                )
+                told = f"column {column + 1} of {header.name} has {len(value)} entries"
+                raise InputError(f"{source.name}: {told} from row {row + 1} of {size} rows.")
             some = np.flatnonzero(value)
             rows.append(row + some)
             columns.append(np.full(len(some), column))
@@ -228,9 +226,8 @@ class _Binary:
     def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
         at, self._next = self._next, self._next + count * kind.itemsize
         if count < 0 or self._next > len(self._record):
-            raise self.bad(
-                f"{count} numbers are expected, in a record of {len(self._record)} bytes"
-            )
+            size = len(self._record)
+            raise self.bad(f"{count} numbers are expected, in a record of {size} bytes")
         return np.frombuffer(self._record, kind, count, at)
 
     def whole(self, count: int) -> list[int]:
@@ -261,10 +258,9 @@ def _written(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
             continue
         # strings of neighbouring rows
         cuts = np.flatnonzero(np.diff(row) != 1) + 1
-        content = b"".join(
-            struct.pack("<2i", 2 * len(v) + 1, r[0] + 1) + v.astype("<f8").tobytes()
-            for r, v in zip(np.split(row, cuts), np.split(value, cuts), strict=True)
-        )
+        parts = zip(np.split(row, cuts), np.split(value, cuts), strict=True)
+        words = ((struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in parts)
+        content = b"".join(lead + v.tobytes() for lead, v in words)
         length = 12 + len(content)
         yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content
         yield struct.pack("<i", length)

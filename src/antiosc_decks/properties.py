@@ -196,12 +196,8 @@ Everywhere = dict[str, list[list[float]]]
 #: Cosine from which a direction is that of an axis.
 AXIS_COSINE = 1 - 1e-9
 #: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
-FULL = {
-    "triangle": (0, 1, 2, 2),
-    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
-    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
-    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
-}
+FULL = {"triangle": (0, 1, 2, 2), "tetra": (0, 1, 2, 2, 3, 3, 3, 3)}
+FULL |= {"pyramid": (0, 1, 2, 3, 4, 4, 4, 4), "wedge": (0, 1, 2, 2, 3, 4, 5, 5)}
 
 
 def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
@@ -245,10 +241,8 @@ def _measure(x: Array) -> Array:
     signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
     for point in np.ndindex(*[2] * dim):
         values = (1 + signs * (2 * np.array(point) - 1) / np.sqrt(3)) / 2
-        slopes = [
-            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
-        ]
-        J = np.einsum("kc,nci->nki", np.array(slopes), x)
+        others = [np.prod(np.delete(values, k, axis=1), axis=1) for k in range(dim)]
+        J = np.einsum("kc,nci->nki", np.array(others) * signs.T / 2, x)
         total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
     return total
 

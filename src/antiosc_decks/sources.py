@@ -18,9 +18,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
 
 #: What the first lines of Nastran's bulk data are known by.
-BULK = re.compile(
-    r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])", re.IGNORECASE | re.MULTILINE
-)
+BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")
 #: Greatest depth of included files.
 DEEPEST_INCLUDE = 16
 #: Least names in the path of a folder above the deck's from which files may be included: none of
