@@ -17,14 +17,7 @@ from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
-from antiosc_decks.abaqus_sections import (
-    SECTION_CARDS,
-    Orientations,
-    Sections,
-    around_axis,
-    materials_of,
-    vary_thickness,
-)
+from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
 from antiosc_decks.constraints import along, separate_copies
 from antiosc_decks.finished import finished
@@ -47,13 +40,9 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
     whole.deck.told += whole.account.unknown(options=True)
-    materials, ignored = materials_of(whole.cards)
     copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
-    sections = Sections(whole, builder, materials)
-    for card in whole.named(*SECTION_CARDS):
-        sections.read(card)
-    vary_thickness(whole, builder)
+    sections = Sections(whole, builder)
     for card in whole.named("NONSTRUCTURALMASS"):
         _nonstructural(builder, card)
     builder.find_nodes()
@@ -72,7 +61,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
-    builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
+    builder.ignored += [*sections.ignored, *whole.account.ignored(), *supports.ignored]
     return finished(builder)
 
 

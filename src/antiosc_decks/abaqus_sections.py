@@ -185,13 +185,15 @@ PLANE = {"plane stress", "plane strain"}
 class Sections:
     """Adds the sections of a deck to a builder."""
 
-    def __init__(self, whole: Whole, builder: ModelBuilder, materials: dict[str, Material]) -> None:
-        self.whole = whole
-        self.builder = builder
-        self.materials = materials
+    def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
+        self.whole, self.builder = whole, builder
+        self.materials, self.ignored = materials_of(whole.cards)
         self.orientations = Orientations(whole.cards)
+        for card in whole.named(*SECTION_CARDS):
+            self._read(card)
+        vary_thickness(whole, builder)
 
-    def read(self, card: Card) -> None:
+    def _read(self, card: Card) -> None:
         """One section card."""
         elements = card.elements()
         if not len(elements):

@@ -19,7 +19,7 @@ from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
-from antiosc_decks.nastran_mesh import Beam, NastranDeck, property_of
+from antiosc_decks.nastran_mesh import Beam, NastranDeck
 
 #: Those whose centroid need not be their shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
@@ -300,7 +300,7 @@ def divide(found: NastranDeck) -> list[End]:
             continue
         lines: list[tuple[int, int]] = []
         for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
-            known = along.get(property_of(entry))
+            known = along.get(entry.property_number())
             neutral = known.neutral if known else np.zeros((2, 2))
             own = _own_ends(found, entry, nodes, neutral)
             rows = list(nodes)
@@ -309,7 +309,7 @@ def divide(found: NastranDeck) -> list[End]:
                 points.append(place)
                 ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
             bend = known.entry if known and entry.name == "CBEND" else None
-            pieces = PIECES if bend or property_of(entry) in tapered else 1
+            pieces = PIECES if bend or entry.property_number() in tapered else 1
             heights: list[Array | None] = [None] * pieces
             x = np.array([points[row] for row in rows])
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]

@@ -65,6 +65,16 @@ class Entry(Placed):
         """The number of a node, a property, … in field k, as no other part of the deck has it."""
         return self.whole(k) + self.place.scope
 
+    def property_number(self) -> int:
+        """Number of an element's property; by default that of the element."""
+        return 0 if self.name == "CONROD" else self.whole(1, self.whole(0)) + self.place.scope
+
+    def its_property(self, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
+        """(entry, first field) of an element's property, among some."""
+        number = self.property_number()
+        self.needs(number in known, f"{self.name} has no {name} {number}.")
+        return known[number]
+
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
         if default is not None and not self.text(k):

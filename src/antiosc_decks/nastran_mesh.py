@@ -18,17 +18,8 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
 from antiosc.io.neutral import CORNERS
-from antiosc_decks.nastran_cards import (
-    CELLS,
-    NEAREST,
-    Bulk,
-    Entry,
-    account_for,
-    fate_of,
-    is_other,
-    renew,
-    through,
-)
+from antiosc_decks import nastran_cards as cards
+from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
 from antiosc_decks.sources import Account, Sources
 
 
@@ -309,6 +300,33 @@ class NastranDeck:
         every = ((one, k) for one in self.named(name) for k in range(0, 8, width) if one.text(k))
         return {entry.number(k): (entry, k) for entry, k in every}
 
+    def property_numbers(self) -> IntArray:
+        """Number of the property of each element."""
+        return np.array([entry.property_number() for entry in self.elements], dtype=np.int64)
+
+    def set_groups(self) -> None:
+        """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
+        numbers = self.property_numbers()
+        for number in map(int, np.unique(numbers[numbers > 0])):
+            for name in filter(None, (label_of(number), self.bulk.names.get(number))):
+                self.deck.element_sets[name] = np.flatnonzero(numbers == number)
+        for number in sorted({entry.whole(0) for entry in self.named("SPC", "SPC1")}):
+            if rows := [rows for rows, _, _ in self.constraints(number)]:
+                self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
+
+    def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
+        """(rows of nodes, components such as "123", entry) of one set of single-point ones."""
+        for entry in self.named("SPC", "SPC1"):
+            if entry.whole(0) != number:
+                continue
+            for k in (1, 4) if entry.name == "SPC" else ():
+                if entry.text(k):
+                    yield np.array([self.at(entry, k)]), entry.text(k + 1), entry
+            every = entry.fields[2:] if entry.name == "SPC1" else []
+            for first, last in through(every, entry.place):
+                ends = first + entry.place.scope, last + entry.place.scope
+                yield self.nodes.between(*ends), entry.text(1), entry
+
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
         two = entry.name[-1] in "12"
@@ -342,7 +360,7 @@ def read(sources: Sources) -> NastranDeck:
     """The deck in some files."""
     bulk = Bulk(sources)
     for entry in bulk.entries:
-        if entry.fault and fate_of(entry.name).kind == "read":
+        if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
         whole = entry.name != "SEBULK" or entry.text(1).upper() in ("", "PRIMARY")
         entry.needs(whole, f"a superelement of the type {entry.text(1)} is not read; write its "
@@ -350,14 +368,14 @@ def read(sources: Sources) -> NastranDeck:
     scope_parts(bulk.entries)
     found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown()]
-    for name, sentence in NEAREST.items():
+    for name, sentence in cards.NEAREST.items():
         if count := len(found.named(name)):
             found.converted.append(sentence.format(count, name))
-    bulk.entries += renew(bulk.entries)
+    bulk.entries += cards.renew(bulk.entries)
     _defaults(found)
     _rods_of_bars(found)
     _elements(found)
-    set_groups(found)
+    found.set_groups()
     return found
 
 
@@ -395,7 +413,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     points = [position(grid.whole(0), grid.place) for grid in grids]
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]))
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
-    account = account_for(bulk.entries, name)
+    account = cards.account_for(bulk.entries, name)
     found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
         number = grid.whole(5, 0)
@@ -475,7 +493,7 @@ def _elements(found: NastranDeck) -> None:
         if entry.name == "BEGIN SUPER":  # which numbers its elements anew
             seen = set()
         if cell is None:
-            if is_other(entry.name):
+            if cards.is_other(entry.name):
                 found.deck.leave(entry.name)
             continue
         corners = CORNERS[cell.shape]
@@ -499,44 +517,3 @@ def _elements(found: NastranDeck) -> None:
         tables = rows[:, :corners], mids, mids[:, :0]
         found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
         found.elements += [entry for entry, _ in some]
-
-
-def property_of(entry: Entry) -> int:
-    """Number of an element's property; by default that of the element."""
-    if entry.name == "CONROD":
-        return 0
-    return entry.whole(1, entry.whole(0)) + entry.place.scope
-
-
-def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
-    """(entry, first field) of an element's property among `NastranDeck.properties`."""
-    number = property_of(entry)
-    entry.needs(number in known, f"{entry.name} has no {name} {number}.")
-    return known[number]
-
-
-def set_groups(found: NastranDeck) -> None:
-    """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
-    numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
-    for number in map(int, np.unique(numbers[numbers > 0])):
-        for name in filter(None, (label_of(number), found.bulk.names.get(number))):
-            found.deck.element_sets[name] = np.flatnonzero(numbers == number)
-    for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
-        if rows := [rows for rows, _, _ in constraints(found, number)]:
-            found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
-
-
-def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
-    """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
-    result = []
-    for entry in found.named("SPC", "SPC1"):
-        if entry.whole(0) != number:
-            continue
-        if entry.name == "SPC":
-            some = [(found.at(entry, k), entry.text(k + 1)) for k in (1, 4) if entry.text(k)]
-            result += [(np.array([row]), components, entry) for row, components in some]
-            continue
-        for first, last in through(entry.fields[2:], entry.place):
-            own = found.nodes.between(first + entry.place.scope, last + entry.place.scope)
-            result.append((own, entry.text(1), entry))
-    return result

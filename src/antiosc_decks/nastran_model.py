@@ -20,16 +20,7 @@ from antiosc_decks.constraints import along, lever, separate_copies
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
-from antiosc_decks.nastran_mesh import (
-    SETS,
-    NastranDeck,
-    coincident,
-    constraints,
-    its_property,
-    place_in,
-    property_of,
-    set_groups,
-)
+from antiosc_decks.nastran_mesh import SETS, NastranDeck, coincident, place_in
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
@@ -80,7 +71,7 @@ class Joints:
         for kind, (name, width) in BUSHES.items():
             known = found.properties(name, width)
             for entry in found.named(kind):
-                self._bush(entry, *its_property(entry, name, known))
+                self._bush(entry, *entry.its_property(name, known))
 
     def read_masses(self) -> None:
         """Masses at nodes, and those spread over elements."""
@@ -191,7 +182,7 @@ class Joints:
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                own, k = its_property(entry, name, known)
+                own, k = entry.its_property(name, known)
                 value = own.real(k + 1, None)
                 if name == "PELAS" and own.real(k + 2):
                     builder.tell_once(f"GE of PELAS {own.text(k)}")
@@ -353,8 +344,9 @@ class Joints:
         of_element, of_property = kind in ("ELEMENT", "CONROD"), kind.startswith("P")
         entry.needs(of_element or of_property,
                     f"{entry.name} is read of properties and elements; got {kind!r}.")  # fmt: skip
-        every = [one.whole(0) if of_element else property_of(one) for one in self.found.elements]
-        own = np.array(every, dtype=np.int64)
+        own = self.found.property_numbers()
+        if of_element:
+            own = np.array([one.whole(0) for one in self.found.elements], dtype=np.int64)
         if words == ["ALL"]:
             given = {one.whole(0) for one in self.found.named(kind)}
             return np.isin(own, list(given)) if of_property else np.ones(len(own), dtype=bool)
@@ -386,7 +378,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
     factor = given.real(1, None) if given else 1.0
     ends = beams.divide(found)
     copies = separate_copies(found.deck)
-    set_groups(found)
+    found.set_groups()
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
     Properties(found, builder, factor).read()
     builder.find_nodes()
@@ -410,7 +402,7 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
             _fix(found, builder, np.array([row]), grid.text(6), grid.place)
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
-        for rows, components, entry in constraints(found, number):
+        for rows, components, entry in found.constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
             _fix(found, builder, rows, components, entry.place)
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):

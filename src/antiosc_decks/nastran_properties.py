@@ -15,7 +15,7 @@ from antiosc_decks import properties as geometry
 from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
-from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
+from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of
 from antiosc_decks.properties import Material, isotropic, symmetric, tube
 
 #: Material -> the field of its density.
@@ -44,7 +44,7 @@ class Properties:
         self._materials = {own: self._material_of(entry) for own, entry in entries.items()}
         known = defined_once(self.found.named(*PROPERTIES), "property")
         every = self.found.elements
-        numbers = np.array([property_of(entry) for entry in every], dtype=np.int64)
+        numbers = self.found.property_numbers()
         for number in np.unique(numbers):
             elements = np.flatnonzero(numbers == number)
             names = {every[k].name for k in elements}
