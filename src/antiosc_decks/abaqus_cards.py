@@ -1,7 +1,4 @@
-"""Keyword cards of Abaqus and CalculiX, `*KEYWORD, OPTION=VALUE` and the data lines below it.
-
-The tables say what becomes of each card, and of the options of those that are read.
-"""
+"""Keyword cards of Abaqus and CalculiX with their data lines, and what becomes of each."""
 
 from __future__ import annotations
 

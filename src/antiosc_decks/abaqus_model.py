@@ -1,9 +1,4 @@
-"""Abaqus and CalculiX decks as whole models: sections, supports, masses, springs, dashpots.
-
-The model and the supports of the first step are read. Unsupported cards that would change the
-result raise an error with their line; loads, later steps and nonlinear materials are ignored and
-listed.
-"""
+"""Abaqus and CalculiX decks as whole models: the model and the supports of the first step."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Materials, their directions, and sections of Abaqus and CalculiX decks.
-
-Solids, rods, shells with *NODAL THICKNESS, and beams with their cross-sections.
-"""
+"""Materials, their directions, and sections of Abaqus and CalculiX decks."""
 
 from __future__ import annotations
 

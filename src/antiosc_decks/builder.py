@@ -1,13 +1,9 @@
-"""`ModelBuilder`: collects materials, sections, supports, masses, springs and dampers of a deck.
-
-Nonstructural mass (*NONSTRUCTURAL MASS of Abaqus; NSM, NSM1, NSML and NSML1 of Nastran) is spread
-over elements, as density of their sections.
-"""
+"""`ModelBuilder` collects the model of a deck; nonstructural mass is density of sections."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -64,40 +60,35 @@ class Rod:
     effective: tuple[float, float] | None = None
 
 
-@dataclass
 class ModelBuilder:
     """Collects a model in SI units; `antiosc_decks.finished.finished` returns it."""
 
-    deck: Deck
-    units: UnitSystem
-    #: kg/m³, of materials without one
-    density: float | None = None
-    families: list[Family] = field(default_factory=list)
-    #: number of the family of each element, -1 without one
-    of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: name of each family's group of elements
-    names: list[str] = field(default_factory=list)
-    #: number of an element -> its section, of rods and shear panels
-    rods: dict[int, Rod] = field(default_factory=dict)
-    #: (node, place, kg, [kg m²])
-    masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
-    #: whether the deck has no other elements: the rods are a truss
-    truss: bool = False
-    #: whether the deck gives masses at nodes, so that materials may have none
-    lumped: bool = False
-    #: nodes that stay apart from others in their place
-    apart: list[int] = field(default_factory=list)
-    #: what is ignored, in the deck's terms
-    ignored: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
-        self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
-        self.used = np.zeros(len(self.deck.points), dtype=bool)
-        self.has_rotations = np.zeros(len(self.deck.points), dtype=bool)
-        self.joints = Constraints(self.deck, self.used, self.has_rotations)
-        self.chosen = chosen_elements(self.deck)
-        self.gone = np.zeros(len(self.deck.points), dtype=bool)
+    def __init__(
+        self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
+    ) -> None:
+        nodes = len(deck.points)
+        #: density in kg/m³, of materials without one; lumped: whether the deck gives masses at
+        #: nodes, so that materials may have none
+        self.deck, self.units, self.density, self.lumped = deck, units, density, lumped
+        #: sections, the name of the group of each, and which each element has, -1 without one
+        self.families: list[Family] = []
+        self.names: list[str] = []
+        self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
+        #: number of an element -> its section, of rods and shear panels
+        self.rods: dict[int, Rod] = {}
+        #: (node, place, kg, [kg m²])
+        self.masses: list[tuple[int, Place, float, list[float]]] = []
+        #: whether the deck has no other elements: the rods are a truss
+        self.truss = False
+        #: nodes that stay apart from others in their place
+        self.apart: list[int] = []
+        #: what is ignored, in the deck's terms
+        self.ignored: list[str] = []
+        self.fixed = np.zeros((nodes, 6), dtype=bool)
+        #: nodes of chosen elements, of those with rotations, and of elements not chosen alone
+        self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
+        self.joints = Constraints(deck, self.used, self.has_rotations)
+        self.chosen = chosen_elements(deck)
 
     def find_nodes(self) -> None:
         """Which nodes the chosen elements use; those of shells and beams have rotations."""
@@ -113,7 +104,6 @@ class ModelBuilder:
                 every[some.nodes] = False
             if block.role in ("shell", "beam"):
                 self.has_rotations[some.nodes] = True
-        #: nodes of elements that are not chosen alone
         self.gone = every & ~self.used
 
     def rho(self, material: Material) -> float:
@@ -218,10 +208,7 @@ class ModelBuilder:
         self.masses.append((node, place, mass * self.units.mass, scaled))
 
     def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
-        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units.
-
-        A node of solids has no rotations: its rotary inertia stays at rest.
-        """
+        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
         own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]

@@ -1,12 +1,9 @@
 """What joins the nodes of a deck: constraints, springs and dampers; and pieces that nothing joins.
 
-A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
-is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
-with six motions of their own.
-
-Of the pieces one is taken alone, or all where each is held. Copies, such as the skin and the
-doubler of a shell, get nodes of their own, because a mesh holds every cell once; these nodes follow
-those of the first: stiffness and mass add.
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero, the dependent
+one first. Nodes of no element become points with six motions. Copies of elements, such as the skin
+and the doubler of a shell, get nodes of their own, because a mesh holds every cell once; these
+follow those of the first: stiffness and mass add.
 """
 
 from __future__ import annotations

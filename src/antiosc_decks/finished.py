@@ -1,15 +1,13 @@
 """The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
 
-The result consists of numbers, texts and lists, because the reading process returns it as JSON;
-`antiosc.fem.assembly.from_deck` builds the structure from it. With elements that are not chosen,
-what acts on their nodes is left out. A support on an edge holds all of it; a middle node without
-the ends of its edge is held by a constraint.
+With elements that are not chosen, what acts on their nodes is left out. A support on an edge holds
+all of it; a middle node without the ends of its edge is held by a constraint.
 
-Rods (CROD, CONROD, CTUBE, T2D2, T3D2) between other elements are springs, with masses at their
-nodes; rods alone make a truss. The forces along the four sides of a shear panel (CSHEAR) that are
-in equilibrium with each other are known but for a factor: it is one spring in the motion on which
-they do work, whose compliance is the energy of that shear (S. J. Garvey, *The quadrilateral shear
-panel*, Aircraft Engineering 23, 1951), exact for parallelograms.
+Rods between other elements are springs, with masses at their nodes; rods alone make a truss. The
+forces along the four sides of a shear panel (CSHEAR) that are in equilibrium with each other are
+known but for a factor: it is one spring in the motion on which they do work, whose compliance is
+the energy of that shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23,
+1951), exact for parallelograms.
 """
 
 from __future__ import annotations

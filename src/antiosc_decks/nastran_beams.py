@@ -1,8 +1,7 @@
 """Nastran's beams: their cross-sections, orientation, offsets and pin flags.
 
-PBAR, PBARL, PBEAM, PBEAML, PBEND; tapered and curved beams are divided. A beam whose ends lie
-beside its nodes, or are released, gets ends of its own, which follow its nodes as rigid bodies but
-for the released motions.
+Tapered and curved beams are divided. A beam whose ends lie beside its nodes, or are released, gets
+ends of its own, which follow its nodes as rigid bodies but for the released motions.
 """
 
 from __future__ import annotations

@@ -289,10 +289,7 @@ def _changed(old: str, change: str, place: Place) -> str:
 
 
 def fields_of(line: str) -> tuple[str, list[str], bool, str]:
-    """(name, four or eight fields, whether they are large, the mark of the continuation).
-
-    A line of free fields may have more of them: those of the lines that would follow.
-    """
+    """(name, 4, 8, or if free more fields, whether they are large, mark of the continuation)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         first, *more = first.split() if first[:1].isalpha() else [first]

@@ -256,10 +256,9 @@ class NastranDeck:
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects; else all of them.
+        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects, or else all.
 
-        The choice is told; MeshError for supports that are not there. What stands above all
-        subcases is of each.
+        The choice is told; MeshError for supports that are not there.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}

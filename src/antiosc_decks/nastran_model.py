@@ -1,9 +1,4 @@
-"""Nastran decks as whole models: supports, joints, masses, springs, dampers, and properties.
-
-The model and the single-point constraints of the first subcase are read (all constraints without
-case control). Unsupported entries that would change the result raise an error with their line;
-loads are ignored and listed.
-"""
+"""Nastran decks as whole models: the model and the single-point constraints of the first subcase."""
 
 from __future__ import annotations
 

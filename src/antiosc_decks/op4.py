@@ -168,9 +168,8 @@ def _text_header(line: str) -> tuple[_Header, int, int]:
     form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
     layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
     per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
-    if columns < 0 or not 0 < form < 20 or not 0 < kind < 5 or not name[:1].isalpha():
-        raise ValueError(line)
-    if per_line < 1 or size < 1:
+    sound = columns >= 0 and 0 < form < 20 and 0 < kind < 5 and name[:1].isalpha()
+    if not sound or per_line < 1 or size < 1:
         raise ValueError(line)
     return _Header(columns, abs(rows), kind, name, rows < 0), per_line, size
 

@@ -1,7 +1,6 @@
 """Lines of a deck and of the files that it includes, and what becomes of each of its cards.
 
-A card is read, harmless, ignored, refused, or unknown. The tables of the dialects (`abaqus_cards`,
-`nastran_cards`) say it card by card; a card that a table does not have is unknown. No card is
+A card is read, harmless, ignored, refused or unknown, as the tables of the dialects say it; none is
 dropped without a word: what is ignored or unknown is told with its count and its lines.
 """
 
