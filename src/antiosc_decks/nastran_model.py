@@ -1,4 +1,4 @@
-"""Nastran decks as whole models: the model and the single-point constraints of the first subcase."""
+"""Nastran decks as whole models: the model, and the supports of the first subcase."""
 
 from __future__ import annotations
 
