@@ -144,7 +144,7 @@ class Whole:
         for block in mesh.blocks:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
         for kind, row in mesh.others:
-            deck.leave(kind)
+            deck.left[kind] += 1
             self.others.append((kind, row, instance))
         deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
         for keyword, label, rows in mesh.sets:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -199,7 +200,7 @@ def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> Non
     for card in cards:
         if card.keyword in READERS:
             READERS[card.keyword](reader, card)
-    whole.deck.left = {kind: n for kind, n in whole.deck.left.items() if n}
+    whole.deck.left = Counter({kind: n for kind, n in whole.deck.left.items() if n})
 
 
 class _Joints:

@@ -493,7 +493,7 @@ def _elements(found: NastranDeck) -> None:
             seen = set()
         if cell is None:
             if cards.is_other(entry.name):
-                found.deck.leave(entry.name)
+                found.deck.left[entry.name] += 1
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
