@@ -223,24 +223,21 @@ READ = {
     "SPRING": "ELSET ORIENTATION",
     "DASHPOT": "ELSET ORIENTATION",
 }
-#: Options that would change the result.
-REFUSED_OPTIONS = {
-    ("SOLIDSECTION", "COMPOSITE"): "a solid of layers",
-    ("SHELLSECTION", "SYMMETRIC"): "a half of the layers",
-    ("SHELLSECTION", "SHELLTHICKNESS"): "a distribution of the thickness",
-    ("COUPLING", "INFLUENCERADIUS"): "a limit of the surface",
-    ("RIGIDBODY", "POSITION"): "a change of the place of the reference node",
-    ("INSTANCE", "LIBRARY"): "a part of another analysis",
-    ("EQUATION", "REMOVE"): "a change of the equations between steps",
-    ("EQUATION", "REMOVEALL"): "a change of the equations between steps",
-    **dict.fromkeys(
-        (("TIE", kind) for kind in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC")),
-        "a sector of a whole ring",
-    ),
-    ("BOUNDARY", "SUBMODEL"): "a submodel",
-    ("SPRING", "NONLINEAR"): "a nonlinear law",
-    ("DASHPOT", "NONLINEAR"): "a nonlinear law",
-}
+#: Card and option that would change the result -> what becomes of it.
+REFUSED_OPTIONS = table(
+    refused={
+        "a solid of layers": "SOLIDSECTION,COMPOSITE",
+        "a half of the layers": "SHELLSECTION,SYMMETRIC",
+        "a distribution of the thickness": "SHELLSECTION,SHELLTHICKNESS",
+        "a limit of the surface": "COUPLING,INFLUENCERADIUS",
+        "a change of the place of the reference node": "RIGIDBODY,POSITION",
+        "a part of another analysis": "INSTANCE,LIBRARY",
+        "a change of the equations between steps": "EQUATION,REMOVE EQUATION,REMOVEALL",
+        "a sector of a whole ring": "TIE,CYCLICSYMMETRY TIE,MULTISTAGE TIE,FLUIDPERIODIC",
+        "a submodel": "BOUNDARY,SUBMODEL",
+        "a nonlinear law": "SPRING,NONLINEAR DASHPOT,NONLINEAR",
+    }
+)
 #: Cards that are also read in the first step.
 IN_STEPS = (
     *("NSET", "ELSET", "SURFACE", "BOUNDARY", "EQUATION", "MPC", "RIGIDBODY", "TIE", "COUPLING"),
@@ -357,5 +354,4 @@ def _of_option(card: Card, option: str) -> Fate:
     value = "".join(card.option(option).split()).upper()
     if option in known and (values == [""] or value in values):
         return Fate("read")
-    what = REFUSED_OPTIONS.get((card.keyword, option))
-    return Fate("refused", what) if what else UNKNOWN
+    return REFUSED_OPTIONS.get(f"{card.keyword},{option}", UNKNOWN)

@@ -288,14 +288,10 @@ def add_total(
     _spread(builder, elements, value / total * share)
 
 
-def _sections(
-    builder: ModelBuilder, elements: IntArray, place: Place
-) -> tuple[IntArray, Array, Array]:
-    """(dimension, thickness or area across it, density) of elements, in the deck's units."""
+def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
+    """Rows: dimension, thickness or area across it, density of elements, in the deck's units."""
     place.needs(len(elements), "the nonstructural mass is on no element with a section.")
-    found = [_section(builder, int(element), place) for element in elements]
-    dimension, across, density = (np.array(column) for column in zip(*found, strict=True))
-    return dimension, across, density
+    return np.array([_section(builder, int(one), place) for one in elements], dtype=float).T
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:

@@ -130,8 +130,8 @@ UNKNOWN = Fate("unknown")
 def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
     """The fates of cards by their names; `refused`: what they are, or "" -> names and spaces."""
     found: dict[str, Fate] = {}
-    for kind in ("read", "harmless", "ignored"):
-        found |= dict.fromkeys(names[kind], Fate(kind))  # type: ignore[arg-type]
+    for kind, own in names.items():  # read, harmless, ignored
+        found |= dict.fromkeys(own, Fate(kind))  # type: ignore[arg-type]
     for what, some in refused.items():
         found |= dict.fromkeys(some.split(), Fate("refused", what))
     return found
