@@ -294,11 +294,7 @@ def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
 
 
 def held_apart(
-    deck: Deck,
-    x: Array,
-    moves: BoolArray,
-    fixed: BoolArray,
-    rows: Sequence[Sequence[tuple[int, int, float]]],
+    deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
     """(pieces of the deck that nothing joins, whether they are several and each is held).
 
@@ -319,9 +315,8 @@ def held_apart(
     np.add.at(centre, pieces, x[acting])
     r = x - (centre / np.bincount(pieces)[:, None])[piece]
     r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
-    there = np.zeros(len(x), dtype=bool)
-    there[acting] = True
-    own = moves & there[:, None]
+    own = np.zeros_like(moves)
+    own[acting] = moves[acting]
     moved, resisted = (_gram(one, r, piece, count) for one in (own, own & fixed))
     for terms in filter(None, rows):
         nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))

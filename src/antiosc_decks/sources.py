@@ -38,9 +38,8 @@ class Sources:
     ) -> None:
         self.path, self.name, self.folder = path, name, path.resolve().parent
         self.root = _root(path) if root is None else Path(root)
-        self.size = 0
+        self.size, self._on_size = 0, on_size
         self._open: list[Path] = []
-        self._on_size = on_size
 
     def lines(self, path: Path, name: str) -> list[str]:
         """Lines of one file, without line ends."""
@@ -70,7 +69,7 @@ class Sources:
         try:
             path = self._path(named)
             inside = path.is_relative_to(self.root)
-            found = inside and path.is_file()
+            found = inside and os.path.isfile(path)
         except (OSError, ValueError):
             inside, found = True, False
         folder = "/".join(self.root.parts[-2:])
@@ -89,12 +88,13 @@ class Sources:
         name = named.replace("\\", "/")
         folders = [self.folder, *(one.parent for one in self._open[-1:])]
         path, *more = ((folder / name).resolve() for folder in folders)
-        return next((one for one in more if not path.is_file() and one.is_file()), path)
+        # unlike Path.is_file, no error for names that are too long
+        return next((p for p in more if not os.path.isfile(path) and os.path.isfile(p)), path)
 
     def holds(self, named: str) -> bool:
         """Whether a file that the deck includes is there; of a name that is none, True."""
         name = named.strip().strip("'\"")
-        return not name or self._path(name).is_file()
+        return not name or os.path.isfile(self._path(name))
 
     def leave(self) -> None:
         """Leave the file that was entered last."""

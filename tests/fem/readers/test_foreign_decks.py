@@ -276,3 +276,10 @@ def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
     bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
     model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
     assert freedom(model) == 3 + 3 + 3
+
+
+@pytest.mark.parametrize("name", ["loads.inp", "x" * 300])
+def test_an_include_below_loads_need_not_be_there(tmp_path, name):
+    cube = inp.CUBE + inp.SOLID + inp.STEEL
+    model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={name}\n*END STEP\n")
+    same(model, inp.read(tmp_path, cube)[0])
