@@ -278,8 +278,7 @@ def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
     assert freedom(model) == 3 + 3 + 3
 
 
-@pytest.mark.parametrize("name", ["loads.inp", "x" * 300])
-def test_an_include_below_loads_need_not_be_there(tmp_path, name):
+def test_an_include_below_loads_may_have_a_name_that_is_too_long(tmp_path):
     cube = inp.CUBE + inp.SOLID + inp.STEEL
-    model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={name}\n*END STEP\n")
+    model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={'x' * 300}\n")
     same(model, inp.read(tmp_path, cube)[0])
