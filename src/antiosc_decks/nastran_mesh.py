@@ -189,25 +189,6 @@ def moved_parts(
     return found
 
 
-def coincident(
-    grids: list[Entry], points: Array, entries: list[Entry]
-) -> Iterator[tuple[int, int]]:
-    """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
-    scopes = np.array([grid.place.scope for grid in grids])
-    manual = {one.whole(0) * SCOPE for one in entries if one.name == "SEBULK"
-              and one.text(3).upper() == "MANUAL"}  # fmt: skip
-    if not scopes.any():
-        return
-    from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
-
-    done: set[int] = set()
-    for first, second in sorted(cKDTree(points[: len(grids)]).query_pairs(NEAR)):
-        apart = scopes[first] != scopes[second]
-        if apart and second not in done and not {scopes[first], scopes[second]} & manual:
-            done.add(second)
-            yield second, first
-
-
 #: What the case control selects -> the entries of these sets; the one that adds them ends with ADD.
 SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
 #: Elements between scalar motions, by the first letters of their names.
@@ -347,6 +328,23 @@ class NastranDeck:
         place = self.grids[row].place if row < len(self.grids) else place
         return self.systems(number, place).frame(self.deck.points[row])
 
+    def coincident(self) -> Iterator[tuple[int, int]]:
+        """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
+        scopes = np.array([grid.place.scope for grid in self.grids])
+        apart = [one for one in self.named("SEBULK") if one.text(3).upper() == "MANUAL"]
+        manual = {one.whole(0) * SCOPE for one in apart}
+        if not scopes.any():
+            return
+        from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
+
+        done: set[int] = set()
+        pairs = cKDTree(self.deck.points[: len(scopes)]).query_pairs(NEAR)
+        for first, second in sorted(pairs):
+            both = {scopes[first], scopes[second]}
+            if len(both) == 2 and second not in done and not both & manual:
+                done.add(second)
+                yield second, first
+
     def axes(self, entry: Entry, number: int) -> Array:
         """The axes of a rectangular system as rows."""
         system = self.systems(number, entry.place)
@@ -361,9 +359,9 @@ def read(sources: Sources) -> NastranDeck:
     for entry in bulk.entries:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
-        whole = entry.name != "SEBULK" or entry.text(1).upper() in ("", "PRIMARY")
-        entry.needs(whole, f"a superelement of the type {entry.text(1)} is not read; write its "
-                    "elements out.")  # fmt: skip
+        if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
+            told = f"a superelement of the type {entry.text(1)} is not read"
+            raise entry.place.error(f"{told}; write its elements out.")
     scope_parts(bulk.entries)
     found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown()]

@@ -15,7 +15,7 @@ from antiosc_decks.constraints import along, lever, separate_copies
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
-from antiosc_decks.nastran_mesh import SETS, NastranDeck, coincident, place_in
+from antiosc_decks.nastran_mesh import SETS, NastranDeck, place_in
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
@@ -55,7 +55,7 @@ class Joints:
         for name, rigid in RIGID.items():
             for entry in found.named(name):
                 rigid(self, entry)
-        for follower, node in coincident(found.grids, found.deck.points, found.bulk.entries):
+        for follower, node in found.coincident():
             self._follow([follower], node, ALL, found.grids[follower], own=False)
         used = found.used_sets("MPC")
         for entry in found.named("MPC"):
