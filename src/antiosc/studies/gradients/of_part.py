@@ -366,11 +366,11 @@ def design_map(
     if not np.isfinite(own).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
-    for matrix, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):
-        if by != {"stiffness": "rho", "mass": "E"}[matrix]:
+    changes = _relative(part, meshed, by)
+    for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
+        if change:
             shares, turn = _principal(by_reduced, reduced)
             block = turn.T @ to.shapes.T
-            change = _relative(part, meshed, by, matrix)
             relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
     if by == "E" and to.by_local:
         relative += _of_patch(meshed, to, relative.size)
@@ -379,12 +379,14 @@ def design_map(
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
 
 
-def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) -> list[ufl.Form]:
-    """Forms whose sum is the change of K or M with the relative change of a parameter, all over."""
+def _relative(
+    part: Structure, meshed: MeshedStructure, by: str
+) -> tuple[list[ufl.Form], list[ufl.Form]]:
+    """Forms whose sums are the changes of K and M with the relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
-        return list(getattr(meshed.form, matrix))
+        return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
     assert part.made_of is not None
-    found = []
+    K, M = [], []
     for sign in (1, -1):
         changed: list[Any] = []
         for material, cells in meshed.parts:
@@ -393,8 +395,9 @@ def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) ->
             changed.append((replace(material, **scaled), cells))
         form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
         factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
-        found += [factor * each for each in getattr(form, matrix)]
-    return found
+        K += [factor * each for each in form.stiffness]
+        M += [factor * each for each in form.mass]
+    return K, M
 
 
 def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
