@@ -127,8 +127,9 @@ def gradient(
     part : Structure or callable, optional
         From which the model was extracted: `g.E`, `g.nu`, `g.rho`, `g.thickness` and the other
         numbers of its material and of a beam's section; of a laminate's layers arrays `thickness`
-        and `angle` [1/degree]. Of several materials they are {group: derivative}. The shapes of
-        the model are held, which is as good as the model's truncation. Or a function of `x` (n,)
+        and `angle` [1/degree]. Of several materials they are {group: derivative}. The Krylov
+        recurrence of a part on supports runs again in twice as many vectors, which one further
+        extraction finds; otherwise the shapes of the model are held. Or a function of `x` (n,)
         that builds the structure, or its model: `g.x` (n,), by whatever x changes, nodes included,
         with two extractions for each of its entries. The law of the contact stays, and of a
         structure the place of the site and the radius of its patch.
@@ -216,19 +217,39 @@ def _of_part(
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
     from antiosc.results.fields import checked_shapes  # loads dolfinx
-    from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
+    from antiosc.studies.gradients.of_part import (
+        SAME_PART,
+        SHRUNK,
+        Structure,
+        by_part,
+        by_shape,
+        held,
+        recurrence,
+    )
 
     bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
         checked_shapes(part, hit, name, SAME_PART)
-        to: dict[int, Callable[..., float]] = {}
-        for which, body in enumerate(bodies):
-            if body.shapes is not None and taken[which][0].coupled(name):
-                to[which] = lambda *ends, which=which, body=body: changed_model(
-                    hit, taken[which], name, *(held(body, each) for each in ends)
-                )
-            elif body.shapes is not None:
-                to[which] = part_chain(*taken[which], name=name).change
+        chains = {
+            k: None if taken[k][0].coupled(name) else part_chain(*taken[k], name=name)
+            for k, body in enumerate(bodies)
+            if body.shapes is not None
+        }
+        still = chains and not any(each and each.motions for each in chains.values())
+        near = recurrence(bodies[0], part) if still else None
+
+        def change(which: int, *ends: Structure) -> float:
+            one, body = chains[which], bodies[which]
+            if one is None:
+                made = [held(body, each) for each in ends]
+            elif near is None:
+                return one.change(*ends)
+            else:
+                made = [models[which](each) for each in near(*ends)]
+            share = 1.0 if one is None else SHRUNK
+            return changed_model(hit, taken[which], name, *made) / share
+
+        to = {which: partial(change, which) for which in chains}
         own = dict(zip(to, by_part(list(to.values()), part), strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
     checks.function("part", part, "a Structure, or a function of x that builds one")
