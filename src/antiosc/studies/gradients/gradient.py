@@ -150,9 +150,8 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, laws made elsewhere, a contact that is
-        closed at the start beside damping that couples modes, and a part that is not that of the
-        model.
+        For a history without its run, an unknown goal, laws made elsewhere, and a part that is not
+        that of the model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -168,7 +167,7 @@ def gradient(
         for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
             own[body] = own.get(body, {}) | values
     all_of = [
-        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, slopes))
+        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, _settled(one, slopes)))
         for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)
     ]
     return replace(all_of[0], error=bars(all_of)) if error is not None else all_of[0]
@@ -207,9 +206,15 @@ def derived(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
-    if found.settled or s.pressed.any():
-        through_start(s, slopes, found.settled)
+    if found.system.first is None:
+        slopes = _settled(found, slopes)
     return found, wanted, slopes
+
+
+def _settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
+    """The derivatives with what the forces and the rest at the start have of them."""
+    closed = found.settled or found.system.pressed.any()
+    return through_start(found, slopes) if closed else slopes
 
 
 def _of_part(
@@ -263,13 +268,7 @@ def _of_part(
 
 
 def _refuse(found: Recorded) -> None:
-    s = found.system
-    if s.first is not None and (found.settled or s.pressed.any()):
-        raise InputError(
-            "a gradient does not take contacts closed at the start with damping that couples the"
-            " modes (a DampingMatrix, dampers): take it of a model with damping ratios."
-        )
-    for law in s.laws:
+    for law in found.system.laws:
         if not is_compiled(law):
             raise InputError(
                 f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
@@ -298,7 +297,7 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> 
             if own:
                 result[name] = own
             continue
-        by = _by_modes(found, wanted, slopes, name)
+        by = _by_modes(found, wanted, _settled(found, slopes), name)
         if by is not None:
             part = found.parts[name]
             result[name] = by_body(part.body, part.modes, by, _closing(found, part))

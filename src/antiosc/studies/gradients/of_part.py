@@ -446,7 +446,7 @@ def design_map(
 
 def _relative(
     part: Structure, meshed: MeshedStructure, by: str
-) -> tuple[list[ufl.Form], list[ufl.Form]]:
+) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
     """Forms whose sums are the changes of K and M with the relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
         return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
