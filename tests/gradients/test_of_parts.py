@@ -123,6 +123,25 @@ def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.H
 
 
 @pytest.mark.slow
+def test_a_design_map_against_extracting_again_with_other_zones() -> None:
+    mesh, zones = ao.read_mesh("meshes/panel_zones.geo", size=0.12), ("middle", "ring", "rim")
+
+    def panel(x: Any) -> ao.Structure:
+        shells = [ao.Shell(210e9, 0.3, 7850.0, 3e-3 * each) for each in x]
+        return ao.Structure(mesh, dict(zip(zones, shells, strict=True)), [ao.Support("held")])
+
+    part = panel(np.ones(3))
+    model = ao.extract(part, ao.Site((0.05, 0.03, 0), (0, 0, -1), radius=6e-3), n=24)
+    hit = ao.simulate(model, ao.RigidMass(0.3, 3.0), ao.Hertz(5e7), 5e-3, tol=1e-6)
+    again = ao.gradient(hit, "impulse", part=panel, x=np.ones(3)).x
+    found = ao.design_map(part, hit, "impulse")
+    sums = np.bincount(found.meshed.part_of_cells(), 3e-3 * found.slopes)
+    assert sums == pytest.approx(again, rel=0, abs=5e-4 * found.value)
+    g = ao.gradient(hit, "impulse", part=part)
+    assert [3e-3 * g.thickness[zone] for zone in zones] == pytest.approx(again, rel=1e-5)
+
+
+@pytest.mark.slow
 def test_a_design_map_of_a_solid(tmp_path: Path) -> None:
     part = bar()
     hit = blow(part, 1e-4)
