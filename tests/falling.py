@@ -24,10 +24,10 @@ HALF = np.array([0.075, 0.035, 0.004])
 CORNERS = HALF * np.array(list(product((-1, 1), repeat=3)))
 
 
-def block(mass: float = 0.3) -> ao.RigidBody:
-    x, y, z = HALF
+def block(mass: float = 0.3, half: np.ndarray = HALF) -> ao.RigidBody:
+    x, y, z = half
     moments = mass / 3 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    sites = {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(CORNERS)}
+    sites = {f"{i}": (p * half / HALF, (0, 0, 1)) for i, p in enumerate(CORNERS)}
     return ao.RigidBody(mass, moments, sites)
 
 
