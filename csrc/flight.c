@@ -72,6 +72,14 @@ static inline void free_row(const aom_stepper *st, int i, const slot *const *slo
     }
 }
 
+/* What the slopes with which the last step ended add to the rate of row i at h/2 (ready_local). */
+static double slopes_before(const aom_stepper *st, int i) {
+    double total = 0.0;
+    for (int r = 0; r < st->system.n_rows; r++)
+        total += st->system.residual[(ptrdiff_t)i * st->system.n_rows + r] * st->rows[r].slope;
+    return 0.25 * total;
+}
+
 /* Indentations and rates at h/2 and h without contact forces. */
 void free_step(aom_stepper *st, int index, double h, stages *to) {
     const slot *const slots[2] = {st->slots + index + 1, st->slots + index};
@@ -79,6 +87,8 @@ void free_step(aom_stepper *st, int index, double h, stages *to) {
     for (int i = 0; i < st->system.n_rows; i++) {
         motion out[2];
         free_row(st, i, slots, t, 2, out);
+        if (with_slope(st))
+            out[0].rate += slopes_before(st, i);
         to[i] = (stages){{out[0].depth, out[1].depth}, {out[0].rate, out[1].rate}};
     }
 }
@@ -90,6 +100,7 @@ double acting_now(aom_stepper *st) {
     int k = st->now.segment, J = load_width(system), m = system->n_rows;
     while (k + 1 < system->n_breaks && system->breaks[k + 1] - t <= 1e-13 * end)
         k++;
+    st->now.smooth = st->now.smooth && k == st->now.segment;
     st->now.segment = k;
     bool last = k + 1 == system->n_breaks;
     st->rising = !last;

@@ -37,7 +37,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
         if (s != NULL)
-            *s = (slot){NAN, false, false, false, response, rows, coupling, local};
+            *s = (slot){NAN, false, false, NO_LOCAL, response, rows, coupling, local};
     }
 }
 
@@ -174,7 +174,6 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     (*made)->n_groups = groups;
     find_groups(*made);
     find_spans(*made);
-    (*made)->rated = false;
     for (int level = 0; level <= LEVELS; level++)
         (*made)->halved[level] = ldexp(1.0, -level);
     return AOM_DONE;
@@ -234,18 +233,15 @@ static bool any(const double *x, ptrdiff_t n) {
     return false;
 }
 
-/* What the responses depend on besides the modes: found anew where it changed. */
-static void start_slots(aom_stepper *st) {
-    bool rated = false;
-    for (int c = 0; c < st->system.n_contacts; c++) {
-        int kind = st->system.contacts[c].law.kind;
-        rated = rated || kind == AOM_DAMPED || kind == AOM_USER;
+/* Whether a law depends on the rate of what has no mass. */
+static bool rate_of_massless(const aom_system *system) {
+    for (int c = 0; c < system->n_contacts; c++) {
+        const aom_law *law = &system->contacts[c].law;
+        bool rated = law->kind == AOM_DAMPED || (law->kind == AOM_USER && law->user->rated);
+        if (rated && system->residual[(ptrdiff_t)c * (system->n_rows + 1)] > 0.0)
+            return true;
     }
-    if (rated != st->rated)
-        for (int k = 0; k < SLOTS; k++)
-            st->slots[k].has_local = false;
-    st->rated = rated;
-    st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
+    return false;
 }
 
 int aom_start(aom_stepper *st, const aom_system *system, const aom_options *options) {
@@ -275,7 +271,8 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
         now.cap = smaller(now.cap, options->step);
     now.force_scale = options->force_scale;
     st->now = now;
-    start_slots(st);
+    st->rated = rate_of_massless(system);
+    st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
     memcpy(st->x, system->q, (size_t)J * sizeof *st->x);
     memcpy(st->x + J, system->v, (size_t)J * sizeof *st->x);
     st->x[2 * J] = 0.0;
@@ -385,6 +382,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
         now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
     now->steps++;
     now->idle = 0;
+    now->smooth = true;
     now->time += h;
     now->last_step = h;
     for (int i = 0; i < st->system.n_rows; i++) {
@@ -462,6 +460,7 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
     int before = state->branch;
+    st->now.smooth = false;
     aom_exit left = {(double)st->now.steps, c, st->exit_bound, at_once ? (active ? 0 : 2) : 1, 0.0,
                      {before}, {0.0}};
     memcpy(left.before + 1, state->memory, 3 * sizeof(double));
