@@ -150,7 +150,8 @@ struct aom_stepper {
     row_state *rows;
     contact_state *contacts;
     /* bounds of a flight, found at its begin: */
-    double *swing;  /* [p][J]: how a contact sees the amplitude of a mode */
+    double *swing;  /* [p][J][2]: how a contact sees the amplitudes of the parts of a mode */
+    double *bend;   /* [J][2]: second derivatives over them */
     double *sag;    /* [p]: the largest second derivative by rigid modes */
     double *missed; /* [LEVELS + 1][p]: what a chord can miss; last row: second derivatives */
     bool *known;    /* [LEVELS]: of missed */

@@ -76,7 +76,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     to->x = take(&a, 2 * J + 1, sizeof(double));
     to->rows = take(&a, m, sizeof(row_state));
     to->contacts = take(&a, p, sizeof(contact_state));
-    to->swing = take(&a, p * J, sizeof(double));
+    to->swing = take(&a, 2 * p * J, sizeof(double));
+    to->bend = take(&a, 2 * J, sizeof(double));
     to->sag = take(&a, p, sizeof(double));
     to->missed = take(&a, (LEVELS + 1) * p, sizeof(double));
     to->known = take(&a, LEVELS, sizeof(bool));
