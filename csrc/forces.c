@@ -282,11 +282,13 @@ static bool corrections(aom_stepper *st, const influence *local, int n) {
     return true;
 }
 
-/* One step of Newton's method for all normal forces of both stages, shortened if need be. */
-static bool together(aom_stepper *st, const influence *local) {
+/* One step of Newton's method for all normal forces of both stages, shortened if need be; `far`: the
+ * largest correction that it wants. */
+static bool together(aom_stepper *st, const influence *local, double *far) {
     int m = st->system.n_rows, n = 0;
     nodes *force = st->work.force, *before = st->work.before;
     double best, size, norm, length = 1.0;
+    *far = 0.0;
     for (int c = 0; c < st->system.n_contacts; c++)
         if (pressing(st->contacts[c].branch))
             st->work.active[n++] = c;
@@ -296,6 +298,8 @@ static bool together(aom_stepper *st, const influence *local) {
         return true;
     if (!corrections(st, local, n))
         return false;
+    for (int i = 0; i < n; i++)
+        *far = larger(*far, larger(fabs(st->work.newton[i].step[0]), fabs(st->work.newton[i].step[1])));
     for (int tries = 0; tries < 11; tries++) {
         for (int i = 0; i < n; i++) {
             int c = st->work.active[i];
@@ -311,34 +315,36 @@ static bool together(aom_stepper *st, const influence *local) {
     }
     memcpy(force, before, (size_t)m * sizeof *force);
     add_up(st);
-    return best <= 1e-20 * size; /* what is left is rounding */
+    return *far * *far <= 1e-20 * size; /* what is left is rounding */
 }
 
-/* One sweep over the contacts, each force by a step of Newton's method on its own law (`take`: it
- * is changed, else only asked for). The largest change, force and rounding into out. */
+/* One sweep over the contacts: of each the friction, and before it (`take`) the force by a step of
+ * Newton's method on its own law. The largest change, force and rounding into out. */
 static void sweep(aom_stepper *st, const influence *local, bool take, double out[3]) {
     for (int stage = 0; stage < 2; stage++)
         for (int c = 0; c < st->system.n_contacts; c++) {
             const aom_contact *contact = st->system.contacts + c;
-            double delta, rate;
+            double delta, rate, new = st->work.force[c].f[stage + 1], old = new;
             if (!pressing(st->contacts[c].branch)) {
                 put(st, stage, c, 0.0);
                 for (int r = 0; r < contact->n_tangential; r++)
                     put(st, stage, contact->first_tangential + r, 0.0);
                 continue;
             }
-            felt(st, local, stage, c, &delta, &rate);
-            tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
-                                      st->contacts[c].memory);
-            const influence *own = local + c;
-            double give = own->depth[stage][stage + 1] * law.by_delta +
-                          own->rate[stage][stage + 1] * law.by_rate;
-            double grip = 1.0 + larger(give, 0.0), old = st->work.force[c].f[stage + 1];
-            double new = old - (old - law.force) / grip;
-            double rounding = 1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
-            out[2] = larger(out[2], rounding);
-            if (take)
+            if (take) {
+                felt(st, local, stage, c, &delta, &rate);
+                tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
+                                          st->contacts[c].memory);
+                const influence *own = local + c;
+                double give = own->depth[stage][stage + 1] * law.by_delta +
+                              own->rate[stage][stage + 1] * law.by_rate;
+                double grip = 1.0 + larger(give, 0.0);
+                double rounding =
+                    1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
+                new = old - (old - law.force) / grip;
+                out[2] = larger(out[2], rounding);
                 put(st, stage, c, new);
+            }
             out[0] = larger(out[0], fabs(new - old));
             out[1] = larger(out[1], fabs(new));
             if (contact->n_tangential > 0)
@@ -347,27 +353,28 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
 }
 
 /* Forces of all rows at h/2 and h that meet laws and friction, into work.force, which holds those at 0
- * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole system by Newton's
- * method where they do not converge. */
+ * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole
+ * system by Newton's method where they do not converge, or where the rate of what has no mass couples
+ * the stages. */
 bool all_forces(aom_stepper *st, const influence *local) {
     int m = st->system.n_rows;
     nodes *force = st->work.force;
     start_forces(st, local);
-    for (int tries = 0; tries < SWEEPS + NEWTON; tries++) {
-        if (tries == SWEEPS) { /* the sweeps may have led away */
+    for (int tries = st->rated ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
+        double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0, far = 0.0;
+        if (tries == SWEEPS && !st->rated) { /* the sweeps may have led away */
             for (int c = 0; c < st->system.n_contacts; c++)
                 force[c].f[1] = force[c].f[2] = force[c].f[0];
             add_up(st);
         }
-        if (tries >= SWEEPS && !together(st, local))
+        if (tries >= SWEEPS && !together(st, local, &far))
             return false;
-        double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0;
         sweep(st, local, tries < SWEEPS, found);
         for (int i = 0; i < m; i++)
             total += fabs(force[i].f[1]) + fabs(force[i].f[2]);
         if (!(total + found[0] < 1e300) || st->law_failed)
             return false;
-        if (found[0] > SETTLED * found[1] + found[2])
+        if (found[0] > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
             continue;
         for (int stage = 0; stage < 2; stage++)
             for (int i = 0; i < m; i++)

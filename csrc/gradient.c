@@ -958,7 +958,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;
-        if (system->contacts[c].closing > 0.0)
+        if (system->contacts[c].state != NULL)
             return AOM_BAD_CONTACT;
     }
     arena taken = {memory, 0};

@@ -191,6 +191,9 @@ tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delt
 branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
 int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
                 double rate, double *memory);
+int law_state_size(const aom_law *law);
+int resumed_branch(const aom_law *law, const aom_contact *contact, double delta, double rate,
+                   double *memory);
 void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
                   const double *memory, double *depth, double *force);
 void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,

@@ -129,9 +129,12 @@ static bool good_loads(const aom_system *s) {
 }
 
 static bool good_contact(const aom_system *s, const aom_contact *c) {
-    const double least[] = {c->friction, c->slowest, c->preload, c->closing};
+    const double least[] = {c->friction, c->slowest, c->preload};
+    double smallest = c->law.kind == AOM_USER ? ANY : 0.0;
     const double above[] = {c->expected_depth, c->expected_speed, c->mass};
-    if (!all_good(least, 4, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
+    if (c->state != NULL && !all_good(c->state, law_state_size(&c->law), smallest))
+        return false;
+    if (!all_good(least, 3, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
         return false;
     for (int k = 0; k < 3; k++)
         if (!(above[k] > 0.0) || (k < 2 && above[k] == INFINITY))
@@ -180,15 +183,19 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     return AOM_DONE;
 }
 
-/* The contact is closed from the start. */
-static void preload(aom_stepper *st, int c) {
+/* The contact is closed from the start, or goes on from touches before it; the rows know their
+ * indentations. */
+static void resume(aom_stepper *st, int c) {
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
-    state->branch =
-        next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, contact->closing, state->memory);
-    st->rows[c].force = contact->preload;
-    st->now.force_scale = larger(st->now.force_scale, contact->preload);
-    st->now.level = 10;
+    const row_state *row = st->rows + c;
+    if (contact->state != NULL)
+        state->branch =
+            resumed_branch(&contact->law, contact, row->depth, row->rate, state->memory);
+    else if (contact->preload > 0.0)
+        state->branch = next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, 0.0, state->memory);
+    if (state->branch != AOM_APART)
+        st->now.level = 10;
 }
 
 static void start_rows(aom_stepper *st) {
@@ -215,15 +222,17 @@ static void start_contacts(aom_stepper *st) {
     for (int c = 0; c < s->n_contacts; c++) {
         st->contacts[c].depth_scale = s->contacts[c].expected_depth;
         st->contacts[c].speed_scale = s->contacts[c].expected_speed;
-        if (s->contacts[c].preload > 0.0 || s->contacts[c].closing > 0.0)
-            preload(st, c);
+        st->rows[c].force = s->contacts[c].preload;
+        st->now.force_scale = larger(st->now.force_scale, s->contacts[c].preload);
     }
     for (int i = 0; i < m; i++)
         for (int c = 0; c < s->n_contacts; c++)
             st->rows[i].depth -= s->residual[(ptrdiff_t)i * m + c] * st->rows[c].force;
-    for (int c = 0; c < s->n_contacts; c++)
+    for (int c = 0; c < s->n_contacts; c++) {
+        resume(st, c);
         for (int r = 0; r < s->contacts[c].n_tangential; r++)
             st->contacts[c].anchor[0][r] = st->rows[s->contacts[c].first_tangential + r].depth;
+    }
 }
 
 /* Whether any number is not 0. */

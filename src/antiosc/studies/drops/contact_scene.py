@@ -20,6 +20,7 @@ from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies.impactors import Obstacle
 from antiosc.simulation.histories.history import SceneHistory
 from antiosc.simulation.histories.verdict import COMPLETED, STOPPED
+from antiosc.simulation.march.system import Kept
 from antiosc.simulation.problem.assembly import Assembly, assemble
 from antiosc.simulation.problem.scene_parts import Contact
 from antiosc.simulation.problem.scene_states import between, forces, located, marched_states
@@ -46,13 +47,13 @@ class Held(NamedTuple):
     """A contact that goes on from an episode before.
 
     Its height [m] without force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], and the speed [m/s] at which it closed.
+    stiffness [N/m], and what its law remembers.
     """
 
     height: float
     force: Array
     stiffness: float
-    closing: float
+    kept: Kept
 
 
 class Path(NamedTuple):
@@ -99,17 +100,18 @@ def scene_of(
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
-    closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
+    force, drawn = np.zeros((2, len(system.beta)))
     for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
         if one is not None:
-            closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
+            force[k], sides = one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
     # springs of friction begin unstrained: what they press is added with them
     drawn += system.R @ force - system.R[:, :p] @ force[:p]
     drawn[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += drawn[:p]
-    begin(assembly, (closing, force[:p]) if held else None)
+    kept = [None if one is None else one.kept for one in on]
+    begin(assembly, (kept, force[:p]) if held else None)
     if drawn.any():
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
         breaks, loads = (
@@ -245,16 +247,17 @@ def handed_over(
         whole[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(run.time - t)))
-    force, closing = run.force[node], run.closing(a.system, t)
+    force, kept = run.force[node], run.kept(a.system, t)
     heights = -(run.depth[node] + a.system.R @ force)
+    each = zip(which, kept, a.system.tangents, strict=True)
     held = {
         int(i): Held(
             float(heights[k]),
             force[[k, *range(first, first + count)]],
             float(a.system.slip[k, 1]),
-            float(closing[k]),
+            one._replace(closed=True),
         )
-        for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
-        if force[k] > 0
+        for k, (i, one, (first, count)) in enumerate(each)
+        if force[k] > 0 and one is not None
     }
     return state, held
