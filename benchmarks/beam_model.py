@@ -25,7 +25,7 @@ from fidelity import power
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences
+from antiosc.simulation.histories.parts import QUANTITIES, differences
 from antiosc.studies.advice import advise
 
 #: Of all bars, m; radius of the solid's patch over the smaller side.

@@ -25,7 +25,7 @@ from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import threads
+from antiosc.base import process
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 
@@ -43,9 +43,9 @@ Found = dict[int, Times]
 
 def main(sizes: tuple[float, ...] = SIZES, rounds: int = 5, out: Path = OUT) -> Found:
     """Measure with elements of these sizes, write the table and the chart, return the seconds."""
-    if threads.chosen():
-        sys.exit(f"unset {threads.chosen()[0]} first: it decides the threads by itself.")
-    ways = {"1 thread": 1, f"{threads.cores()} threads": threads.cores(), "antiosc": None}
+    if process.chosen():
+        sys.exit(f"unset {process.chosen()[0]} first: it decides the threads by itself.")
+    ways = {"1 thread": 1, f"{process.cores()} threads": process.cores(), "antiosc": None}
     found = dict(measured(size, ways, rounds) for size in sizes)
     out.mkdir(parents=True, exist_ok=True)
     (out / "blas_threads.md").write_text(table(found, ways))
@@ -99,14 +99,14 @@ def given(count: int) -> Iterator[None]:
 def busy() -> Iterator[None]:
     """Two processes a core that compute without end."""
     command = [sys.executable, "-c", "while True: pass"]
-    processes = [subprocess.Popen(command) for _ in range(2 * threads.cores())]
+    processes = [subprocess.Popen(command) for _ in range(2 * process.cores())]
     time.sleep(1.0)
     try:
         yield
     finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+        for one in processes:
+            one.kill()
+            one.wait()
 
 
 def ratio(times: Times, load: str, way: str, task: str) -> float:
@@ -118,8 +118,8 @@ def table(found: Found, ways: dict[str, int | None]) -> str:
     lines = [
         "# BLAS threads, idle and busy",
         "",
-        f"Bracket, {threads.cores()} cores; idle: the machine as it was; busy: beside "
-        f"{2 * threads.cores()} processes that compute without end. Medians over that of one "
+        f"Bracket, {process.cores()} cores; idle: the machine as it was; busy: beside "
+        f"{2 * process.cores()} processes that compute without end. Medians over that of one "
         "thread without load; in brackets the longest one. Made by `benchmarks/blas_threads.py`. "
         f"{options.code_state()}",
         "",

@@ -4,7 +4,7 @@ Both solve the clamped bracket at two sizes, in one run, in turns. The complianc
 on its surface: by the branches of CHOLMOD's elimination tree (`antiosc.fem.linalg.compliance`), by
 MUMPS's solves for sparse right-hand sides (ICNTL(20)), and from selected entries of the inverse
 (ICNTL(30)). The factor over two ranks: by condensation onto the interface
-(`antiosc.fem.linalg.substructures`), and by MUMPS. Writes cholmod_or_mumps.md: medians of the CPU
+(`antiosc.fem.linalg.solver_choice`), and by MUMPS. Writes cholmod_or_mumps.md: medians of the CPU
 seconds of the slowest rank, numbers in the factor, errors.
 
     .venv/bin/python benchmarks/cholmod_or_mumps.py --help
@@ -28,13 +28,12 @@ import scipy.sparse
 from petsc4py import PETSc
 
 import antiosc as ao
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances
 from antiosc.fem.linalg.petsc_algebra import csr, lower
-from antiosc.fem.linalg.solver_choice import Distributed
-from antiosc.fem.linalg.substructures import Substructures, interface
+from antiosc.fem.linalg.solver_choice import Distributed, Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
 
 #: A measurement in a process of its own.

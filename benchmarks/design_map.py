@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.studies.gradients import design_map
+from antiosc.studies.gradients import of_part
 
 SIDE, COARSE, REPEATS = 0.2, 18, 3
 
@@ -86,15 +86,15 @@ def smooth(part: Any, count: int) -> np.ndarray:
 
 def least(part: ao.Structure, hit: ao.History, by: str) -> tuple[float, int]:
     """Seconds of CPU of a map, the least of some, and its cells."""
-    checked, spent = design_map.checked_shapes, []
-    design_map.checked_shapes = lambda *_: None
+    checked, spent = of_part.checked_shapes, []
+    of_part.checked_shapes = lambda *_: None
     try:
         for _ in range(REPEATS):  # kernels are compiled in the first
             began = time.process_time()
             map_ = ao.design_map(part, hit, "peak_force", by=by)
             spent.append(time.process_time() - began)
     finally:
-        design_map.checked_shapes = checked
+        of_part.checked_shapes = checked
     return min(spent), map_.slopes.size
 
 

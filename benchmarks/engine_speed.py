@@ -30,7 +30,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.march.convergence import converge
-from antiosc.simulation.problem.impacts import Impact, Rows
+from antiosc.simulation.two_bodies import Impact, Rows
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 HERTZ, DURATION, TOL = 1.55e10, 4e-3, 1e-3

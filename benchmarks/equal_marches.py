@@ -24,8 +24,8 @@ import options
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation import two_bodies
 from antiosc.simulation.march import engine
-from antiosc.simulation.problem import impacts
 
 CLOSE = 1e-9  # of the largest time, force, indentation
 
@@ -60,7 +60,7 @@ def of(library: Any, run: Callable[[], ao.History]) -> Any:
     """The run of a scene by a library, or the sentence of its error."""
     march.library = library
     engine._kept.clear()
-    impacts._spaces.clear()
+    two_bodies._spaces.clear()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

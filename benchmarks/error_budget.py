@@ -34,8 +34,8 @@ from antiosc import plotting
 from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import source_of
-from antiosc.simulation.errors.error_budget import amplitudes
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences
+from antiosc.simulation.error_budget import amplitudes
+from antiosc.simulation.histories.parts import QUANTITIES, differences
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of a reference over that of the mesh, and its largest one (shares of the energy), by

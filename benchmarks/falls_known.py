@@ -17,9 +17,9 @@ from options import command
 import antiosc as ao
 from antiosc.studies.drops.body import free_body
 from antiosc.studies.drops.course import hung
+from antiosc.studies.drops.drop import tilted
 from antiosc.studies.drops.fall import fall_of
 from antiosc.studies.drops.flight import Flight
-from antiosc.studies.drops.orientation import tilted
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from falling import G, bar, block, floating, landed, setting, started

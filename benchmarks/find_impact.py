@@ -22,9 +22,9 @@ import numpy as np
 
 import antiosc as ao
 from antiosc.base._types import Array
-from antiosc.studies.find.find import Monitored, found_in, prepared
+from antiosc.studies.find import Monitored, found_in, prepared
 from antiosc.studies.find.recording import recording
-from antiosc.studies.free_sites import ABOVE
+from antiosc.studies.maps import ABOVE
 
 E, NU, RHO, THICKNESS = 210e9, 0.3, 7850.0, 4e-3
 SIDES = np.array([0.4, 0.3])

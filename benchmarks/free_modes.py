@@ -28,7 +28,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 import antiosc as ao
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.studies import maps

@@ -19,8 +19,7 @@ import antiosc as ao
 from antiosc import closed_form
 from antiosc.base import march
 from antiosc.simulation.march import engine
-from antiosc.studies.gradients.goals import seeds
-from antiosc.studies.gradients.recorded import recorded
+from antiosc.studies.gradients.goals import recorded, seeds
 
 SIZES = (5, 20, 60)
 GOALS = ("peak_force", "impulse", "contact_time")

@@ -30,9 +30,8 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery import Place
+from antiosc.fem.site import Reach, functional
 
 ROOT = Path(__file__).resolve().parent.parent
 #: The points that are compared lie on the part.

@@ -28,8 +28,8 @@ import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.models.body import Body, InModes
-from antiosc.simulation.errors.model_errors import pulse_time
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.error_budget import pulse_time
+from antiosc.simulation.histories.parts import QUANTITIES
 
 #: Steel.
 E, NU, RHO = 210e9, 0.3, 7850.0

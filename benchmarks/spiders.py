@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 import antiosc as ao
-from antiosc.fem.assembly import wide
+from antiosc.fem.assembly import layout
 from antiosc.fem.assembly.joint import Held, Rows
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -83,7 +83,7 @@ def main(
         "factor cannot use it: a site takes MUMPS 4.8 to 7.4 times as long, a map 1.6 to 2.6 times "
         "([table](cholmod_or_mumps.md)). A Schur complement of the multipliers needs a regular K "
         "of the parts, which the free post does not have. So `assemble` eliminates both, and gives "
-        f"faces whose mean has {wide.WIDE} dofs or more the nested basis.",
+        f"faces whose mean has {layout.WIDE} dofs or more the nested basis.",
     ]
     (out / "spiders.md").write_text("\n".join(text) + "\n")
     return found
@@ -92,17 +92,17 @@ def main(
 def measured(size: int, joint: ao.Mean | ao.Rigid) -> dict[str, Row]:
     """Way -> its numbers."""
     parts = {"block": block(size), "post": post()}
-    usual = wide.WIDE
+    usual = layout.WIDE
     found = {"block alone": alone(parts["block"])}
     kinds = {"as assemble does": usual}
     if isinstance(joint, ao.Mean) and 3 * (2 * size + 1) ** 2 <= MOST_DENSE:
         kinds["eliminated, no basis"] = 10**9
     for way, least in kinds.items():
-        wide.WIDE = least
+        layout.WIDE = least
         try:
             part, seconds = clocked(lambda: ao.assemble(parts, [joint]))
         finally:
-            wide.WIDE = usual
+            layout.WIDE = usual
         b = functional(part, SITE).b
         found[way] = {**by_both(part, b), "joint s": seconds}
     found["bordered"] = bordered(part, joint, of_post(parts["post"]))

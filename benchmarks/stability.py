@@ -35,10 +35,10 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files, march
 from antiosc.closed_form import pinned_pinned
+from antiosc.simulation.assembly import stiffness_at
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.stability import margin
-from antiosc.simulation.problem.scales import stiffness_at
-from antiosc.simulation.problem.two_bodies import pose
+from antiosc.simulation.two_bodies import pose
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.

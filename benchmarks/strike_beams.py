@@ -20,7 +20,7 @@ import options
 
 import antiosc as ao
 from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences
+from antiosc.simulation.histories.parts import QUANTITIES, differences
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Anti-oscillators and error of the time steps of the truth.

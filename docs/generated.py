@@ -14,7 +14,7 @@ import light
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-#: a line of an API page: the public names of these modules and packages stand in its place
+#: a line of an API page: the public names of these packages and modules stand in its place
 LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
 #: folder of scripts -> script -> pictures that the repository keeps of it; demos in their order
 PICTURES = {
@@ -59,12 +59,10 @@ def public_names() -> dict[str, str]:
 
 
 def api(modules: list[str]) -> list[str]:
-    """Public names of modules and packages, given without "antiosc."."""
-    wanted = [f"antiosc.{module}" for module in modules]
+    """Public names of packages and modules, or single ones of a module, without "antiosc."."""
+    wanted = tuple(f"antiosc.{module}." for module in modules)
     return [
-        name
-        for name, module in public_names().items()
-        if any(module == one or module.startswith(f"{one}.") for one in wanted)
+        name for name, module in public_names().items() if f"{module}.{name}.".startswith(wanted)
     ]
 
 
@@ -116,7 +114,8 @@ def with_names(index: str) -> str:
 def first_sentence(name: str, module: str) -> str:
     """Of the docstring of a public name."""
     path = ROOT / "src" / module.replace(".", "/")
-    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    file = path.with_suffix(".py")
+    file = file if file.is_file() else path / "__init__.py"
     tree = ast.parse(file.read_text(encoding="utf-8"))
     kinds = (ast.FunctionDef, ast.ClassDef)
     found = [node for node in tree.body if isinstance(node, kinds) and node.name == name]

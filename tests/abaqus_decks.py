@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from antiosc.io.deck import Deck
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import abaqus_assembly, abaqus_model
 from antiosc_decks.sources import Sources
 
 NODES = """\

@@ -14,7 +14,7 @@ import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 
 SOLID = ao.Solid(**parts.STEEL)
 PLANE = ao.Solid(**parts.STEEL, plane="strain", thickness=0.02)

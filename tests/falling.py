@@ -12,11 +12,10 @@ from scipy.interpolate import CubicSpline
 import antiosc as ao
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.course import hung
+from antiosc.studies.drops.drop import tilted
 from antiosc.studies.drops.episode import Episode
-from antiosc.studies.drops.flight import State
+from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Setting
-from antiosc.studies.drops.orientation import tilted
-from antiosc.studies.drops.rotation import turned
 
 G = 9.81
 

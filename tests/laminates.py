@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from antiosc.closed_form import SupportedLaminate
-from antiosc.fem.elements.sections import stacked
+from antiosc.fem.elements import stacked
 
 
 def navier(layers, S=None):

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from antiosc.io.deck import Deck
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import nastran_mesh as nastran, nastran_model
 from antiosc_decks.sources import Sources
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]

@@ -13,7 +13,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
 from antiosc.fem.platform import compat
 

@@ -62,7 +62,7 @@ def test_tracebacks_lead_from_the_call_to_its_reason(call):
         call()
     assert raised.value.__cause__ is None
     files = [str(entry.path) for entry in raised.traceback]
-    assert not [name for name in files if name.endswith("base/calls.py")]
+    assert not [name for name in files if name.endswith("base/errors.py")]
 
 
 def test_other_errors_and_pickles_are_as_before():

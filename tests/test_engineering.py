@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
-from antiosc.app.report import results as result_tables
-from antiosc.base.engineering import prefixed
+from antiosc.app import results as result_tables
+from antiosc.base.texts import prefixed
 
 HIT = ao.simulate(
     ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3]),

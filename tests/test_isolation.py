@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from antiosc.base.isolation import quiet, restored
+from antiosc.base.process import quiet, restored
 from paths import MESHES
 
 #: What a process can see of itself; the packages' own loggers are theirs.

@@ -11,8 +11,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.app.page import sites, verdict
-from antiosc.base.engineering import engineering
+from antiosc.app import live as verdict, live_meshes as sites
+from antiosc.base.texts import engineering
 
 pytestmark = [
     pytest.mark.fem,
@@ -53,14 +53,14 @@ def test_the_largest_stress_is_that_of_the_impact_by_itself(supports):
 
 def test_a_map_colours_by_danger():
     part, found = struck(supports=True, yield_strength=YIELD)
-    own = sites.of_map(found, part)[1]
+    own = sites.sites_of_map(found, part)[1]
     assert own["units"]["peak_stress"] == "Pa"
     assert own["quantities"]["exposure"] is found.exposure
     worst = int(found.exposure.argmax())
     told = found.summary().splitlines()[-1]
     assert engineering(found.peak_stress[worst], "Pa", 3) in told
     assert "refine" in told
-    assert f"{found.exposure[worst]:.3g}" in " ".join(verdict.of_map(found).sentences)
+    assert f"{found.exposure[worst]:.3g}" in " ".join(verdict.headline_of_map(found).sentences)
 
 
 def test_stress_needs_impacts_and_no_strength():

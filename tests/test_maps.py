@@ -16,7 +16,7 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
 from antiosc.models.driving_point import stiffness_error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.base import memory
+from antiosc.base import process
 
 V1 = "/sys/fs/cgroup/memory/memory."
 MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]
@@ -29,8 +29,8 @@ def test_the_smaller_of_machine_and_container(files, free, monkeypatch):
     def lines(path: str) -> list[str]:
         return files.get(path) or files.get(path.removeprefix("/sys/fs/cgroup/memory."), [])
 
-    monkeypatch.setattr(memory, "_lines", lines)
-    assert memory.free_memory() == free
+    monkeypatch.setattr(process, "_lines", lines)
+    assert process.free_memory() == free
 
 
 def test_the_limit_of_the_process_counts(monkeypatch):
@@ -38,12 +38,12 @@ def test_the_limit_of_the_process_counts(monkeypatch):
     resource = pytest.importorskip("resource")
     limit = 10 * resource.getpagesize()
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (limit, limit))
-    monkeypatch.setattr(memory, "_lines", lambda path: ["3 2 1"] if "statm" in path else [])
-    assert memory.free_memory() == 7 * resource.getpagesize()
+    monkeypatch.setattr(process, "_lines", lambda path: ["3 2 1"] if "statm" in path else [])
+    assert process.free_memory() == 7 * resource.getpagesize()
 
 
 def test_what_does_not_fit_is_one_sentence(monkeypatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 2e9)
-    memory.require(1.7e9, "a run", "do less")
-    with pytest.raises(memory.OutOfMemoryError, match=r"^a run needs .* 1.9 GB .* 2 GB .*: do les"):
-        memory.require(1.9e9, "a run", "do less")
+    monkeypatch.setattr(process, "free_memory", lambda: 2e9)
+    process.require(1.7e9, "a run", "do less")
+    with pytest.raises(process.OutOfMemoryError, match=r"^a run needs .* 1.9 GB .* 2 GB"):
+        process.require(1.9e9, "a run", "do less")

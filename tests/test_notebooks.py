@@ -38,14 +38,14 @@ def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.base.charts import figures
+    from antiosc.base import charts
 
     told: list[bool] = []
     pyplot.switch_backend("agg")
     monkeypatch.setattr(pyplot, "get_backend", lambda: backend)
-    monkeypatch.setattr(figures, "_let_notebook_draw", lambda: told.append(True))
+    monkeypatch.setattr(charts, "_let_notebook_draw", lambda: told.append(True))
     before = len(pyplot.get_fignums())
-    figure = figures.new_figure((3.0, 2.0), shown=True)
+    figure = charts.new_figure((3.0, 2.0), shown=True)
     assert len(pyplot.get_fignums()) - before == (backend == "agg")
     assert told == [True] * (backend != "agg")
     pyplot.close(figure)
@@ -54,7 +54,7 @@ def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkey
 def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
     """pyplot tells it how after that cell only, which would show the name of the figure."""
     matplotlib = pytest.importorskip("matplotlib.figure")
-    from antiosc.base.charts import figures
+    from antiosc.base import charts
 
     formatters: dict[str, set[object]] = {"image/png": set()}
     shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=formatters))
@@ -63,8 +63,8 @@ def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
     tools.select_figure_formats = lambda shell, formats: formatters["image/png"].update(formats)
     monkeypatch.setitem(sys.modules, "IPython", notebook)
     monkeypatch.setitem(sys.modules, "IPython.core.pylabtools", tools)
-    figures._let_notebook_draw()
+    charts._let_notebook_draw()
     assert formatters["image/png"] == {"png"}
     formatters["image/png"] = {matplotlib.Figure}  # as its user has set it
-    figures._let_notebook_draw()
+    charts._let_notebook_draw()
     assert formatters["image/png"] == {matplotlib.Figure}

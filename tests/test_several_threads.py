@@ -16,7 +16,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import errors, isolation, progress
+from antiosc.base import errors, process, progress
 from antiosc.fem.structure.structure import Structure
 
 
@@ -95,7 +95,7 @@ def test_what_another_thread_sets_while_something_compiles_stays(monkeypatch):
         sys.path.append("/application")
 
     try:
-        with isolation.restored(), ThreadPoolExecutor(1) as pool:
+        with process.restored(), ThreadPoolExecutor(1) as pool:
             pool.submit(application).result()
         assert os.environ.get("ANTIOSC_TEST_SET") == "1"
         assert "ANTIOSC_TEST_GONE" not in os.environ
@@ -108,7 +108,7 @@ def test_what_another_thread_sets_while_something_compiles_stays(monkeypatch):
 @pytest.mark.fem
 def test_openmp_is_as_before_after_factors_of_two_threads(monkeypatch):
     pytest.importorskip("dolfinx")
-    from antiosc.fem.linalg import cholmod_library
+    from antiosc.fem.linalg import cholmod
 
     levels = [3]
     openmp = SimpleNamespace(
@@ -118,6 +118,6 @@ def test_openmp_is_as_before_after_factors_of_two_threads(monkeypatch):
         "libgomp.so.1": openmp,
         "libopenblas.so.0": SimpleNamespace(openblas_get_parallel=lambda: 1),
     }
-    monkeypatch.setattr(cholmod_library, "_loaded", there.get)
-    overlapping(cholmod_library.without_openmp(), cholmod_library.without_openmp())
+    monkeypatch.setattr(cholmod, "_loaded", there.get)
+    overlapping(cholmod.without_openmp(), cholmod.without_openmp())
     assert levels[-1] == 3

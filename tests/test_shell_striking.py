@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.error.bisection import refined
 from antiosc.fem.platform import compat
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.parts import QUANTITIES
 from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet, stack
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.histories.error_bars import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
 
 pytestmark = pytest.mark.fem
 pytest.importorskip("dolfinx")

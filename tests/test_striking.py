@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.simulation.histories.error_bars import ErrorBar, ErrorBudget
+from antiosc.simulation.histories.parts import ErrorBar, ErrorBudget
 from antiosc.studies.striking import LEAST_SHARE, Answer, compared
 from parts import STEEL, frame, line, plate
 

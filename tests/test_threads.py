@@ -9,44 +9,44 @@ import time
 import numpy as np
 import pytest
 
-from antiosc.base import threads
+from antiosc.base import process
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
-if not threads.pools():
+if not process.pools():
     pytest.skip("this BLAS has no threads", allow_module_level=True)
 
-LARGE = 100 * threads.WORK_PER_THREAD
+LARGE = 100 * process.WORK_PER_THREAD
 
 
 def now() -> set[int]:
     """Threads of the BLAS libraries at the moment."""
-    return {pool["num_threads"] for pool in threads.pools()}
+    return {pool["num_threads"] for pool in process.pools()}
 
 
 @pytest.fixture
 def two_threads(monkeypatch):
     """BLAS has two threads and the environment names no number; both are there."""
-    for name in threads.VARIABLES:
+    for name in process.VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(threads, "cores", lambda: 2)
-    monkeypatch.setattr(threads, "free_cores", lambda: 2)
+    monkeypatch.setattr(process, "cores", lambda: 2)
+    monkeypatch.setattr(process, "free_cores", lambda: 2)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         yield
 
 
 def test_small_fronts_stay_with_one_thread():
-    assert threads.worth(np.full(10_000, 0.9 * threads.WORK_PER_THREAD), 64) == 1
-    assert threads.worth(np.array([LARGE]), 1) == 1
-    assert threads.worth(np.zeros(0), 4) == 1
+    assert process.worth(np.full(10_000, 0.9 * process.WORK_PER_THREAD), 64) == 1
+    assert process.worth(np.array([LARGE]), 1) == 1
+    assert process.worth(np.zeros(0), 4) == 1
 
 
 def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth():
-    assert threads.worth(np.array([LARGE]), 2) == 2
-    assert threads.worth(np.array([LARGE]), 3) == 3
-    assert threads.worth(np.full(3, 2 * threads.WORK_PER_THREAD), 64) == 2  # not enough for four
-    small = np.full(1000, threads.WORK_PER_THREAD / 10)  # as much work as LARGE
-    assert threads.worth(np.append(small, LARGE), 2) == 2  # saves a quarter
-    assert threads.worth(np.append(small, LARGE / 3), 2) == 1  # saves an eighth
+    assert process.worth(np.array([LARGE]), 2) == 2
+    assert process.worth(np.array([LARGE]), 3) == 3
+    assert process.worth(np.full(3, 2 * process.WORK_PER_THREAD), 64) == 2  # not enough for four
+    small = np.full(1000, process.WORK_PER_THREAD / 10)  # as much work as LARGE
+    assert process.worth(np.append(small, LARGE), 2) == 2  # saves a quarter
+    assert process.worth(np.append(small, LARGE / 3), 2) == 1  # saves an eighth
 
 
 @pytest.mark.parametrize(
@@ -58,34 +58,34 @@ def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth()
 )
 def test_cores_in_use_are_not_free(monkeypatch, cores, load, free):
     texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"}
-    monkeypatch.setattr(threads, "_text", lambda path: texts.get(str(path), ""))
-    monkeypatch.setattr(threads, "cores", lambda: cores)
-    monkeypatch.setattr(threads.os, "cpu_count", lambda: cores)
-    assert threads.free_cores() == free
+    monkeypatch.setattr(process, "_text", lambda path: texts.get(str(path), ""))
+    monkeypatch.setattr(process, "cores", lambda: cores)
+    monkeypatch.setattr(process.os, "cpu_count", lambda: cores)
+    assert process.free_cores() == free
 
 
 def test_where_nothing_is_known_only_our_own_core_is_free(monkeypatch):
-    monkeypatch.setattr(threads, "_text", lambda path: "")
-    monkeypatch.setattr(threads, "cores", lambda: 4)
-    assert threads.free_cores() == 1
+    monkeypatch.setattr(process, "_text", lambda path: "")
+    monkeypatch.setattr(process, "cores", lambda: 4)
+    assert process.free_cores() == 1
 
 
 def test_a_container_s_quota_counts(monkeypatch):
-    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda _: set(range(8)))
+    monkeypatch.setattr(process.os, "sched_getaffinity", lambda _: set(range(8)))
     for text, count in (("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("", 8)):
-        monkeypatch.setattr(threads, "_text", lambda _, text=text: text)
-        assert threads.cores() == count
+        monkeypatch.setattr(process, "_text", lambda _, text=text: text)
+        assert process.cores() == count
 
 
 def test_one_thread_inside_and_as_before_afterwards(two_threads):
-    with threads.one_thread():
+    with process.one_thread():
         assert now() == {1}
-        with threads.one_thread():
+        with process.one_thread():
             assert now() == {1}
         assert now() == {1}
     assert now() == {2}
 
-    @threads.one_thread()
+    @process.one_thread()
     def failing() -> None:
         assert now() == {1}
         raise KeyError("also after an error")
@@ -96,14 +96,14 @@ def test_one_thread_inside_and_as_before_afterwards(two_threads):
 
 
 def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypatch):
-    with threads.one_thread():
-        with threads.as_many_as_pay(np.array([LARGE])) as count:
+    with process.one_thread():
+        with process.as_many_as_pay(np.array([LARGE])) as count:
             assert (count, now()) == (2, {2})
         assert now() == {1}
-        with threads.as_many_as_pay(np.array([1e6])) as count:
+        with process.as_many_as_pay(np.array([1e6])) as count:
             assert (count, now()) == (1, {1})
-    monkeypatch.setattr(threads, "free_cores", lambda: 1)
-    with threads.as_many_as_pay(np.array([LARGE])) as count:
+    monkeypatch.setattr(process, "free_cores", lambda: 1)
+    with process.as_many_as_pay(np.array([LARGE])) as count:
         assert (count, now()) == (1, {1})
     assert now() == {2}
 
@@ -111,18 +111,18 @@ def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypat
 def test_never_more_threads_than_the_application_had(two_threads):
     with (
         threadpoolctl.threadpool_limits(1, user_api="blas"),
-        threads.as_many_as_pay(np.array([LARGE])) as count,
+        process.as_many_as_pay(np.array([LARGE])) as count,
     ):
         assert (count, now()) == (1, {1})
 
 
-@pytest.mark.parametrize("name", threads.VARIABLES)
+@pytest.mark.parametrize("name", process.VARIABLES)
 def test_a_number_that_the_user_has_set_stays(two_threads, monkeypatch, name):
     monkeypatch.setenv(name, "2")
-    assert threads.chosen() == (name, "2")
-    with threads.one_thread():
+    assert process.chosen() == (name, "2")
+    with process.one_thread():
         assert now() == {2}
-        with threads.as_many_as_pay(np.array([1e6])) as count:
+        with process.as_many_as_pay(np.array([1e6])) as count:
             assert (count, now()) == (None, {2})
     assert now() == {2}
 
@@ -131,9 +131,9 @@ def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_th
     started, ended, seen = threading.Barrier(2), threading.Barrier(2), []
 
     def calculate(delay: float) -> None:
-        with threads.one_thread():
+        with process.one_thread():
             started.wait(10)
-            with threads.as_many_as_pay(np.array([LARGE])) as count:
+            with process.as_many_as_pay(np.array([LARGE])) as count:
                 seen.append((count, now()))
                 ended.wait(10)
             time.sleep(delay)

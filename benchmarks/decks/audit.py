@@ -97,9 +97,15 @@ def _followed(path: Path, top: Path | None = None) -> Any:
 def tried(path: Path) -> dict[str, Any]:
     """Counts of one file."""
     from antiosc.base.errors import AntioscError
-    from antiosc.io.unit_system import UnitSystem
-    from antiosc_decks.abaqus import assembly, cards as abaqus, model as abaqus_model
-    from antiosc_decks.nastran import cards as nastran, mesh, model as nastran_model
+    from antiosc.io.neutral import UnitSystem
+    from antiosc_decks import (
+        abaqus_assembly as assembly,
+        abaqus_cards as abaqus,
+        abaqus_model,
+        nastran_cards as nastran,
+        nastran_mesh as mesh,
+        nastran_model,
+    )
     from antiosc_decks.sources import Sources
 
     seen: set[int] = set()

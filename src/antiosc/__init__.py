@@ -37,7 +37,7 @@ def __getattr__(name: str) -> Any:
             value = getattr(import_module(_MODULES[name]), name)
     else:
         value = getattr(import_module(_MODULES[name]), name)
-    from antiosc.base.calls import checked
+    from antiosc.base.errors import checked
 
     globals()[name] = value = checked(value)
     return value

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Protocol, TypeVar
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Deck, listed
-from antiosc.io.neutral import FileMesh, Model
+from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly, model as abaqus_model
-from antiosc_decks.nastran import mesh, model as nastran_model
+from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 
+class Read(Protocol):
+    """What a dialect has read of a deck."""
+
+    deck: Deck
+
+
+F = TypeVar("F", bound=Read)
+
+
 def _reader(
-    read: Callable[..., Any], model_of: Callable[..., Model]
+    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, float | None], Model]
 ) -> Callable[[Request], FileMesh]:
     """The reader of a dialect, from that of its mesh and that of its model."""
 
@@ -28,7 +35,7 @@ def _reader(
 
         options = ask.model or {}
         found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
-        deck: Deck = found.deck
+        deck = found.deck
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")
             deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))
@@ -40,7 +47,7 @@ def _reader(
     return reader
 
 
-ABAQUS = FileReader(_reader(assembly.read, abaqus_model.model_of), model=True)
-NASTRAN = FileReader(_reader(mesh.read, nastran_model.model_of), model=True)
+ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
+NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
 #: Files of Nastran with endings that other programs use too.
 BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)

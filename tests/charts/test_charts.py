@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base.charts import figures
+from antiosc.base import charts
 from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
@@ -175,8 +175,8 @@ def test_a_picture_that_cannot_be_drawn(tmp_path, monkeypatch, settings, told):
     """Without LaTeX, or with half a formula in a name."""
     monkeypatch.setenv("PATH", str(tmp_path))
     with plt.rc_context(settings):
-        figure, _ = figures.panels(1, 1, (3.0, 2.0))
+        figure, _ = charts.panels(1, 1, (3.0, 2.0))
         figure.suptitle("$" + "\\half{$")
         with pytest.raises(ao.InputError, match=told):
-            figures.save_figure(figure, tmp_path / "picture.svg")
+            charts.save_figure(figure, tmp_path / "picture.svg")
     assert not list(tmp_path.iterdir())

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from antiosc import plotting
-from antiosc.base.charts import surfaces
-from antiosc.base.charts.surfaces import Deformed, deformed_figure
+from antiosc.base import surfaces
+from antiosc.base.surfaces import Deformed, deformed_figure
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

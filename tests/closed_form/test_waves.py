@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from antiosc.closed_form.beams import even_odd, wave_roots
 from antiosc.closed_form.plates import SHEAR, SupportedPlate
-from antiosc.closed_form.waves import even_odd, wave_roots
 
 
 @pytest.mark.parametrize(("alpha", "eta"), [(0.0, 0.0), (1e-3, 3e-3), (3e-3, 1e-3), (0.2, 0.2)])

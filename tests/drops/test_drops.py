@@ -12,16 +12,14 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.contact.power import restitution_of
+from antiosc.contact.laws import restitution_of
 from antiosc.studies.drops.body import FreeBody, free_body
-from antiosc.studies.drops.contact_scene import BODY, handed_over, path_of
 from antiosc.studies.drops.course import hung
-from antiosc.studies.drops.episode import episode
+from antiosc.studies.drops.drop import tilted
+from antiosc.studies.drops.episode import BODY, episode, handed_over, path_of
 from antiosc.studies.drops.fall import fall_of
-from antiosc.studies.drops.flight import Flight, State, most, ringing
+from antiosc.studies.drops.flight import Flight, State, free_rotation, most, ringing
 from antiosc.studies.drops.floor import law_of
-from antiosc.studies.drops.orientation import tilted
-from antiosc.studies.drops.rotation import free_rotation
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -97,7 +95,7 @@ def test_a_filter_has_the_flight_after_the_last_impact() -> None:
 
 
 def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc.studies.drops.contact_scene.LIMITS", (10_000, 60))
+    monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
     with pytest.warns(ao.AccuracyWarning, match="do not reach tol = 0.0001"):
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
 

@@ -131,7 +131,7 @@ def test_friction_that_jams_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         found.run.time = found.run.time[:1]
         return found, why
 
-    monkeypatch.setattr("antiosc.studies.drops.contact_scene.exactly", stuck)
+    monkeypatch.setattr("antiosc.studies.drops.episode.exactly", stuck)
     with pytest.raises(ao.AccuracyError, match="jams"):
         ao.drop(ao.Sphere(0.01, 200e9, 0.3, 7800.0), 0.1, floor=ao.Floor(friction=0.6))
 

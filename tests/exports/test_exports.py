@@ -302,7 +302,7 @@ def test_mujoco_and_modelica_have_the_dynamic_stiffness_of_the_model(model, tmp_
 
 def test_the_contact_of_mujoco_has_the_peak_of_the_law():
     """Of Hertz's law on a rigid wall: K = 1.25 F/delta."""
-    from antiosc.app.exports.mujoco import equal_stiffness
+    from antiosc.app.export import equal_stiffness
 
     wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
     k, (mass, speed) = LAW.stiffness, (BALL.mass, BALL.velocity)

@@ -17,7 +17,7 @@ import parts
 from antiosc.fem.fields import series
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from scenes import finely
 
 pytestmark = pytest.mark.fem

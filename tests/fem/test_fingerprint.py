@@ -13,8 +13,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem.platform import mpi
-from antiosc.fem.platform.fingerprint import fingerprint, named, number
+from antiosc.fem import platform
+from antiosc.fem.platform import fingerprint, named, number
 
 pytestmark = pytest.mark.fem
 
@@ -136,7 +136,7 @@ def test_nothing_raises():
 
 
 def test_memory_that_is_not_there_is_told():
-    @mpi.collective()
+    @platform.collective()
     def work(error):
         raise error
 

@@ -9,10 +9,10 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.fields import mesh_fields
-from antiosc.fem.mesh.conformity import _SIMPLICES
+from antiosc.fem.mesh.soundness import _SIMPLICES
 from antiosc.fem.platform import compat
-from antiosc.fem.site.site import Reach
-from antiosc.fem.structure.placement import Placement
+from antiosc.fem.site import Reach
+from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet

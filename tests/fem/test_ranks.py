@@ -90,7 +90,7 @@ import warnings
 import numpy as np
 import antiosc as ao
 import parts
-from antiosc.fem.platform import mpi
+from antiosc.fem import platform
 from mpi4py import MPI
 
 comm = MPI.COMM_WORLD
@@ -109,7 +109,7 @@ class Here:
             raise self._error
         return x[0] < 1e-9
 
-@mpi.collective()
+@platform.collective()
 def work(error):
     if comm.rank == 1:
         raise error
@@ -126,7 +126,7 @@ for call in (
     lambda: ao.Structure(mesh, solid, [ao.Support(Here(Odd("odd", "one")))]),
     lambda: work(ValueError("two")),
     lambda: work(Odd("odd", "two")),
-    lambda: mpi.on_root(comm, lambda: 1 / 0),
+    lambda: platform.on_root(comm, lambda: 1 / 0),
     warned,
 ):
     try:

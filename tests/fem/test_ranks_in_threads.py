@@ -16,8 +16,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError, OutOfMemoryError
-from antiosc.fem.platform import compat, mpi
-from antiosc.fem.recovery import at_nodes
+from antiosc.fem import platform
+from antiosc.fem.fields import mesh_fields
+from antiosc.fem.platform import compat
 
 pytestmark = pytest.mark.fem
 
@@ -80,12 +81,12 @@ class Thing:
 def guarded(monkeypatch):
     """A collective function whose communicator is the one of the thread."""
     monkeypatch.setattr(
-        mpi,
+        platform,
         "_communicator",
         lambda values, default: next(one.comm for one in values if isinstance(one, Thing)),
     )
 
-    @mpi.collective(count=lambda value: len(value))
+    @platform.collective(count=lambda value: len(value))
     def divide(thing, a, b=1.0, count=()):
         if a < 0:
             raise InputError(f"a must be >= 0; got {a}.")
@@ -136,7 +137,7 @@ def test_memory_that_is_short_is_told_on_all_ranks(guarded):
 
 def test_the_first_of_several_errors_wins():
     def call(comm):
-        mpi.agree(comm, InputError(f"of rank {comm.rank}") if comm.rank else None)
+        platform.agree(comm, InputError(f"of rank {comm.rank}") if comm.rank else None)
 
     assert texts(on_ranks(call, 3)) == {"of rank 1"}
 
@@ -145,13 +146,13 @@ def test_work_on_the_root():
     done = []
 
     def call(comm):
-        return mpi.on_root(comm, lambda: done.append(comm.rank) or 7)
+        return platform.on_root(comm, lambda: done.append(comm.rank) or 7)
 
     assert on_ranks(call, 3) == [7] * 3
     assert done == [0]
 
     def fails(comm):
-        return mpi.on_root(comm, lambda: 1 / 0)
+        return platform.on_root(comm, lambda: 1 / 0)
 
     assert all(isinstance(one, ZeroDivisionError) for one in on_ranks(fails, 3))
 
@@ -159,7 +160,7 @@ def test_work_on_the_root():
 def test_a_warning_is_given_once():
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        on_ranks(lambda comm: mpi.warn(comm, "a coarse mesh"))
+        on_ranks(lambda comm: platform.warn(comm, "a coarse mesh"))
     assert [str(one.message) for one in said] == ["a coarse mesh"]
 
 
@@ -171,12 +172,12 @@ def test_what_all_ranks_made_has_one_number(guarded):
 
     Made.__module__ = "antiosc.made"
 
-    @mpi.collective()
+    @platform.collective()
     def make(thing):
         return [Made(1.0), Made(2.0)]
 
     (a, b), (c, d) = on_ranks(lambda comm: make(Thing(comm)))
-    from antiosc.fem.platform.fingerprint import fingerprint, named
+    from antiosc.fem.platform import fingerprint, named
 
     assert fingerprint(a) == fingerprint(c) != fingerprint(b)
     assert fingerprint(b) == fingerprint(d)
@@ -186,9 +187,9 @@ def test_what_all_ranks_made_has_one_number(guarded):
 
 def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
     """Also where one part has several names; superelements are whole on every rank already."""
-    from antiosc.fem.assembly import parts as share
+    from antiosc.fem.assembly import parts
 
-    monkeypatch.setattr(share, "whole", lambda mesh: f"{mesh}, whole")
+    monkeypatch.setattr(parts, "whole", lambda mesh: f"{mesh}, whole")
 
     class Part(Thing):
         mesh = "mesh"
@@ -198,7 +199,7 @@ def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
 
     def call(comm):
         shared, own = Part(comm), Part(SimpleNamespace(size=1))
-        made = share.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
+        made = parts.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
         return made["a"], made["b"] is own, made["c"]
 
     assert on_ranks(call) == [("mesh, whole", True, "mesh, whole")] * 2
@@ -225,7 +226,7 @@ def test_cells_of_several_ranks_share_their_nodes():
         mesh = SimpleNamespace(comm=comm, dolfinx=SimpleNamespace(geometry=geometry))
         total, count = sums[comm.rank].copy(), np.ones(3)
         part = SimpleNamespace(mesh=mesh, parts=["one"])
-        at_nodes._share(part, np.arange(3), total, count)
+        mesh_fields._join_ranks(part, np.arange(3), total, count)
         return total[:, 0].tolist(), count.tolist()
 
     assert on_ranks(call) == [

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 
-from antiosc.fem.mesh import conformity
+from antiosc.fem.mesh import soundness
 from antiosc.fem.site import sites
 
 pytestmark = pytest.mark.fem
@@ -23,7 +23,7 @@ def test_simplices_fill_their_cells():
     rng = np.random.default_rng(2)
     for shape, x in (("quadrilateral", square), ("hexahedron", cube)):
         dim = x.shape[1]
-        parts = [x[list(some)] for some in conformity._SIMPLICES[shape]]
+        parts = [x[list(some)] for some in soundness._SIMPLICES[shape]]
         sizes = [np.linalg.det(p[1:] - p[0]) / factorial(dim) for p in parts]
         assert min(sizes) > 0
         assert sum(sizes) == pytest.approx(1)

@@ -16,9 +16,9 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.models.body import InModes
 from antiosc.models.free_modes import residual
-from antiosc.studies.find.find import prepared
-from antiosc.studies.find.fit import Search
+from antiosc.studies.find import prepared
 from antiosc.studies.find.recording import recording
+from antiosc.studies.find.search import Search
 
 pytestmark = pytest.mark.fem
 

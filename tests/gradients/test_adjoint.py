@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 import laws
 from antiosc.base import march
-from antiosc.models.first_order import SideBySide, first_order
+from antiosc.models.damping import SideBySide, first_order
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.system import System
 from gradient_replay import Inputs, Steps, derivative

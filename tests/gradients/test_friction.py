@@ -9,9 +9,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.assembly import assemble
 
 MASS, RADIUS, MU, END = 0.3, 0.02, 0.2, 3e-3
 MOMENT = 0.4 * MASS * RADIUS**2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices.dof_map import dof_map, name_of, rows_of
+from antiosc.io.dof_map import dof_map, name_of, rows_of
 from refusals import refused
 
 TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]

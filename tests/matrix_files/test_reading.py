@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices.reading import read_pair
+from antiosc.io.matrices import read_pair
 from matrix_writers import abaqus_labels, matrix_market, op4_binary, spring_frame
 
 K, M, LABELS = spring_frame()

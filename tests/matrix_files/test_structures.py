@@ -10,7 +10,7 @@ import scipy.sparse
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.fem.structure import matrices
+from antiosc.fem import structure
 from matrix_writers import dmig, matrix_market, spring_frame
 
 K, M, LABELS = spring_frame()
@@ -174,7 +174,7 @@ def plate(n: int = 12):
 
 def test_a_patch_has_the_moments_of_hertz_pressure():
     """Weights sum to 1, are centred, and have the mean square radius 2a²/5 of Hertz's pressure."""
-    from antiosc.fem.site.functionals import functional
+    from antiosc.fem.site import functional
 
     K, M, table = plate(81)
     part = ao.Structure.from_matrices(K, M, map=table)
@@ -189,7 +189,7 @@ def test_a_patch_has_the_moments_of_hertz_pressure():
 
 
 def test_nodes_below_the_surface_take_no_load():
-    from antiosc.fem.site.functionals import functional
+    from antiosc.fem.site import functional
 
     K, M, table = plate(9)
     table = np.vstack([table, table])
@@ -258,7 +258,7 @@ def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio,
             K += np.outer(row, row)
     body = ao.Structure.from_matrices(K, np.eye(12), map=rows)
     turning = np.arange(6) >= 3
-    monkeypatch.setattr(matrices, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
+    monkeypatch.setattr(structure, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
     assert (body.rigid_inertia is not None) == rigid
 
 

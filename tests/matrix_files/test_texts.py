@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices.reading import read_pair
+from antiosc.io.matrices import read_pair
 from refusals import refused
 
 #: One matrix in all files of `GOOD`, by rows of the nodes 4 and 7.

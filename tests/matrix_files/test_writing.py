@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices.formats import fortran
-from antiosc.io.matrices.reading import read_pair
-from antiosc_decks.matrices import dmig
+from antiosc.io.matrices import fortran, read_pair
+from antiosc_decks import matrices as dmig
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(

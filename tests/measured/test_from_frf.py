@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.model_info import ModelInfo
-from antiosc.studies.measured.from_frf import anti_oscillators
-from antiosc.studies.measured.gauss_newton import Measured, refined
-from antiosc.studies.measured.modes import Modes, Tail
+from antiosc.models.body import ModelInfo
+from antiosc.studies.measured import anti_oscillators
+from antiosc.studies.measured.fit import Measured, refined
+from antiosc.studies.measured.frf import Modes, Tail
 
 F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F

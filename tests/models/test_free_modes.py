@@ -10,7 +10,7 @@ from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models import free_modes
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import at_sites, error_bound, from_free_modes
-from antiosc.models.rigid_share import with_rigid
+from antiosc.models.motion import with_rigid
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 

@@ -12,7 +12,7 @@ import pytest
 import scipy.linalg as la
 
 import antiosc as ao
-from antiosc.models.rigid_share import arrow_modes
+from antiosc.models.motion import arrow_modes
 from scenes import random_model
 
 

@@ -12,15 +12,14 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import checks
-from antiosc.base.charts import figures
+from antiosc.base import charts, checks
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, plate_patch, zener
 from antiosc.contact import Tabulated
+from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
-from antiosc.models.reduced_matrices import ReducedMatrices
-from antiosc.models.resolved import resolved_frequency
-from antiosc.models.site_modes import SiteModes
-from antiosc.results.saved_fields import FACES, SavedFields
+from antiosc.models.modal import SiteModes
+from antiosc.models.model_file import ReducedMatrices
+from antiosc.results.pictures import FACES, SavedFields
 from refusals import refused
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
@@ -221,8 +220,8 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     # texts, charts, spectra and fields
     (lambda: checks.coordinates("point", [1.0]), "point"),
     (lambda: checks.text("a name", ""), "a name"),
-    (lambda: figures.axes_or_new("top"), "matplotlib"),
-    (lambda: figures.panels(1, 1, (0.1, 4.0)), "lengths"),
+    (lambda: charts.axes_or_new("top"), "matplotlib"),
+    (lambda: charts.panels(1, 1, (0.1, 4.0)), "lengths"),
     (lambda: plotting.plot_force({}), "History"),
     (lambda: plotting.plot_force({"a": None}), "named"),
     (lambda: plotting.plot_masses(ao.AntiOscillators), "AntiOscillators"),

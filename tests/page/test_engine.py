@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.page import assets, blow
+from antiosc.app import live as assets
 from antiosc.base import march
-from antiosc.base.engineering import engineering
+from antiosc.base.texts import engineering
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
@@ -36,7 +36,7 @@ Engine.load(fs.readFileSync(given.engine)).then((engine) => {
 
 def on_the_page(hit, sets, tol=1e-6, at=0.0):
     """The numbers of impacts on the page with other settings."""
-    case = blow.of_history(hit, {})
+    case = assets.blow_of_history(hit, {})
     own = {name: case[name] for name in ("mass", "speed", "stiffness", "gap")}
     own["damping"] = case["ratio"] or 0.0
     data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.FOLDER / "engine.wasm")}
@@ -110,7 +110,7 @@ def test_other_scenes_are_not_repeated():
     class Own(ao.Hertz):
         pass
 
-    assert blow.of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), {}) is None
+    assert assets.blow_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), {}) is None
 
 
 CASES = [

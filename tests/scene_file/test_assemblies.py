@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from antiosc.app.scene_file.schema import schema
-from antiosc.base.engineering import engineering
+from antiosc.base.texts import engineering
 from paths import MESHES
 from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written
 

@@ -11,9 +11,8 @@ import re
 import numpy as np
 import pytest
 
-from antiosc.app import info
-from antiosc.app.page import assets
-from antiosc.base.engineering import engineering
+from antiosc.app import info, live as assets
+from antiosc.base.texts import engineering
 from browser import BROWSER, browse
 from scene_files import BEAM, PROBE, SWEEP, antiosc, numbers, written
 

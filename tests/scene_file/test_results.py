@@ -1,4 +1,4 @@
-"""Results as tables, numbers, files and pictures."""
+"""Results as tables, numbers, files and told."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import pytest
 pytest.importorskip("matplotlib")
 
 import antiosc as ao
-from antiosc.app.new.template import write
-from antiosc.app.report import output, pictures, results as told
+from antiosc.app import report as output, results as told
+from antiosc.app.new import write_scene
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
 from antiosc.base.errors import InputError
-from antiosc.models.model_info import ModelInfo
+from antiosc.models.body import ModelInfo
 
 RNG = np.random.default_rng(5)
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])
@@ -106,7 +106,7 @@ def test_files_are_those_that_are_asked_for(tmp_path):
     given = {"history": HIT, "model": MODEL, "probes": probes, "map": TWO, "asked": asked}
     for name, (options, files) in FILES.items():
         (tmp_path / name).mkdir()
-        written = output.write(results(tmp_path, options, **given), tmp_path / name)
+        written = output.write_output(results(tmp_path, options, **given), tmp_path / name)
         assert {path.name for path in written} == files
     rows = (tmp_path / "plain/map.csv").read_text().splitlines()
     assert rows[0] == "surface,x (m),y (m),z (m),k0 (N/m),peak_force (N),nothing"
@@ -129,18 +129,18 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
 
     asked = {"csv": False, "json": False, "plot": "png"}
     found = results(tmp_path, asked, map=Map(**{**vars(TWO), "plot": broken}))
-    assert output.write(found, tmp_path) == []
+    assert output.write_output(found, tmp_path) == []
     assert found.warnings == ["map.png is not drawn: no colours."]
-    write = pictures.Picture("a", "b", lambda path: path.write_bytes(b"png"))
-    fails, behind = (pictures.Picture("c", "d", broken, again=k) for k in (False, True))
-    one, two = pictures.drawn([write, fails, behind])
+    write = told.Picture("a", "b", lambda path: path.write_bytes(b"png"))
+    fails, behind = (told.Picture("c", "d", broken, again=k) for k in (False, True))
+    one, two = told.drawn([write, fails, behind])
     assert one == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
     assert two == ("c", "Not drawn: no colours.", "")
 
 
 def test_names_in_pictures_are_no_formulas():
-    assert pictures.plain("$a$\n") == r"\$a\$?"
-    assert pictures.plain("x" * 61) == "x" * 57 + "…"
+    assert told.plain("$a$\n") == r"\$a\$?"
+    assert told.plain("x" * 61) == "x" * 57 + "…"
 
 
 SITE = {"point": (1.0, 2.0, 3.0), "direction": (0.0, 0.0, 1.0)}
@@ -174,5 +174,5 @@ def test_files_have_no_nan(tmp_path):
 
 def test_names_with_control_characters_are_refused(tmp_path):
     with pytest.raises(InputError, match="control"):
-        write(tmp_path / "a.toml", tmp_path / "b\x07.msh")
+        write_scene(tmp_path / "a.toml", tmp_path / "b\x07.msh")
     assert not list(tmp_path.iterdir())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.report import output
+from antiosc.app import report as output
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from paths import MESHES
 from scene_files import (

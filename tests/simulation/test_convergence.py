@@ -8,8 +8,8 @@ import numpy as np
 
 import antiosc as ao
 from antiosc.contact import State
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.march.convergence import converge
-from antiosc.simulation.problem.assembly import assemble
 
 
 @dataclass

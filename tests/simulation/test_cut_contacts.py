@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.integrators.comparison import Settings
+from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.march.engine import Run
-from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.scene_states import forces, located, states
+from antiosc.simulation.reference import Settings
 from antiosc.simulation.scene import exactly, solved, start
+from antiosc.simulation.states import forces, located, states
 
 Array = NDArray[np.float64]
 TOL, DURATION = 1e-5, 3e-3

@@ -13,10 +13,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.histories.energy import _work_by_step, gained
 from antiosc.simulation.march import engine
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scene_states import forces as forces_at, located
+from antiosc.simulation.states import forces as forces_at, located
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)

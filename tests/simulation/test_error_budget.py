@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.errors.error_budget import (
+from antiosc.simulation.error_budget import (
     COARSE_SHELL,
     RESOLVED,
     SAFETY,
@@ -15,7 +15,7 @@ from antiosc.simulation.errors.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.simulation.histories.error_bars import CAUSES, FLOOR, QUANTITIES, differences
+from antiosc.simulation.histories.parts import CAUSES, FLOOR, QUANTITIES, differences
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.integrators.comparison import Refinement
 from antiosc.simulation.march.convergence import difference
+from antiosc.simulation.reference import Refinement
 
 
 def law_of(rng: np.random.Generator, kind: int, energy: float) -> ao.ContactLaw:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scales import deepest, stiffness_at
-from antiosc.simulation.problem.two_bodies import pose
+from antiosc.simulation.assembly import assemble, deepest, stiffness_at
+from antiosc.simulation.two_bodies import pose
 from laws import laws
 
 DEPTHS = (1e-7, 3e-6, 4e-5)

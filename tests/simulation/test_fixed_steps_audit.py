@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
+from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.march.engine import Run
-from antiosc.simulation.problem.assembly import Assembly, assemble
+from antiosc.simulation.reference import SCENE_STEPS
 from antiosc.simulation.scene import start
 from audited_scenes import SCENES
 

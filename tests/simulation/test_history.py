@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.problem import scene_states
+from antiosc.simulation import states
 from scenes import HERTZ, case_two, random_model
 
 
@@ -84,7 +84,7 @@ def test_times_are_found_in_their_steps_in_any_unit(seconds):
     run = SimpleNamespace(time=nodes)
     for time, step, since in ((0.0, 0, 0.0), (0.05, 0, 0.05), (0.2, 1, 0.0), (0.7, 1, 0.5)):
         for off in (1.0, 1 - 1e-15, 1 + 1e-15):
-            found = scene_states.located(run, np.array([seconds * time * off]))
+            found = states.located(run, np.array([seconds * time * off]))
             assert found[0] == [step]
             assert found[1] == pytest.approx(since * seconds, abs=1e-14 * seconds)
 

@@ -12,10 +12,10 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
+from antiosc.simulation.assembly import mass_behind
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.engine import run
-from antiosc.simulation.problem.scales import mass_behind
+from antiosc.simulation.reference import SCENE_STEPS
 from rates import observed_order
 
 methods = pytest.mark.parametrize("method", ["exact", *SCENE_STEPS])

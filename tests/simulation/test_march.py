@@ -13,10 +13,10 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.convergence import converge, difference
 from antiosc.simulation.march.system import System
-from antiosc.simulation.problem.assembly import assemble
 from antiosc.simulation.scene import start
 from march_audit import motion
 from march_builds import Stepper, built, doubles, law_at

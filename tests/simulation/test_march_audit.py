@@ -7,10 +7,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.integrators.scene_ivp import SceneIVP
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scene_states import forces, located
+from antiosc.simulation.assembly import assemble
+from antiosc.simulation.reference_ivp import SceneIVP
 from antiosc.simulation.scene import start
+from antiosc.simulation.states import forces, located
 from audited_scenes import SCENES, checked
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import memory
+from antiosc.base import process
+from antiosc.simulation import states, two_bodies
 from antiosc.simulation.march import engine
-from antiosc.simulation.problem import impacts, scene_states
 from scenes import case_two
 
 TIMES = np.linspace(0.0, 2e-3, 57)
@@ -40,8 +40,8 @@ def test_states_that_are_not_kept_are_found_from_those_that_are(monkeypatch):
     wanted = motion(whole)
     assert whole.run.every == 1
     monkeypatch.setattr(engine, "STATES", 500)
-    monkeypatch.setattr(scene_states, "AT_ONCE", 50)
-    monkeypatch.setattr(scene_states, "BLOCK", 20)
+    monkeypatch.setattr(states, "AT_ONCE", 50)
+    monkeypatch.setattr(states, "BLOCK", 20)
     thinned = scene().run(2e-3)
     assert thinned.run.every > 4
     assert thinned.run.states.nbytes <= 500
@@ -61,7 +61,7 @@ def test_an_impact_of_two_bodies_too(monkeypatch, law):
 
     wanted = numbers()
     monkeypatch.setattr(engine, "STATES", 3000)
-    monkeypatch.setattr(scene_states, "AT_ONCE", 50)
+    monkeypatch.setattr(states, "AT_ONCE", 50)
     for one, other in zip(numbers(), wanted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
 
@@ -71,8 +71,8 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     bodies = {f"m{i}": ao.RigidMass(0.01, 1.0) for i in range(60)}
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(memory, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(process, "UNNOTICED", 0)
     monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)
@@ -84,7 +84,7 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
         raise MemoryError("Unable to allocate 7 GiB")
 
     monkeypatch.setattr(engine, "Buffers", full)
-    monkeypatch.setattr(impacts._Space, "renew", full)
+    monkeypatch.setattr(two_bodies._Space, "renew", full)
     monkeypatch.setattr(engine, "_kept", type(engine._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}

@@ -7,8 +7,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.march.engine import run
-from antiosc.simulation.problem.assembly import assemble
 from scenes import HERTZ, hertz_impact, random_model, rigid
 
 

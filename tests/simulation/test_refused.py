@@ -11,7 +11,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.contact import restitution_of
-from antiosc.simulation.histories.body_motion import amplitudes, forces_of, times_of
+from antiosc.simulation.histories import amplitudes, forces_of, times_of
 
 UP = (0.0, 0.0, 1.0)
 LAW = ao.Linear(1e6)

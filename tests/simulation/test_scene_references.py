@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.engine import run
-from antiosc.simulation.problem.assembly import assemble
-from antiosc.simulation.problem.scene_states import forces, located
+from antiosc.simulation.states import forces, located
 from direct import beam, force_error, free_modes, physical
 from march_builds import built
 

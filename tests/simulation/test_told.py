@@ -11,9 +11,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.errors import truncation
-from antiosc.simulation.errors.model_errors import SAFETY, Repeated, _changed, model_errors
-from antiosc.simulation.integrators import comparison
+from antiosc.simulation import reference, truncation
+from antiosc.simulation.error_budget import SAFETY_BEAM, Repeated, _changed, model_errors
 from antiosc.simulation.march.engine import Run
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
@@ -46,7 +45,7 @@ def test_the_share_of_the_family_is_the_larger_change() -> None:
     answers = iter([run(9.0, 1.0), run(10.5, 0.7)])
     shares, notes = model_errors(Repeated(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5))
     expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
-    assert shares == {name: pytest.approx(SAFETY * value) for name, value in expected.items()}
+    assert shares == {name: pytest.approx(SAFETY_BEAM * value) for name, value in expected.items()}
     assert notes == []
 
 
@@ -88,15 +87,15 @@ class Runs:
 GREW, DONE = march.GREW, march.DONE
 
 
-def settings(tol: float, max_steps: int, max_contacts: int = 1000) -> comparison.Settings:
-    return comparison.Settings(tol, max_contacts=max_contacts, max_steps=max_steps)
+def settings(tol: float, max_steps: int, max_contacts: int = 1000) -> reference.Settings:
+    return reference.Settings(tol, max_contacts=max_contacts, max_steps=max_steps)
 
 
 @pytest.mark.parametrize("answers", [(), (GREW,), (DONE, GREW), (GREW, GREW), (DONE, GREW, GREW)])
 def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) -> None:
     """Runs that diverged are no partners."""
     runs = Runs(*answers)
-    found = comparison._converged(runs, 0.4, np.inf, settings(1e-3, 10_000))
+    found = reference._converged(runs, 0.4, np.inf, settings(1e-3, 10_000))
     assert found.run.answer == DONE
     assert found.share == runs.asked[-1] == min(runs.asked)
     assert 0.9 * found.share**2 <= found.worst <= 1e-3
@@ -104,11 +103,11 @@ def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) 
 
 def test_refinement_ends_where_the_steps_are_too_many_or_all_runs_diverge() -> None:
     runs = Runs()
-    found = comparison._converged(runs, 0.4, np.inf, settings(1e-9, 300))
+    found = reference._converged(runs, 0.4, np.inf, settings(1e-9, 300))
     assert sum(10 / size for size in runs.asked) < 600
     assert found.worst > 1e-9
-    found = comparison._converged(Runs(*[GREW] * 40), 0.4, np.inf, settings(1e-2, 10_000))
+    found = reference._converged(Runs(*[GREW] * 40), 0.4, np.inf, settings(1e-2, 10_000))
     assert (found.run.answer, found.worst) == (GREW, np.inf)
     runs = Runs()
-    comparison._converged(runs, 0.05, 0.05, settings(1e-9, 10**6, 1))
+    reference._converged(runs, 0.05, 0.05, settings(1e-9, 10**6, 1))
     assert runs.asked == [0.05]  # as many contacts as are allowed

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.errors.truncation import _lacking, left_out
+from antiosc.simulation.truncation import _lacking, left_out
 
 BALL = ao.RigidMass(0.05, 1.0)
 LAW = ao.Hertz(1e9)

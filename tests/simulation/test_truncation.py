@@ -10,8 +10,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
-from antiosc.simulation.errors import truncation
-from antiosc.simulation.errors.truncation import ENOUGH, choose_n, left_out, truncation_error
+from antiosc.simulation import truncation
+from antiosc.simulation.truncation import ENOUGH, choose_n, left_out, truncation_error
 from scenes import BEAM, HERTZ, case_two
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")

@@ -10,8 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import antiosc
-from antiosc.app.new import template
-from antiosc.app.report import output, report, results
+from antiosc.app import new, report, results
 from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
 from antiosc.app.scene_file.document import read
@@ -41,7 +40,7 @@ def _new(options: Namespace) -> int:
     file, part = options.file, options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
-    path, told = template.write(file or "scene.toml", part, options.drop)
+    path, told = new.write_scene(file or "scene.toml", part, options.drop)
     say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
     for sentence in told:
         say(sentence)
@@ -59,7 +58,7 @@ def _check(options: Namespace) -> int:
 
 def _export(options: Namespace) -> int:
     """Write the impact or the scene of a file, or its model alone, for another program."""
-    from antiosc.app.exports.export import checked
+    from antiosc.app.export import checked
 
     alone = checked(options.out) == ".mo"
     scene = compiled(read(options.file))
@@ -100,7 +99,7 @@ def _study(options: Namespace) -> int:
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
     if options.dry_run:
-        from antiosc.app.report.forecast import text
+        from antiosc.app.forecast import text
 
         say(text(scene))
         return 0
@@ -108,12 +107,12 @@ def _study(options: Namespace) -> int:
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
-    folder = None if target is None else output.folder(target)
+    folder = None if target is None else report.folder(target)
     found = run.results(scene, study.makes)
     say(results.text(found))
-    written = [] if folder is None else output.write(found, folder)
+    written = [] if folder is None else report.write_output(found, folder)
     if page is not None:
-        written += report.write(found, page)
+        written += report.write_page(found, page)
     for sentence in found.warnings:
         say(f"warning: {sentence}", sys.stderr)
     if written:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from antiosc.base import threads
-from antiosc.base.isolation import loading, restored, start_petsc
+from antiosc.base import process
+from antiosc.base.process import loading, restored, start_petsc
 
 #: Of a package that is installed and cannot be imported.
 BROKEN = "fails to load"
@@ -149,13 +149,13 @@ def solvers() -> list[str]:
 def _cholmod() -> str:
     """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
     try:
-        from antiosc.fem.linalg import cholmod, cholmod_library
+        from antiosc.fem.linalg import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not tried: {error}"
     refusal = cholmod.refusal()
     if refusal:
         return f"through PETSc: {refusal}"
-    numbers = cholmod_library.version(cholmod_library.library())
+    numbers = cholmod.version(cholmod.library())
     return f"{'.'.join(map(str, numbers))}  called directly"
 
 
@@ -170,9 +170,11 @@ def blas() -> Blas:
     path = _mapped("libblas.so")
     if path and not any(name in path for name in BLAS_NAMES):
         return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
-    for pool in threads.pools() or ():
-        kind = pool["internal_api"]
-        return Blas(BLAS_NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
+    for pool in process.pools() or ():
+        kind = str(pool["internal_api"])
+        return Blas(
+            BLAS_NAMES.get(kind, kind), str(Path(str(pool["filepath"])).resolve()), slow=False
+        )
     return Blas("unknown", path, slow=False)
 
 
@@ -187,14 +189,14 @@ def _mapped(name: str) -> str:
 
 
 def _threads() -> str:
-    count = f"{threads.cores()} cores"
-    chosen = threads.chosen()
+    count = f"{process.cores()} cores"
+    chosen = process.chosen()
     if chosen:
         variable, number = chosen
         return f"{number} ({variable}), {count}"
-    if threads.pools() is None:
+    if process.pools() is None:
         return f"as many as BLAS takes (threadpoolctl is missing), {count}"
-    return f"1, more for large factors while cores are free; {count}, {threads.free_cores()} free"
+    return f"1, more for large factors while cores are free; {count}, {process.free_cores()} free"
 
 
 def _attribute(module: str) -> Callable[[], str]:

@@ -9,22 +9,25 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import Field, fields
 from functools import wraps
 from math import inf, isfinite
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, overload
+from typing import Any, ClassVar, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.base.memory import within_memory
+from antiosc.base.process import within_memory
+from antiosc.base.texts import Given
 
 P = ParamSpec("P")
 T = TypeVar("T")
+S = TypeVar("S", bound=np.generic)
 #: of the values that a check lets pass
 C = TypeVar("C")
 
@@ -85,16 +88,16 @@ def nonnegative(name: str, value: object, unit: str = "") -> float:
     return result
 
 
-def whole(name: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE) -> int:
+def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -> int:
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    if type(value) is not int:
-        real = isinstance(value, Real) and not isinstance(value, _TRUTH)
-        if not real or not (isinstance(value, Integral) or float(value).is_integer()):
-            raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
-    result = int(value)
-    if result < least:
+    if (
+        not isinstance(value, Real)
+        or isinstance(value, _TRUTH)
+        or not (isinstance(value, Integral) or float(value).is_integer())
+        or (result := int(value)) < least  # type: ignore[call-overload]
+    ):
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:
         raise InputError(f"{name} must be at most {most}; got {shown(value)}.")
@@ -188,10 +191,10 @@ def column(name: str, value: object, size: int | None = None) -> Array:
 def spectrum(name: str, value: object) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
     result = _numbers(name, value, "iufc")
-    result = result.astype(complex if result.dtype.kind == "c" else float)
-    if result.size and not np.abs(result).max() <= LARGEST:  # catches NaN too
+    given = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
+    if given.size and not np.abs(given).max() <= LARGEST:  # catches NaN too
         raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
-    return np.asarray(result)
+    return given
 
 
 def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
@@ -202,7 +205,7 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     return tuple(result.tolist())
 
 
-def broadcast(*values: NDArray[Any]) -> bool:
+def broadcast(*values: NDArray[np.generic]) -> bool:
     """Whether NumPy can combine the arrays entry by entry."""
     try:
         np.broadcast_shapes(*(one.shape for one in values))
@@ -211,7 +214,7 @@ def broadcast(*values: NDArray[Any]) -> bool:
     return True
 
 
-def kept(values: NDArray[Any]) -> NDArray[Any]:
+def kept(values: NDArray[S]) -> NDArray[S]:
     """A read-only copy: later changes of the caller's array do not reach what is stored."""
     own = np.array(values)
     own.setflags(write=False)
@@ -228,14 +231,14 @@ def flag(name: str, value: object) -> bool:
     return bool(value)
 
 
-def choice(name: str, value: Any, options: Collection[C]) -> C:
+def choice(name: str, value: object, options: Collection[C]) -> C:
     """`value` if it is one of `options`, or InputError."""
-    known = value is None or (isinstance(value, str | int) and not isinstance(value, bool))
-    if not known or value not in options:
-        *some, last = map(repr, options)
-        names = f"{', '.join(some)} or {last}"
-        raise InputError(f"{name} must be {names}; got {shown(value)}.")
-    return value
+    if value is None or (isinstance(value, str | int) and not isinstance(value, bool)):
+        for one in options:
+            if one == value:
+                return one
+    *some, last = map(repr, options)
+    raise InputError(f"{name} must be {', '.join(some)} or {last}; got {shown(value)}.")
 
 
 def text(name: str, value: object) -> str:
@@ -298,7 +301,7 @@ def several(name: str, value: object, kind: type[C] | tuple[type[C], ...], what:
     return list(items)
 
 
-def store(target: object, **values: Any) -> None:
+def store(target: object, **values: object) -> None:
     """Set attributes of a frozen dataclass: from its `__post_init__` only."""
     for name, value in values.items():
         object.__setattr__(target, name, value)
@@ -351,7 +354,7 @@ def in_words(point: Iterable[float]) -> str:
 # -- helpers
 
 
-def _numbers(name: str, value: object, kinds: str) -> NDArray[Any]:
+def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
     meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
     if _foreign(value):
@@ -376,7 +379,7 @@ def _masked(value: object) -> bool:
     return isinstance(value, np.ma.MaskedArray)
 
 
-def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> None:
+def _check_shape(name: str, value: NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
     fits = value.ndim == len(shape) and all(
         want is None or want == have for want, have in zip(shape, value.shape, strict=True)
     )
@@ -387,3 +390,27 @@ def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) 
 
 def _in(unit: str) -> str:
     return f" (in {unit})" if unit else ""
+
+
+#: (name, value) -> the value as it is stored
+Check = Callable[[str, object], object]
+
+
+def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Check]:
+    """Metadata of a field that holds `check(name, value, *others)` of the value given for it."""
+    return {"check": lambda name, value: check(name, value, *others)}
+
+
+class Checked(Given):
+    """Base of frozen dataclasses whose fields say by which function they are checked.
+
+    A field with the default None may be None.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[object]]]
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name, None)
+            if "check" in one.metadata and not (value is None and one.default is None):
+                store(self, **{one.name: one.metadata["check"](one.name, value)})

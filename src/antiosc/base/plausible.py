@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import isfinite, sqrt
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base.errors import InputError, MeshError, warn
 
@@ -107,7 +108,7 @@ def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
     return ""
 
 
-def refuse_size(size: float, points: Any, name: str) -> None:
+def refuse_size(size: float, points: ArrayLike, name: str) -> None:
     """MeshError for cells of a size [m] larger than the longest side of the box of points."""
     longest = float(np.ptp(points, axis=0).max())
     if size > longest * (1 + ROUNDING):
@@ -182,12 +183,16 @@ def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
     )
 
 
-def of_model(*models: Any) -> list[str]:
+def of_model(*models: object) -> list[str]:
     """What was implausible of the parts from which models were extracted."""
-    return [str(text) for one in models for text in _known(one, "doubts") or ()]
+    return [
+        str(text)
+        for one in models
+        for text in getattr(getattr(one, "info", None), "doubts", None) or ()
+    ]
 
 
-def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
+def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
     """What is implausible of a blow on a model; "" for nothing. InputError for the impossible.
 
     Parameters
@@ -198,8 +203,8 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
     """
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)
-    wave = _known(model, "wave_speed")
-    strained = isinstance(wave, int | float) and 0 < wave < speed / LINEAR
+    wave = float(getattr(getattr(model, "info", None), "wave_speed", None) or 0.0)
+    strained = 0 < wave < speed / LINEAR
     if not strained and speed <= FASTEST_BLOW:
         return ""
     if speed > FASTEST_BLOW:
@@ -219,12 +224,7 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
     return sentence
 
 
-def _known(model: Any, name: str) -> Any:
-    """What the `info` of a model tells, None for nothing; models stand above this module."""
-    return getattr(getattr(model, "info", None), name, None)
-
-
-def _fastest(velocity: Any) -> float:
+def _fastest(velocity: object) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
     given = getattr(velocity, "velocity", velocity)
     if type(given) is float:

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.checks import positive, within_range
-from antiosc.base.declared import Checked, checked_by
+from antiosc.base.checks import Checked, checked_by, positive, within_range
 from antiosc.base.errors import InputError
 
 #: Axes of the six components of a symmetric tensor: 11, 22, 33, 23, 13, 12.

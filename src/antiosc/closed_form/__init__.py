@@ -11,10 +11,9 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 
 from antiosc.base import checks
 from antiosc.closed_form import zener
-from antiosc.closed_form.plate_patch import plate_patch
-from antiosc.closed_form.plates import SupportedLaminate, SupportedPlate
+from antiosc.closed_form.beams import UniformBeam
+from antiosc.closed_form.plates import SupportedLaminate, SupportedPlate, plate_patch
 from antiosc.closed_form.struck import BeamModes, StruckBeam
-from antiosc.closed_form.uniform import UniformBeam
 
 __all__ = [
     "BeamModes",

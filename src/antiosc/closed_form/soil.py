@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base.brief import Given
+from antiosc.base.texts import Given
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix
+from antiosc.models.damping import DampingMatrix
 from antiosc.models.modal import ModalBody
 
 #: Poisson's ratio above which waves take twice the shear-wave speed, and soil moves with the disk.

@@ -22,8 +22,7 @@ from scipy.linalg import null_space
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.closed_form.uniform import UniformBeam
-from antiosc.closed_form.unit_beam import ENDS, UnitBeam
+from antiosc.closed_form.beams import ENDS, UniformBeam, UnitBeam
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody

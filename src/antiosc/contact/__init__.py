@@ -1,15 +1,20 @@
 """Contact laws: the force between two bodies as a function of their indentation."""
 
 from antiosc.contact.base import ContactLaw, State
-from antiosc.contact.plastic import Hysteretic, Stronge, Tabulated, TanSun, Thornton, YangSun
-from antiosc.contact.power import (
+from antiosc.contact.laws import (
     Flores,
     Gonthier,
     Hertz,
     HuntCrossley,
+    Hysteretic,
     LankaraniNikravesh,
     Linear,
     Power,
+    Stronge,
+    Tabulated,
+    TanSun,
+    Thornton,
+    YangSun,
     restitution_of,
 )
 

@@ -35,7 +35,7 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.declared import Checked
+from antiosc.base.checks import Checked
 from antiosc.base.errors import NotConvergedError
 
 State = tuple[float, ...]

@@ -14,8 +14,8 @@ from scipy.special import ellipkm1, elliprd
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 
 Radii = float | tuple[float, float]
 

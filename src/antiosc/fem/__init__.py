@@ -1,6 +1,6 @@
 """Finite elements: from a mesh (gmsh, dolfinx, PETSc, SLEPc), or matrices (SciPy), to models."""
 
-from antiosc.base.isolation import loading, restored, start_petsc
+from antiosc.base.process import loading, restored, start_petsc
 
 #: The package without which only given matrices can be extracted; None with all packages.
 missing: str | None = None

@@ -1,26 +1,325 @@
-"""Gmsh's mesh files, and geometries that are meshed by gmsh.
+"""Gmsh's mesh files, and geometries that gmsh meshes.
 
 gmsh executes a file as a script if it does not begin like a mesh, and it reads options from files
 in the same folder. Therefore gmsh gets a copy under a fixed name in an empty folder, after a check
-of the first line of a mesh, or of every token of a script (`geo_script`).
+of the first line of a mesh, or of every token of a script (`geo_script`). The number of cells is
+estimated before a geometry is meshed. CAD files have units, assemblies and names of solids; closed
+surfaces of facets are filled.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import log, sqrt
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
+from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, MissingDependencyError
-from antiosc.io import geo_script, meshing
-from antiosc.io.meshing import CAD, Names, fill, named_solids, opened
-from antiosc.io.mixed import as_carried, known
-from antiosc.io.neutral import FileMesh, IntArray, joined
+from antiosc.io import geo_script
+from antiosc.io.geo_script import CAD
+from antiosc.io.mesh_files import as_carried, known
+from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
 from antiosc.io.request import Request
-from antiosc.io.shapes import CELLS
+
+#: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
+SHORTER = 0.5
+#: More cells than this are refused: gmsh would need some 20 GB.
+MOST_CELLS = 10_000_000
+#: Element sizes below this share of the part are below the resolution of its coordinates.
+RESOLVED_SHARE = 1e-9
+#: Cells that fill a unit of measure with edges of length 1, by dimension: regular simplices.
+CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
+
+
+def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
+    """Mesh gmsh's current model, whose unit is `scale` metres."""
+    dim = gmsh.model.getDimension()
+    if dim < 1:
+        raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
+    refine = [([c / scale for c in point], local / scale) for point, local in ask.refine]
+    ask = replace(ask, size=ask.size and ask.size / scale, refine=refine)
+    _check_sizes(gmsh, ask, scale)
+    # facets are flat: middle nodes off them would bend the part
+    wanted = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
+    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
+    ask.allow(600)
+    if ask.size is not None:
+        expected = max(expected_cells(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
+        ask.allow(30 + 2e-3 * max(expected, 1e4))
+    fields = [_graded_field(gmsh, point, local, ask) for point, local in ask.refine]
+    if ask.sizes is not None:
+        wished = SizeField(**ask.sizes)
+        ask.allow(60 + 2e-3 * max(wished.expected(), 1e4))
+        fields.append(wished.lay(gmsh, scale, flat=wanted == 1))
+    if fields:
+        smallest = gmsh.model.mesh.field.add("Min")
+        gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
+        gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
+    # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
+    # faster, but its meshes of one part differ from run to run.
+    gmsh.option.setNumber("Mesh.ElementOrder", wanted)
+    gmsh.model.mesh.generate(dim)
+
+
+def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:
+    extent = _extent(gmsh)
+    for size in [ask.size, *(local for _, local in ask.refine)]:
+        if size is not None and size < RESOLVED_SHARE * extent:
+            raise MeshError(
+                f"{ask.name} is {extent * scale:.3g} m long: elements of {size * scale:g} m are "
+                f"below what its "
+                f"coordinates resolve, and there would be about {extent / size:.0e} along one "
+                "edge; choose a larger size."
+            )
+
+
+def expected_cells(gmsh: ModuleType, ask: Request, dim: int, size: float, scale: float) -> float:
+    """Estimated number of cells of dimension `dim`; MeshError if it is far too large."""
+    entities = gmsh.model.getEntities(dim)
+    measures = [_bound]
+    if dim > 1 and any(_mass(gmsh, d, tag) is None for d, tag in entities):
+        measures.append(measure_of)  # which needs a mesh of the lower dimensions
+    count = 0.0
+    for measure in measures:
+        if measure is measure_of:
+            _mesh_coarsely(gmsh, dim - 1)
+        count = CELLS_PER_SIZE[dim] * sum(measure(gmsh, d, tag) for d, tag in entities) / size**dim
+        count += _refined(ask, dim)
+        if measure is measure_of:
+            gmsh.model.mesh.clear()
+        if count <= MOST_CELLS:
+            return count
+    raise MeshError(
+        f"{ask.name} would need about {count:.1e} {('', 'lines', 'faces', 'cells')[dim]} at "
+        f"size={size * scale:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
+    )
+
+
+def _mesh_coarsely(gmsh: ModuleType, dim: int) -> None:
+    """Mesh the model with some thirty edges along it, for measurements."""
+    gmsh.model.mesh.clear()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", _extent(gmsh) / 30)
+    gmsh.model.mesh.generate(dim)
+
+
+def _extent(gmsh: ModuleType) -> float:
+    """Longest edge of the box around the model, m."""
+    box = np.array(gmsh.model.getBoundingBox(-1, -1))
+    return float(np.max(box[3:] - box[:3]))
+
+
+def _refined(ask: Request, dim: int) -> float:
+    """Estimated number of additional cells at refined points: the integral of their size field."""
+    far, (growth, reach) = ask.size or 1.0, ask.grading
+    count = 0.0
+    for _, local in ask.refine:
+        ball = CELLS_PER_SIZE[dim] * (2 * reach / SHORTER) ** dim
+        count += ball * (1 + log(1 + max(far / local, 0.0)) / growth)
+    return count
+
+
+def _bound(gmsh: ModuleType, dim: int, tag: int) -> float:
+    """Length, area or volume of an entity; in gmsh's own kernel an upper bound, from its box."""
+    mass = _mass(gmsh, dim, tag)
+    if mass is not None or dim == 1:
+        return _length(gmsh, tag) if mass is None else mass
+    box = np.array(gmsh.model.getBoundingBox(dim, tag))
+    a, b, c = box[3:] - box[:3]
+    return float(a * b * c if dim == 3 else a * b + b * c + c * a)
+
+
+def _mass(gmsh: ModuleType, dim: int, tag: int) -> float | None:
+    try:
+        return float(gmsh.model.occ.getMass(dim, tag))
+    except Exception:  # not of OpenCASCADE
+        return None
+
+
+def _length(gmsh: ModuleType, tag: int) -> float:
+    low, high = gmsh.model.getParametrizationBounds(1, tag)
+    t = np.linspace(float(low[0]), float(high[0]), 33)
+    x = np.reshape(gmsh.model.getValue(1, tag, t), (-1, 3))
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+
+def measure_of(gmsh: ModuleType, dim: int, tag: int) -> float:
+    """Length, area or volume of an entity; in gmsh's own kernel from the mesh of its boundary."""
+    mass = _mass(gmsh, dim, tag)
+    if mass is not None or dim == 1:
+        return _length(gmsh, tag) if mass is None else mass
+    sides = gmsh.model.getBoundary([(dim, tag)], oriented=True)
+    cells = [_corners(gmsh, dim - 1, abs(s))[:, :: -1 if s < 0 else 1] for _, s in sides]
+    if not cells:
+        return 0.0
+    x = np.concatenate(cells)
+    if dim == 2:  # of a plane one; of a curved one the plane that its boundary spans
+        return float(np.linalg.norm(np.cross(x[:, 0], x[:, 1]).sum(axis=0))) / 2
+    return float(abs(np.einsum("ni,ni->", x[:, 0], np.cross(x[:, 1], x[:, 2])))) / 6
+
+
+def _corners(gmsh: ModuleType, dim: int, tag: int) -> Array:
+    """Vertices (cells, dim + 1, 3) of the first-order simplices on a meshed entity."""
+    kind, width = {1: (1, 2), 2: (2, 3)}[dim]
+    _, nodes = gmsh.model.mesh.getElementsByType(kind, tag)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes(dim, tag, includeBoundary=True)
+    tags = np.asarray(tags)
+    order = np.argsort(tags)
+    x = np.reshape(coordinates, (-1, 3))[order]
+    return x[np.searchsorted(tags[order], nodes)].reshape(-1, width, 3)
+
+
+def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: Request) -> int:
+    """A size field: edges of at most `local` around the point, growing to the size away from it."""
+    x, y, z = (float(c) for c in (*point, 0.0)[:3])
+    far = 1e22 if ask.size is None else float(ask.size)
+    growth, reach = (float(each) for each in ask.grading)
+    local = float(local)
+    tag = gmsh.model.mesh.field.add("MathEval")
+    distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
+    grown = f"{SHORTER * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
+    gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
+    return int(tag)
+
+
+# --- Wanted sizes ---------------------------------------------------------------------------------
+
+
+#: gmsh's edges come out longer than the size asked, in the mean by this factor.
+EDGE_OVER_SIZE = 1.1
+#: Cells that gmsh makes over regular ones with the edges asked, by dimension (measured).
+CELLS_MADE = {2: 1.35, 3: 0.95}
+#: Least number of faces around a full turn of a curved surface: of flat faces, and of curved ones,
+#: without which coarse elements cut off parts of a cylinder.
+AROUND_FLAT, AROUND_CURVED = 12, 6
+#: Gmsh's names of scalars on triangles and on tetrahedra.
+LISTS = {3: "ST", 4: "SS"}
+
+
+@dataclass
+class SizeField:
+    """Sizes at the corners of simplices.
+
+    Lists, as they are sent to the reading process: points (n, 3) in m, cells (c, dim + 1), and the
+    sizes of edges wanted at the points (n,) in m.
+    """
+
+    points: list[list[float]]
+    cells: list[list[int]]
+    sizes: list[float]
+
+    def expected(self) -> float:
+        """Estimated number of cells."""
+        x, cells, sizes = (np.array(a) for a in (self.points, self.cells, self.sizes))
+        sides = x[cells[:, 1:]] - x[cells[:, :1]]
+        dim = cells.shape[1] - 1
+        measure = np.sqrt(np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1))))
+        # regular simplices of edge 1 hold √2/12 and √3/4
+        share = {2: 0.5 / (3**0.5 / 4), 3: (1 / 6) / (2**0.5 / 12)}[dim]
+        return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
+
+    def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
+        """Make it a field of gmsh's current model, whose unit is `scale` metres: its tag.
+
+        `flat`: the cells have flat faces, of which curved surfaces need more.
+        """
+        x = np.array(self.points)[np.array(self.cells)] / scale
+        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
+        rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
+        view = gmsh.view.add("sizes")
+        gmsh.view.addListData(view, LISTS[sizes.shape[1]], len(rows), rows.ravel())
+        tag = int(gmsh.model.mesh.field.add("PostView"))
+        gmsh.model.mesh.field.setNumber(tag, "ViewTag", view)
+        # the sizes decide everywhere, not only on the boundary
+        for option in ("FromPoints", "ExtendFromBoundary"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", AROUND_FLAT if flat else AROUND_CURVED)
+        return tag
+
+
+# --- CAD files and surfaces -----------------------------------------------------------------------
+
+
+#: Files that state the unit of their coordinates.
+STATES_UNIT = (".step", ".stp", ".iges", ".igs")
+#: Angle between facets from which their common edge is an edge of the part, degrees.
+SHARP_ANGLE = 40.0
+#: (dimension, tag) -> names
+Names = dict[tuple[int, int], list[str]]
+
+
+def opened(gmsh: ModuleType, path: str) -> float:
+    """Open a file; metres per unit of its coordinates then.
+
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
+    millimetres there without one.
+    """
+    iges = path.endswith((".iges", ".igs"))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
+    gmsh.open(path)
+    return 1e-3 if iges else 1.0
+
+
+def named_solids(gmsh: ModuleType, fragments: bool, name: str) -> Names:
+    """The names of the solids of a CAD file, which are cut at each other if `fragments`."""
+    solids = gmsh.model.getEntities(3)
+    names: Names = {}
+    seen: dict[str, int] = {}
+    for entity in solids:
+        label = gmsh.model.getEntityName(*entity).rpartition("/")[2].strip()
+        if not label:
+            continue
+        seen[label] = seen.get(label, 0) + 1
+        names[entity] = [label if seen[label] == 1 else f"{label} ({seen[label]})"]
+    if not fragments:
+        return names
+    if len(solids) < 2:
+        raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
+    _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
+    gmsh.model.occ.synchronize()
+    cut: Names = {}
+    for entity, own in zip(solids, pieces, strict=False):
+        for piece in own:
+            if piece[0] == 3:
+                cut.setdefault((3, int(piece[1])), []).extend(names.get(entity, []))
+    return cut
+
+
+def fill(gmsh: ModuleType, ask: Request) -> None:
+    """Make a solid of the triangles of an open STL file.
+
+    Raises
+    ------
+    MeshError
+        A surface that is not closed.
+    """
+    gmsh.model.mesh.removeDuplicateNodes()
+    kinds, _, nodes = gmsh.model.mesh.getElements(2)
+    triangles = [np.reshape(n, (-1, 3)) for k, n in zip(kinds, nodes, strict=True) if k == 2]
+    if not triangles:
+        raise MeshError(f"{ask.name} holds no triangles.")
+    corners = np.vstack(triangles)
+    edges = np.sort(np.vstack([corners[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    if (count != 2).any():
+        raise MeshError(
+            f"{ask.name} is not closed: {int((count != 2).sum())} of {len(count)} edges do not "
+            "belong to two triangles; repair the surface (holes, facets twice), or read it as a "
+            "sheet without solid=True."
+        )
+    gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
+    gmsh.model.mesh.createGeometry()
+    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+    gmsh.model.geo.synchronize()
+
 
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, *CAD)
@@ -87,7 +386,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if ask.outline:
             return _outline(gmsh, names, stated)
         if suffix != ".msh":
-            meshing.generate(gmsh, ask, stated * ask.unit[0])
+            mesh_model(gmsh, ask, stated * ask.unit[0])
         found = _arrays(gmsh, ask.name, names)
         found.points *= stated
         return found

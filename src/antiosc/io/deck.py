@@ -25,7 +25,7 @@ LARGEST_REAL = 1e60
 class Block:
     """Elements of one type."""
 
-    #: a key of `antiosc.io.shapes.EDGES`
+    #: a key of `antiosc.io.neutral.EDGES`
     shape: str
     #: the deck's own name of the type
     type: str

@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
-from antiosc.io.meshing import CAD
 
+CAD = (".step", ".stp", ".brep", ".iges", ".igs")
 #: `Command expression;`: commands that run programs, or read or write files. They may also be names
 #: of variables; they are commands only if an argument follows.
 FILE_COMMANDS = {

@@ -17,14 +17,14 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc.base.errors import AntioscError, MeshError, MissingDependencyError
 from antiosc.base.progress import doing
 from antiosc.io import child
-from antiosc.io.neutral import FileMesh, unpacked
+from antiosc.io.neutral import FileMesh, Json, unpacked
 from antiosc.io.request import OVERTIME
 
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
@@ -35,9 +35,7 @@ MEMORY_PER_BYTE = 100
 READER_MEMORY_SHARE = 0.9
 
 
-def read_apart(
-    path: Path, *, geometry: bool, options: dict[str, Any], timeout: float | None
-) -> FileMesh:
+def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
     """The content of the file `path`, by the reader of its file type (`table`).
 
     `geometry`: it is meshed; the size of the mesh does not follow from the size of the file.
@@ -131,7 +129,7 @@ def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
         raise MeshError(f"{name} is damaged: {str(error).rstrip('.')}.") from error
 
 
-def _raise(name: str, head: dict[str, Any], memory: int) -> None:
+def _raise(name: str, head: Json, memory: int) -> None:
     if head["error"] == "MemoryError":
         raise MeshError(
             f"{name} needs more than {memory / 2**30:.1f} GiB to be read: it is damaged, or too "
@@ -141,7 +139,7 @@ def _raise(name: str, head: dict[str, Any], memory: int) -> None:
     raise kinds.get(head["error"], MeshError)(head["message"])
 
 
-def _arrays(shapes: Sequence[tuple[str, list[int]]], content: bytes) -> list[Any]:
+def _arrays(shapes: Sequence[tuple[str, list[int]]], content: bytes) -> list[NDArray[np.generic]]:
     arrays, start = [], 0
     for dtype, shape in shapes:
         count = int(np.prod(shape, dtype=object))
@@ -161,7 +159,7 @@ _process: subprocess.Popen[bytes] | None = None
 _owner = 0
 
 
-def ask(request: dict[str, Any]) -> tuple[int, bytes]:
+def ask(request: Json) -> tuple[int, bytes]:
     """(exit code, answer) of the reader of one file; see `child`."""
     with _lock:
         process = _running()

@@ -1,17 +1,99 @@
-"""The result of every file reader: points, cells by kind and groups by name, as arrays."""
+"""The neutral model: what every file reader returns, as arrays.
+
+Points, cells by kind and groups by name. Cells are in VTK's order: corners, then middle nodes of
+edges; straight and second-order cells of all shapes are known, including those (wedges, pyramids)
+that are divided into others. `UnitSystem` is a length and a force, with seconds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.io.shapes import CELLS, CORNERS, DIMENSION, EDGES
+from antiosc.base.checks import positive, shown
+from antiosc.base.errors import InputError
+
+#: By meshio's names: shape, nodes, number in gmsh.
+CELLS = {
+    "vertex": ("point", 1, 15),
+    "line": ("line", 2, 1),
+    "line3": ("line", 3, 8),
+    "triangle": ("triangle", 3, 2),
+    "triangle6": ("triangle", 6, 9),
+    "quad": ("quad", 4, 3),
+    "quad8": ("quad", 8, 16),
+    "quad9": ("quad", 9, 10),
+    "tetra": ("tetra", 4, 4),
+    "tetra10": ("tetra", 10, 11),
+    "pyramid": ("pyramid", 5, 7),
+    "pyramid13": ("pyramid", 13, 19),
+    "pyramid14": ("pyramid", 14, 14),
+    "wedge": ("wedge", 6, 6),
+    "wedge15": ("wedge", 15, 18),
+    "wedge18": ("wedge", 18, 13),
+    "hexahedron": ("hexahedron", 8, 5),
+    "hexahedron20": ("hexahedron", 20, 17),
+    "hexahedron27": ("hexahedron", 27, 12),
+}
+CORNERS = {
+    "point": 1,
+    "line": 2,
+    "triangle": 3,
+    "quad": 4,
+    "tetra": 4,
+    "pyramid": 5,
+    "wedge": 6,
+    "hexahedron": 8,
+}
+DIMENSION = {
+    "point": 0,
+    "line": 1,
+    "triangle": 2,
+    "quad": 2,
+    "tetra": 3,
+    "pyramid": 3,
+    "wedge": 3,
+    "hexahedron": 3,
+}
+#: Corners of the edges, in the order of their middle nodes.
+EDGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "point": (),
+    "line": ((0, 1),),
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "pyramid": ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    "hexahedron": (
+        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+        *((0, 4), (1, 5), (2, 6), (3, 7)),
+    ),
+}
+#: Corners of the faces, around each.
+FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
+    "pyramid": ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+    "wedge": ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    "hexahedron": (
+        *((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4)),
+        *((3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7)),
+    ),
+}
+
+
+def rectangles(shape: str) -> list[tuple[int, ...]]:
+    """Corners of the faces with four corners; a quadrilateral is its own face."""
+    faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
+    return [face for face in faces if len(face) == 4]
+
 
 IntArray = NDArray[np.int64]
+#: values as JSON holds them, by name
+Json: TypeAlias = dict[str, Any]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
 Term = tuple[int, int, float]
 
@@ -36,7 +118,7 @@ class Model(TypedDict):
     """
 
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
-    families: list[tuple[str, str, dict[str, Any], str]]
+    families: list[tuple[str, str, Json, str]]
     supports: list[tuple[str, list[str]]]  # (group, motions)
     fixed_points: list[tuple[int, list[str]]]  # (number of a point of no element, motions)
     masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
@@ -164,7 +246,7 @@ def kind_of(label: str) -> CellKind:
     return KINDS[label] if label in KINDS else SERENDIPITY[label]
 
 
-def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
+def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     """`mesh` as (values for JSON, arrays); groups, maybe thousands, are concatenated."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
@@ -185,7 +267,7 @@ def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     return head, [*arrays, *mesh.cells.values()]
 
 
-def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
+def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
     rows, nodes, points, *blocks = arrays
     cells = dict(zip(head["cells"], blocks, strict=True))
@@ -221,3 +303,44 @@ def _check_indices(rows: IntArray, most: int, what: str) -> None:
         raise ValueError(f"{what} by {rows.dtype}")
     if rows.size and not (rows.min() >= 0 and rows.max() < most):
         raise ValueError(f"{what} that the file does not hold")
+
+
+#: Name -> (m, N). "mm" is mm, N, t, MPa; "in" is inch, pound-force, psi, lbf s²/in.
+SYSTEMS = {"m": (1.0, 1.0), "mm": (1e-3, 1.0), "cm": (1e-2, 1.0), "in": (0.0254, 4.4482216152605)}
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """SI values of the units; the unit of mass follows from force = mass × length / s²."""
+
+    #: m
+    length: float = 1.0
+    #: N
+    force: float = 1.0
+
+    @classmethod
+    def of(cls, unit: str | float) -> UnitSystem:
+        """By name, or by the metres per unit of length, with forces in N."""
+        if isinstance(unit, str):
+            if unit not in SYSTEMS:
+                raise InputError(
+                    f"unit must be one of {', '.join(map(repr, SYSTEMS))}, or a number: metres per "
+                    f"unit of length; got {shown(unit)}."
+                )
+            return cls(*SYSTEMS[unit])
+        return cls(positive("unit", unit, "m"))
+
+    @property
+    def mass(self) -> float:
+        """kg."""
+        return self.force / self.length
+
+    @property
+    def stress(self) -> float:
+        """Pa."""
+        return self.force / self.length**2
+
+    @property
+    def density(self) -> float:
+        """kg/m³."""
+        return self.mass / self.length**3

@@ -1,7 +1,9 @@
 """Files with meshes and geometries into plain arrays.
 
 `read` lets the reader of the file type (`table`) read one file in a separate process (`isolation`,
-`child`), and selects the cells that form the mesh (`selection`).
+`child`), and selects the cells that form the mesh: those of one kind and of the highest dimension.
+Cells of lower dimension are faces, edges and points of these, and define groups. Cells that are not
+would be lost silently; they raise an error unless the caller selects the cells.
 """
 
 from __future__ import annotations
@@ -12,19 +14,255 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from antiosc.base.errors import MeshError
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
+from antiosc.base.errors import InputError, MeshError
+from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, STATES_UNIT, SizeField
+from antiosc.io.geo_script import CAD
 from antiosc.io.isolation import read_apart
-from antiosc.io.meshing import CAD, STATES_UNIT, SizeField
-from antiosc.io.neutral import FileMesh, IntArray, Joints, Model, RawMesh, Term, kind_of, of_kind
+from antiosc.io.neutral import (
+    EDGES_OF_KIND,
+    FACETS,
+    KINDS,
+    SERENDIPITY,
+    FileMesh,
+    IntArray,
+    Joints,
+    Model,
+    RawMesh,
+    Term,
+    UnitSystem,
+    kind_of,
+    of_kind,
+)
 from antiosc.io.request import ModelOptions, Refinement
-from antiosc.io.selection import Wanted, selected
 from antiosc.io.table import deck_endings, is_deck
-from antiosc.io.unit_system import UnitSystem
+
+#: Dimension, group or groups whose cells make the mesh.
+Wanted = int | str | Sequence[str] | None
+Rows = dict[str, IntArray]
+
+_NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
+
+
+def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
+    """The mesh of the `wanted` cells of the file `name`, by default those of highest dimension."""
+    dims = {label: kind_of(label).dim for label, block in mesh.cells.items() if len(block)}
+    if max(dims.values(), default=0) == 0:
+        found = ", ".join(sorted(dims)) or "none"
+        raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
+    rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
+    top = max(dims[label] for label in rows)
+    grouped = _grouped(mesh, [label for label in dims if dims[label] == top])
+    aids = wanted is None and mesh.aids and bool(grouped)
+    if aids:  # as gmsh itself writes files
+        rows = grouped
+    label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
+    raw = RawMesh(mesh.points, mesh.cells[label][chosen], kind_of(label), mesh.convention)
+    raw.told, raw.model = mesh.told, mesh.model
+    if wanted is None:
+        _check_lost(mesh, raw, aids, name)
+    for group, parts in mesh.groups.items():
+        _add_cells(raw, group, {k: mesh.cells[k][r] for k, r in parts.items() if dims[k] <= top})
+    outer = _outer_facets(raw) if mesh.node_sets else None
+    for group, nodes in mesh.node_sets.items():
+        if outer is not None:
+            _add_nodes(raw, group, nodes, outer)
+    raw.groups.update(mesh.fixed)
+    if order == 1 and raw.kind.order == 2:
+        raw = _straightened(raw)
+    elif raw.kind.shape == "interval" and raw.kind.order == 2:
+        raw = replace(raw, cells=_ends_first(raw, name))
+    return _compact(raw)
+
+
+def _every_row(mesh: FileMesh) -> Rows:
+    return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
+
+
+def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
+    """The rows that the caller selects with cells=."""
+    if isinstance(wanted, int):
+        rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
+        if not rows:
+            raise InputError(f"{name} contains no cells of dimension {wanted} for cells={wanted}.")
+        return rows
+    names = [wanted] if isinstance(wanted, str) else list(wanted or ())
+    for group in names:
+        kinds = mesh.groups.get(group, {})
+        if not any(kind_of(k).dim for k, rows in kinds.items() if len(rows)):
+            known = [n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)]
+            shown = ", ".join(map(repr, sorted(known)[:20])) or "none"
+            raise InputError(f"{name} has no group of cells {group!r} (cells=); it has: {shown}.")
+    return _joined([mesh.groups[group] for group in names])
+
+
+def _grouped(mesh: FileMesh, labels: Sequence[str]) -> Rows:
+    """The rows of these kinds that any group holds."""
+    parts = [{k: r for k, r in g.items() if k in labels} for g in mesh.groups.values()]
+    return _joined(parts)
+
+
+def _joined(parts: Sequence[Rows]) -> Rows:
+    labels = dict.fromkeys(label for part in parts for label, rows in part.items() if len(rows))
+    return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
+
+
+def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
+    rows = {label: r for label, r in rows.items() if len(r)}
+    if len(rows) > 1:
+        counts = ", ".join(f"{len(r)} {label}" for label, r in sorted(rows.items()))
+        raise MeshError(
+            f"{name} mixes cell kinds ({counts}); one kind is needed: in gmsh recombine all "
+            "surfaces or none (Mesh.RecombineAll)."
+        )
+    return next(iter(rows.items()))
+
+
+def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
+    """MeshError if cells of lower dimension are not faces or edges of the selected ones.
+
+    Curves of a CAD file are no beams: sketches and axes stand there too. They are told.
+    """
+    drawing = name.lower().endswith(CAD)
+    lost, place, curves = [], 0, 0
+    for label, block in mesh.cells.items():
+        kind = kind_of(label)
+        if not 0 < kind.dim < raw.kind.dim:
+            continue
+        if aids:
+            block = block[_grouped(mesh, [label]).get(label, np.zeros(0, dtype=np.int64))]
+        sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
+        own = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
+        alone = ~_among(block[:, : kind.vertices], own)
+        if drawing and kind.dim == 1:
+            curves += int(alone.sum())
+        elif alone.any():
+            lost.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
+            place = int(block[alone][0, 0])
+    if lost:
+        at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
+        raise MeshError(
+            f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
+            f"{' and '.join(lost)} that are not sides of them, one at ({at}) m: one mesh carries "
+            f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
+            'cells="group".'
+        )
+    if curves:
+        raw.told = [
+            *raw.told,
+            f"{name} holds curves that are no edges of its {_NOUNS[raw.kind.dim]}; they are left "
+            "out.",
+        ]
+
+
+def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
+    """Which of `rows` have the same entries as one of `others`, in any order."""
+    if rows.shape[1] != others.shape[1]:
+        return np.zeros(len(rows), dtype=bool)
+    return np.isin(keys(rows), keys(others))
+
+
+def keys(rows: IntArray) -> NDArray[np.uint64]:
+    """A number for each row that does not depend on the order of its entries.
+
+    Two different rows have the same number with a probability of 1e-19.
+    """
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for column in np.sort(rows, axis=1).T:
+            mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+            mixed *= np.uint64(0xBF58476D1CE4E5B9)
+            mixed ^= mixed >> np.uint64(32)
+    return mixed
+
+
+def _add_cells(raw: RawMesh, group: str, blocks: Rows) -> None:
+    for label, block in blocks.items():
+        _add(raw, group, kind_of(label).dim, block[:, : kind_of(label).vertices])
+
+
+def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
+    parts = raw.groups.setdefault(group, {})
+    parts[dim] = np.vstack([parts[dim], entities]) if dim in parts else entities
+
+
+def _outer_facets(raw: RawMesh) -> IntArray:
+    """Facets (n, vertices) of one cell only."""
+    if raw.kind.dim < 2:
+        return np.zeros((0, 1), dtype=np.int64)
+    facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
+    _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
+    return facets[first[count == 1]]
+
+
+def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> None:
+    """A node set as boundary facets with all vertices in it, and the remaining vertices.
+
+    A support on a node set must also hold the mid-side motions between its nodes.
+    """
+    marked = np.zeros(len(raw.points), dtype=bool)
+    marked[nodes] = True
+    spanned = outer[marked[outer].all(axis=1)] if len(outer) else outer
+    if len(spanned):
+        _add(raw, group, raw.kind.dim - 1, spanned)
+        marked[spanned.ravel()] = False
+    left = np.unique(nodes[marked[nodes]])
+    alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
+    if len(alone):
+        _add(raw, group, 0, alone[:, None])
+
+
+def _ends_first(raw: RawMesh, name: str) -> IntArray:
+    """Second-order lines with the middle node last; in Abaqus' files it is second."""
+    x = raw.points[raw.cells]
+    off = np.stack(
+        [np.linalg.norm(x[:, k] - (x[:, k - 2] + x[:, k - 1]) / 2, axis=1) for k in range(3)]
+    )
+    length = np.linalg.norm(np.ptp(x, axis=1), axis=1)
+    for middle in (2, 1):
+        if (off[middle] <= 0.25 * length).all():
+            return raw.cells[:, [k for k in range(3) if k != middle] + [middle]]
+    raise MeshError(
+        f"the second-order lines of {name} give their nodes in no known order: the middle one is "
+        "neither the second nor the third of each; write straight lines of two nodes."
+    )
+
+
+def _straightened(raw: RawMesh) -> RawMesh:
+    """The same mesh without its mid-side nodes."""
+    linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
+    cells = raw.cells if raw.kind.dim > 1 else _ends_first(raw, "the file")
+    return replace(raw, cells=cells[:, : linear.nodes], kind=linear)
+
+
+def _compact(raw: RawMesh) -> RawMesh:
+    """The mesh without unused nodes, and without groups that become empty."""
+    if raw.kind in SERENDIPITY.values():
+        raise MeshError(
+            f"second-order {raw.kind.shape} cells of {raw.kind.nodes} nodes (serendipity) have no "
+            "counterpart here: write the mesh with all mid-face nodes, or read it with order=1 "
+            "(straight edges)."
+        )
+    used = np.unique(raw.cells)
+    points = raw.points[used]
+    if not np.isfinite(points).all():
+        raise MeshError("some node coordinates of the mesh are not finite.")
+    new = np.full(len(raw.points), -1, dtype=np.int64)
+    new[used] = np.arange(len(used))
+    groups = {
+        name: {
+            dim: kept
+            for dim, entities in parts.items()
+            if len(kept := (e := new[entities])[(e >= 0).all(axis=1)])
+        }
+        for name, parts in raw.groups.items()
+    }
+    return replace(raw, points=points, cells=new[raw.cells], groups=groups, numbers=used)
 
 
 def read(

@@ -1,16 +1,25 @@
-"""The request to a reader, and the limits under which it works."""
+"""Requests to readers, the limits under which these work, and the registered readers and formats.
+
+Packages register readers and formats by entry points, antiosc's own decks among them.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import resource
 import signal
+import sys
 import time
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 
-from antiosc.io.neutral import FileMesh
+from antiosc.base.errors import AntioscError, MissingDependencyError
+from antiosc.io.neutral import FileMesh, Json
 
 Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
@@ -22,7 +31,7 @@ WAITING = 20.0
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
 #: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
 #: its size, None: all; "root": folder of included files, None: the reader chooses
-ModelOptions = dict[str, Any]
+ModelOptions = Json
 
 
 @dataclass
@@ -42,7 +51,7 @@ class Request:
     #: of the sizes around these points
     grading: Sequence[float] = GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
-    sizes: dict[str, Any] | None = None
+    sizes: Json | None = None
     #: fill a closed surface
     solid: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
@@ -101,3 +110,52 @@ class FileReader(NamedTuple):
     matches: Callable[[bytes], bool] | None = None
     #: library that is imported once for all files
     library: str = "numpy"
+
+
+Kind = TypeVar("Kind")
+#: The package of decks in this distribution; registrations of other packages precede its own.
+OWN = "antiosc_decks."
+
+
+def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
+    """The entry points of a group, not loaded; those of other packages first.
+
+    "" in `sys.path` stands for the working folder, where nobody installs packages.
+    """
+    return _found(group, tuple(filter(None, sys.path)))
+
+
+@functools.lru_cache
+def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
+    installed = [e for d in metadata.distributions(path=list(path)) for e in d.entry_points]
+    every = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
+    return tuple(sorted(every, key=lambda one: one.value.startswith(OWN)))
+
+
+def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
+    """Those of pyproject.toml, where antiosc is used from its sources, installed or not."""
+    try:
+        text = Path(__file__).resolve().parents[3].joinpath("pyproject.toml").read_text("utf-8")
+        project = tomllib.loads(text).get("project", {})
+    except (OSError, ValueError):
+        return []
+    given = project.get("entry-points", {}) if project.get("name") == "antiosc" else {}
+    return [metadata.EntryPoint(name, to, group) for name, to in given.get(group, {}).items()]
+
+
+def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
+    """The object that an entry point names; MissingDependencyError if it is not of this kind."""
+    try:
+        found = entry.load()
+    except AntioscError:
+        raise
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+    else:
+        if isinstance(found, kind):
+            return found
+        said = f"it is a {type(found).__name__}, not a {kind.__name__}"
+    raise MissingDependencyError(
+        f"{entry.value}, which a package registers as {entry.name!r} of {entry.group}, cannot be "
+        f"used ({said}): repair or uninstall the package."
+    )

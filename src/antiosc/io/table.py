@@ -12,19 +12,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.io import by_gmsh, by_meshio, by_unv
-from antiosc.io.registered import loaded, registered
-from antiosc.io.request import FileReader
+from antiosc.io import by_gmsh
+from antiosc.io.mesh_files import read_by_meshio, read_universal
+from antiosc.io.request import FileReader, loaded, registered
 
 #: Name is the ending of the files without its dot, value a `FileReader`.
 GROUP = "antiosc.readers"
 GENERATOR = FileReader(by_gmsh.generate, library="gmsh")
 BUILT_IN = {
     ".msh": FileReader(by_gmsh.read, library="gmsh"),
-    ".unv": FileReader(by_unv.read),
+    ".unv": FileReader(read_universal),
     **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
 }
-MESHIO = FileReader(by_meshio.read, library="meshio")
+MESHIO = FileReader(read_by_meshio, library="meshio")
 FIRST_BYTES = 2**20
 
 

@@ -25,23 +25,20 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering
 from antiosc.base.errors import InputError
-from antiosc.models import reduced_modes, saved_models, softened
-from antiosc.models.body import several_contact_points
-from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.base.texts import Brief, engineering
+from antiosc.models import model_file, parameters, reduced_modes
+from antiosc.models.body import ModelInfo, several_contact_points
+from antiosc.models.damping import DampingMatrix, along
 from antiosc.models.driving_point import with_slide
-from antiosc.models.modal import Damping, ModalBody
-from antiosc.models.model_info import ModelInfo
+from antiosc.models.modal import Damping, ModalBody, SiteModes
+from antiosc.models.model_file import ReducedMatrices, reduced_matrices
 from antiosc.models.parameters import (
     Parameters,
     checked_at_one_site,
     checked_at_sites,
     checked_size,
 )
-from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
-from antiosc.models.site_modes import SiteModes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,7 +88,7 @@ class AntiOscillators(Brief, Parameters):
     damping : Damping or DampingMatrix, optional
         Damping of the free modes, each for itself, or a matrix that couples them.
     info : ModelInfo, or dict
-        What is known of the extraction (`antiosc.models.model_info`).
+        What is known of the extraction (`antiosc.models.body`).
     P : array_like, shape (p, N), optional
         Several sites: inertias [kg^1/2] of the constraint modes, in place of `m`.
     sites : sequence of str
@@ -209,15 +206,15 @@ class AntiOscillators(Brief, Parameters):
         """The model softened by its `strain_error`: closer to the exact structure.
 
         The stiffness that the mesh has in excess is taken out, for all shapes together
-        (`antiosc.models.softened`); the masses of the shapes stay. A shell that is softer than the
-        part for its `strain_misfit` is stiffened. The error that is left is unknown.
+        (`antiosc.models.parameters`); the masses of the shapes stay. A shell that is softer than
+        the part for its `strain_misfit` is stiffened. The error that is left is unknown.
 
         Raises
         ------
         InputError
             For a model that was extracted without `error="estimate"`.
         """
-        return softened.corrected(self)
+        return parameters.corrected(self)
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
@@ -241,7 +238,7 @@ class AntiOscillators(Brief, Parameters):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.base.charts.curves import plot_model
+        from antiosc.base.charts import plot_model
 
         return plot_model(self, path)
 
@@ -315,13 +312,13 @@ class AntiOscillators(Brief, Parameters):
         The file is complete or absent. Shapes are not stored. InputError where it cannot be
         written.
         """
-        saved_models.save(self, path)
+        model_file.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
         """Read a model written by `save`. InputError when the file is not one."""
-        arguments = saved_models.arguments(path)
+        arguments = model_file.arguments(path)
         try:
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
-            raise saved_models.damaged(path, error) from error
+            raise model_file.damaged(path, error) from error

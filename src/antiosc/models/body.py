@@ -1,4 +1,6 @@
-"""What a simulation asks of a body besides its free modes, and the door for bodies of others.
+"""What a simulation asks of a body besides its modes: its record; the door for foreign bodies.
+
+`ModelInfo` tells where a model comes from, how it was found, and what its errors need to know.
 
 `LinearBody` is all that a foreign body must have, `Body` is what is read: the bodies of this
 package are `Body`s and answer by themselves, a foreign one is given the defaults where it says
@@ -7,14 +9,263 @@ nothing (`checked_body`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from math import pi, sqrt
+from typing import Any, Protocol, TypedDict, runtime_checkable
+
+import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief
 from antiosc.models.modal import ModalBody
-from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
+
+
+class Band(TypedDict, total=False):
+    """The band of an extraction: its ends [rad/s], and the bound on the error of Z over it."""
+
+    bottom: float
+    top: float
+    error_bound: float
+
+
+class Patch(TypedDict, total=False):
+    """The patch of a site.
+
+    faces : size of the faces under it [m]; radius : that of a second patch [m]; compliance : change
+    of the part's compliance with it, beyond that of the half-space [m/N].
+    """
+
+    faces: float
+    radius: float
+    compliance: float
+
+
+class FacetGaps(TypedDict):
+    """The layers between flat faces and the curved surface that they stand for.
+
+    note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : over that of
+    the structure.
+    """
+
+    note: str
+    stiffness: list[float]
+    mass: float
+
+
+class BeamSection(TypedDict):
+    """What the error of beam theory follows from.
+
+    compliance : 1/(E √A) [m/N]; omega : frequency of the section's deformation [rad/s]; clamps :
+    number of held ends times the larger side over the length.
+    """
+
+    compliance: float
+    omega: float
+    clamps: float
+
+
+class MeasuredBand(TypedDict):
+    """Bodies that a measurement does not tell from the model, in free modes (A bodies, J modes).
+
+    top : of the band [rad/s]; draws : the first bodies differ by the noise, the others by what lies
+    above the band; omega, decay, b : (A, J) as of a `ModalBody`; r : (A,).
+    """
+
+    top: float
+    draws: int
+    omega: list[list[float]]
+    decay: list[list[float]]
+    b: list[list[float]]
+    r: list[float]
+
+
+@dataclass(frozen=True, repr=False)
+class ModelInfo(Brief):
+    """What is known of an extracted model besides its numbers; nothing changes it afterwards.
+
+    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError where nothing is known.
+
+    Attributes
+    ----------
+    structure : description of the structure.
+    dofs : number of its dofs.
+    meshed : whether it has a mesh of its own, whose error can be estimated.
+    method : "krylov", "modes", "superposition", "full" or "frf".
+    modes_computed, modes_unobservable, modes_merged : numbers of constraint modes that were
+        computed, dropped for their small share in Z, and merged with others of their frequency.
+    converged : how many of the lowest anti-oscillators have converged to antiresonances.
+    rigid_modes : number of rigid-body modes of the structure.
+    rigid_share : largest share of one of them in the compliance of the sites.
+    independent : columns of the sites that move independently of those before.
+    point, direction : place [m] and direction of a site without a name.
+    points : places [m] of named sites.
+    checks : measured errors of the modes, relative.
+    seconds : times of the steps of the extraction [s].
+    band : of an extraction with a band.
+    inside_element : whether the site lies inside an element of a beam.
+    model : data of the error of beam theory, or a sentence why there is none.
+    patch, geometry, not_included : of the patch of the site, of curved surfaces, and a sentence on
+        what the estimate of the mesh's error leaves out.
+    measured : of a model from measured frequency responses, what its bars follow from.
+    doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
+    thickness : the least [m] of its sheets, unless these are held along one line alone, as a
+        cantilever is: their theory holds for small deflections.
+    strike : dofs and errors of the meshes that `strike` has tried.
+    notes : anything else, JSON values.
+    """
+
+    structure: str | None = None
+    method: str | None = None
+    dofs: int | None = None
+    converged: int | None = None
+    modes_computed: int | None = None
+    modes_unobservable: int | None = None
+    modes_merged: int | None = None
+    meshed: bool | None = None
+    rigid_modes: int | None = None
+    rigid_share: float | None = None
+    independent: Sequence[int] | None = None
+    point: Sequence[float] | None = None
+    direction: Sequence[float] | None = None
+    points: Mapping[str, Sequence[float]] | None = None
+    checks: Mapping[str, float] | None = None
+    seconds: Mapping[str, float] | None = None
+    band: Band | None = None
+    inside_element: bool | None = None
+    model: BeamSection | str | None = None
+    patch: Patch | None = None
+    geometry: FacetGaps | None = None
+    not_included: str | None = None
+    measured: MeasuredBand | None = None
+    doubts: Sequence[str] | None = None
+    wave_speed: float | None = None
+    thickness: float | None = None
+    strike: Sequence[Mapping[str, object]] | None = None
+    notes: Mapping[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
+        """A record of itself or of a mapping, whose unknown names are `notes`; else InputError."""
+        if isinstance(given, ModelInfo):
+            return given
+        checks.instance("info", given, Mapping, "a ModelInfo, or a dict of facts")
+        known = {name: value for name, value in given.items() if name in _NAMES}
+        notes = {name: value for name, value in given.items() if name not in _NAMES}
+        return cls(**known, notes=notes)
+
+    def __post_init__(self) -> None:
+        for name in ("dofs", "converged", "modes_computed", "rigid_modes"):
+            if getattr(self, name) is not None:
+                count = checks.whole(f"info.{name}", getattr(self, name), least=0)
+                checks.store(self, **{name: count})
+        for name, (kinds, what) in _KINDS.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            checks.instance(f"info.{name}", value, kinds, what)
+            record = _RECORDS.get(name)
+            if record is None or isinstance(value, str):
+                continue
+            if missing := sorted(record.__required_keys__ - set(value)):
+                raise InputError(f"info.{name} lacks {', '.join(missing)}.")
+            for key in record.__annotations__.keys() & value.keys():
+                check = checks.text if key == "note" else partial(checks.array, shape=None)
+                check(f"info.{name}, {key},", value[key])
+
+    def as_dict(self) -> dict[str, object]:
+        """What is known, as JSON values."""
+        known = {name: getattr(self, name) for name in _NAMES}
+        return {n: value for n, value in known.items() if value is not None} | dict(self.notes)
+
+    def __getitem__(self, name: str) -> object:
+        return self.as_dict()[name]
+
+    def get(self, name: str, default: object = None) -> object:
+        """`info[name]`, or `default` where nothing is known."""
+        return self.as_dict().get(name, default)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.as_dict()
+
+
+#: What is read of a file must be of these types, or a model could fail in the midst of a run.
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
+    **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
+    "thickness": ((int, float), "a number"),
+    "model": ((Mapping, str), "a dict or a text"),
+}
+_RECORDS: dict[str, Any] = {
+    "geometry": FacetGaps, "model": BeamSection, "patch": Patch,
+    "measured": MeasuredBand,
+}  # fmt: skip
+_NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
+#: The record of a body of which nothing is known.
+UNKNOWN = ModelInfo()
+
+
+def info_of(body: object) -> ModelInfo:
+    """The record of a body; an empty one of a body without."""
+    info = getattr(body, "info", None)
+    return info if isinstance(info, ModelInfo) else UNKNOWN
+
+
+def resolved_frequency(source: Any) -> float:
+    """Frequency [Hz] up to which a model has the motion of points far from its site.
+
+    The contact force sees the structure from its site, where few anti-oscillators tell all. A point
+    elsewhere feels every natural mode. The model has those below its last anti-oscillator that has
+    converged to an antiresonance: that frequency is returned. It grows with the number of
+    anti-oscillators, which must exceed the number of natural modes below it.
+
+    Parameters
+    ----------
+    source : AntiOscillators, NaturalModes, History or BodyHistory
+        A model that `extract`, `superposition` or `full` made, or the result of an impact on it; of
+        a scene `hit.bodies[name]`.
+
+    Returns
+    -------
+    float
+        0.0 if none has converged; inf for a model with all modes of the structure.
+
+    Raises
+    ------
+    InputError
+        For a model that does not tell: built by hand, or read from a file without its facts.
+    """
+    model = getattr(source, "model", source)
+    placed = getattr(source, "placed", None)
+    model = model if placed is None else placed.body
+    info = info_of(model)
+    if info.converged is None:
+        raise InputError(
+            "which frequencies a model resolves is known of models that extract, superposition or "
+            f"full returned, and of histories of impacts on them; got {checks.shown(source)}."
+        )
+    if info.method == "full":
+        return float("inf")
+    omega = np.sort(np.asarray(model.omega, dtype=float))
+    count = min(info.converged, omega.size)
+    return float(omega[count - 1]) / (2 * np.pi) if count else 0.0
+
+
+def strip(width: float, thickness: float, E: float, nu: float, rho: float) -> float:
+    """Lowest bending frequency across a free strip of this width [Hz], where a beam fails."""
+    wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
+    return 22.373 / (2 * pi * width**2) * wave
+
+
+def thickness_shear(thickness: float, E: float, nu: float, rho: float) -> float:
+    """First thickness-shear frequency [Hz], where a shell fails."""
+    return sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
 
 
 @runtime_checkable

@@ -17,7 +17,7 @@ one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error boun
 samples it may rise by a quarter).
 
 Rigid-body modes that hardly move a site are left out of this and added to its anti-oscillators
-(`antiosc.models.rigid_share`), as in `antiosc.extract`.
+(`antiosc.models.motion`), as in `antiosc.extract`.
 
 In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexibility with the site
 constrained is a rank-one change of A^-1, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its
@@ -38,7 +38,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE, with_rigid
+from antiosc.models.motion import HIDDEN, SMALL_SHARE, with_rigid
 
 Method = Literal["krylov", "modes"]
 

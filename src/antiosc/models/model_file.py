@@ -1,7 +1,16 @@
-"""Model files: NumPy's `.npz` with a self-describing header in JSON.
+"""Models as files: NumPy's `.npz` with a header in JSON, and reduced matrices for other programs.
 
 A model file is untrusted data: it is read without pickles, and no array is larger than the bytes
 that are stored of it.
+
+Matrices of a reduced model, in the form in which another program takes it as a superelement.
+
+With u (p,) the displacements of the sites and η (N,) the amplitudes of the constraint modes of unit
+mass (Craig and Bampton, AIAA J. 6 (1968) 1313)
+
+    K = diag(k0, ω_i²),    M = [[m_st, P], [Pᵀ, 1]],    P_i Pᵀ_i = m_i,
+
+so that eliminating η gives Z(ω). One site has P_i = √m_i.
 """
 
 from __future__ import annotations
@@ -11,16 +20,28 @@ import json
 import os
 import stat
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from antiosc.base import checks, files
-from antiosc.base.errors import InputError
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.texts import Given
+from antiosc.io.dof_map import component_of
+from antiosc.io.matrices import matrix_formats, write_matrix_market
+from antiosc.models.body import ModelInfo
+from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.modal import Damping
+from antiosc.models.motion import Inertia
+from antiosc.models.parameters import Parameters
 
 FORMAT = "antiosc-model"
 #: the newest version that is read
@@ -31,7 +52,10 @@ _LARGEST = 2**26
 #: Most members of an archive.
 _MEMBERS = 100
 
-Arrays = dict[str, NDArray[Any]]
+Member: TypeAlias = NDArray[Any]
+Arrays: TypeAlias = dict[str, Member]
+#: what JSON has by name
+Named: TypeAlias = dict[str, Any]
 
 
 def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Arrays) -> None:
@@ -49,7 +73,7 @@ def read(
     needed: set[str],
     expected: str = FORMAT,
     largest: int = _LARGEST,
-) -> tuple[dict[str, Any], Arrays]:
+) -> tuple[Named, Arrays]:
     """(header, arrays) of a file of a format that holds the arrays `needed`.
 
     InputError for another file, or one with arrays of more than `largest` bytes.
@@ -92,7 +116,7 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> NDArray[Any]:
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> Member:
     """One array of numbers or text; ValueError for others, and if its header and size disagree."""
     if member.file_size > largest:
         raise ValueError(f"{member.filename} has {member.file_size} bytes")
@@ -102,3 +126,253 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> 
     if array.dtype.kind not in "fiuU" or content.read(1):
         raise ValueError(f"{member.filename} holds {array.dtype} of shape {array.shape}, and more")
     return array
+
+
+#: Arrays of a file -> their unit and meaning.
+_ARRAYS = {
+    "m0": ("kg", "residual mass, Article eq. (15)"),
+    "k0": ("N/m", "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode"),
+    "m": ("kg", "masses of the anti-oscillators, Article eq. (12)"),
+    "omega": ("rad/s", "antiresonant circular frequencies, ascending"),
+    "participation": (
+        "kg", "generalised mass of a unit uniform acceleration along the impact direction"),
+    "direction": ("1", "unit vector of the impact in the axes of the mesh"),
+    "P": (
+        "kg^1/2", "inertias of the constraint modes of unit mass at several sites; m_i = P_i P_i'"),
+    "dependence": ("1", "displacements of all columns per unit ones of the independent columns"),
+    "rigid": ("kg^-1/2", "displacements of several sites in the rigid-body modes of unit mass"),
+    "slide": ("kg^-1/2", "the same in the hidden rigid-body motions"),
+    "strain_error": (
+        "N/m", "energies of the errors of the strains of phi_st and psi_i: the mesh's error"),
+    "strain_misfit": (
+        "N/m", "work of section forces on what interpolation changes in the strains"),
+}  # fmt: skip
+_INERTIA = {
+    "inertia.point": ("m", "reference point of all moments"),
+    "inertia.matrix": (
+        "kg, kg m, kg m^2", "momentum and angular momentum of the whole body's six rigid motions"),
+    "inertia.momentum": (
+        "kg, kg m", "those of phi_st, psi_i and the hidden rigid-body motions"),
+}  # fmt: skip
+#: What stands in the header, likewise.
+_SCALARS = {
+    "local_compliance": ("m/N", "half-space compliance of the patch, contained in 1/k0"),
+    "radius": ("m", "radius of the patch over which the site's displacement is averaged"),
+}
+_EVERY = {**_ARRAYS, **_INERTIA, **_SCALARS}
+#: version of the files of models of several sites; those of one site are of version 1
+_SEVERAL = 2
+
+
+def save(model: Parameters, path: str | os.PathLike[str]) -> None:
+    """Write a model, completely or not at all; see `AntiOscillators.save`."""
+    several = len(model.sites) > 0
+    arrays = {
+        name: np.asarray(getattr(model, name))
+        for name in _ARRAYS
+        if getattr(model, name) is not None and not (several and name == "m")
+    }
+    if model.inertia is not None:
+        arrays |= {name: attrgetter(name)(model) for name in _INERTIA}
+    header = {
+        "format": FORMAT,
+        "version": _SEVERAL if several else 1,
+        "units": {name: unit for name, (unit, _) in _EVERY.items()},
+        "meaning": {name: meaning for name, (_, meaning) in _EVERY.items()},
+        **{name: _plain(getattr(model, name)) for name in _SCALARS},
+        "damping": None if model.damping is None else model.damping.as_dict(),
+        "info": model.info.as_dict(),
+    }
+    if several:
+        header["sites"] = list(model.sites)
+        header["columns"] = {name: list(own) for name, own in model.columns.items()}
+    write(path, header, arrays)
+
+
+def arguments(path: str | os.PathLike[str]) -> Named:
+    """The arguments of the `AntiOscillators` in a model file; InputError when it is not one."""
+    header, arrays = read(path, {"m0", "k0", "omega"})
+    try:
+        damping = header.get("damping")
+        return {
+            "m": None,
+            **{name: arrays[name] for name in _ARRAYS if name in arrays},
+            "inertia": _inertia(arrays),
+            "damping": _damping(damping),
+            "info": ModelInfo.of(header.get("info", {})),
+            "sites": tuple(header.get("sites", ())),
+            "columns": dict(header.get("columns", {})),
+            **{name: header[name] for name in _SCALARS},
+        }
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise damaged(path, error) from error
+
+
+def damaged(path: str | os.PathLike[str], error: Exception) -> InputError:
+    """The error for a file whose numbers are no model."""
+    return InputError(
+        f"{path} contains no valid model; its numbers are damaged or edited: "
+        f"{str(error).rstrip('.')}."
+    )
+
+
+def _damping(given: Named | None) -> Damping | DampingMatrix | None:
+    """The damping of a model file."""
+    if given is None:
+        return None
+    if "factor" not in given:
+        with without_warnings():  # a file has what was told before
+            return Damping(**given)
+    size = int(given["n"])
+
+    def factor(rows: ArrayLike) -> Array:
+        return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
+
+    branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
+    return of_factors(factor(given["factor"]), branches)
+
+
+def _plain(value: object) -> object:
+    """A number, or those of several sites, as JSON values."""
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _inertia(arrays: Arrays) -> Inertia | None:
+    """The inertia in a model file, if it holds one."""
+    return Inertia(*map(arrays.__getitem__, _INERTIA)) if arrays.keys() >= _INERTIA.keys() else None
+
+
+#: Names of K and M in OP4 and DMIG files.
+NAMES = ("KAA", "MAA")
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedMatrices(Given):
+    """K and M of a reduced model.
+
+    Attributes
+    ----------
+    K, M : (n, n) N/m and kg, the dofs of the sites first, then one for each anti-oscillator.
+    labels : (n, 2) node and dof (1 to 6; 0 for scalar points) of each row.
+    """
+
+    K: Array
+    M: Array
+    labels: IntArray
+
+    def __post_init__(self) -> None:
+        size = len(checks.array("K", self.K, (None, None)))
+        labels = checks.array("labels", self.labels, (size, 2))
+        if (labels != np.floor(labels)).any() or (labels < 0).any() or (labels >= 2**31).any():
+            raise InputError("labels must be numbers of nodes and of their dofs.")
+        for name in ("K", "M"):
+            matrix = checks.array(name, getattr(self, name), (size, size))
+            if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
+                raise InputError(f"{name} must be symmetric.")
+            checks.store(self, **{name: checks.kept(matrix)})
+        checks.store(self, labels=checks.kept(labels.astype(np.int64)))
+
+    def save(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Write K and M in the format that the ending of `path` names.
+
+        `.op4`: Nastran OUTPUT4, binary, matrices KAA and MAA; `.pch`, `.dmig` or `.bdf`: DMIG cards
+        (12 to 15 digits); `.mtx`: Matrix Market, two files `<name>_K.mtx` and `<name>_M.mtx`.
+        Beside OP4 and Matrix Market `<name>.map` lists node and dof of each row, which
+        `Structure.from_files(K, M, map=…)` reads.
+
+        Returns
+        -------
+        list of Path
+            The files written, each complete or absent.
+
+        Raises
+        ------
+        InputError
+            Another ending, or a file that cannot be written.
+        """
+        target = checks.path("path", path)
+        ending = target.suffix.lower()
+        matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
+        every = {one: form for form in matrix_formats() for one in form.endings}
+        if (form := every.get(ending)) and form.write:
+            with files.complete(target, "the matrices") as part:
+                form.write(part, matrices, self.labels)
+            return [target] if form.labelled else [target, self._map(target)]
+        if ending != ".mtx":
+            raise InputError(
+                f"matrices are written to {', '.join(['.mtx', *every])}; got {target.name!r}."
+            )
+        written = []
+        for letter, matrix in (("K", self.K), ("M", self.M)):
+            one = target.with_name(f"{target.stem}_{letter}.mtx")
+            with files.complete(one, "the matrices") as part, part.open("w") as out:
+                write_matrix_market(out, matrix)
+            written.append(one)
+        return [*written, self._map(target)]
+
+    def _map(self, target: Path) -> Path:
+        path = target.with_suffix(".map")
+        rows = "".join(f"{node} {component}\n" for node, component in self.labels)
+        files.write_text(path, "# node dof\n" + rows, "the map")
+        return path
+
+
+def reduced_matrices(
+    stiffness: Array,
+    static_mass: Array,
+    P: Array,
+    omega: Array,
+    slide: Array | None,
+    nodes: int | Sequence[int] | None,
+    dofs: int | str | Sequence[int | str],
+    first: int | None,
+) -> ReducedMatrices:
+    """The matrices of k0, m_st (p, p), P (p, N) and omega (N,).
+
+    `slide` (p, s) are rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
+    `nodes`, `dofs`, `first`: see `AntiOscillators.to_matrices`.
+    """
+    count = len(stiffness)
+    K = block_diag(stiffness, np.diag(omega**2))
+    M = np.block([[static_mass, P], [P.T, np.eye(len(omega))]])
+    if slide is not None and slide.size:
+        rigid = slide.shape[1]
+        K, M = block_diag(K, np.zeros((rigid, rigid))), block_diag(M, np.eye(rigid))
+        T = np.eye(len(K))
+        T[:count, -rigid:] = -slide
+        K, M = T.T @ K @ T, T.T @ M @ T
+    return ReducedMatrices(K, M, _labels(count, len(K), nodes, dofs, first))
+
+
+def _labels(
+    sites: int,
+    size: int,
+    nodes: int | Sequence[int] | None,
+    dofs: int | str | Sequence[int | str],
+    first: int | None,
+) -> IntArray:
+    given = list(range(1, sites + 1)) if nodes is None else _listed(nodes)
+    numbers = [checks.whole("nodes", node, least=1) for node in given]
+    each = _listed(dofs)
+    each = each * sites if len(each) == 1 else each
+    if len(numbers) != sites or len(each) != sites:
+        raise InputError(
+            f"nodes and dofs must name the {sites} site dofs; got {len(numbers)} nodes and "
+            f"{len(each)} dofs."
+        )
+    start = max(numbers) + 1 if first is None else checks.whole("first", first, least=1)
+    scalars = range(start, start + size - sites)
+    if scalars.stop > 2**31:
+        raise InputError(f"numbers of nodes must be below 2^31; got {max(numbers)} and {start}.")
+    if set(scalars) & set(numbers):
+        raise InputError(f"the scalar points from first = {start} on meet the nodes of the sites.")
+    rows = [(n, component_of(d)) for n, d in zip(numbers, each, strict=True)]
+    labels = np.array([*rows, *((number, 0) for number in scalars)], dtype=np.int64)
+    if len(np.unique(labels, axis=0)) < size:
+        raise InputError("nodes and dofs name one dof twice.")
+    return labels.reshape(-1, 2)
+
+
+def _listed(value: object) -> list[object]:
+    """The items of a list or tuple; any other value is one item."""
+    return list(value) if isinstance(value, list | tuple | range) else [value]

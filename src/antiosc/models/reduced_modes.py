@@ -21,11 +21,10 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.damping_matrix import DampingMatrix, along
-from antiosc.models.modal import ModalBody
+from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.motion import arrow_modes
 from antiosc.models.parameters import Parameters
-from antiosc.models.rigid_share import arrow_modes
-from antiosc.models.site_modes import SiteModes
 
 #: theta over the largest, below which a mode has no inertia.
 INERTIALESS = 1e-13
@@ -132,6 +131,7 @@ def site_modes(model: Parameters) -> SiteModes:
     assert model.dependence is not None
     assert model.rigid is not None
     assert model.slide is not None
+    assert model.P is not None
     p, hidden = model.slide.shape
     found = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
     omega = np.concatenate((np.zeros(hidden), found.omega))

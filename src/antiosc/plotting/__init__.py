@@ -8,7 +8,10 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
-from antiosc.base.charts.curves import (
+from antiosc.base.charts import (
+    legend_below,
+    legend_beside,
+    panels,
     plot_dynamic_stiffness,
     plot_errors,
     plot_force,
@@ -17,8 +20,8 @@ from antiosc.base.charts.curves import (
     plot_model,
     plot_motion,
     running_mean,
+    save_figure,
 )
-from antiosc.base.charts.figures import legend_below, legend_beside, panels, save_figure
 from antiosc.results.pictures import plot_deformed, plot_map
 
 __all__ = [

@@ -11,21 +11,20 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
-from antiosc.base.engineering import engineering, place
 from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
+from antiosc.base.texts import Brief, engineering, place
 from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_pressure
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
-from antiosc.fem.recovery.place import NodeTensors, Place, layers_of
+from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories.body_motion import Motions, amplitudes
+from antiosc.simulation.histories import History, Motions, amplitudes
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -286,30 +285,32 @@ class HertzContact(NamedTuple):
         )
 
 
-def contact_yield(structure: Structure, shapes: Array, history: Any) -> str:
+def contact_yield(structure: Structure, shapes: Array, history: Motions) -> str:
     """That the pressure of an impact exceeds that at first yield; "" where not, or unknown.
 
     Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
     isotropic material.
     """
-    contacts: Any = getattr(history, "contact_histories", ())
-    law = history.assembly.scene.contacts[0].law if len(contacts) == 1 else None
-    if not isinstance(law, Hertz) or not contacts[0].peak_force > 0:
+    if not isinstance(history, History) or len(history.contact_histories) > 1:
+        return ""
+    law = history.assembly.scene.contacts[0].law
+    if not isinstance(law, Hertz) or not history.peak_force > 0:
         return ""
     members = with_parts(structure).fields(shapes, None)
     materials = {id(one): one for member, _ in members for one, _ in member.part.parts}
     striker = history.impactor
-    own: list[Any] = [getattr(striker, name, None) for name in ("E", "nu")]
-    own += [
+    given = [getattr(striker, name, None) for name in ("E", "nu")]
+    given += [
         getattr(one, name, None)
         for one in materials.values()
         for name in ("E", "nu", "yield_strength")
     ]
-    if len(own) != 5 or not all(isinstance(value, float) for value in own):
+    own = [value for value in given if isinstance(value, float)]
+    if len(own) != 5 or len(given) != 5:
         return ""
     E, nu, part_E, part_nu, strength = own
     modulus = effective_modulus(E, nu, part_E, part_nu)
-    return HertzContact(law.stiffness, modulus, contacts[0].peak_force, strength).told()
+    return HertzContact(law.stiffness, modulus, history.peak_force, strength).told()
 
 
 #: Jumps over the largest stress from which the mesh does not resolve it.
@@ -322,7 +323,7 @@ def mesh_error(
     structure: Structure, shapes: Array, part: str | None, history: Motions, times: Array, body: str
 ) -> Array | None:
     """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
-    from antiosc.fem.fields.stress_errors import stress_jumps  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
     factors = amplitudes(history, at, body)[number.ravel()]
@@ -331,7 +332,7 @@ def mesh_error(
 
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
     """A sentence on the largest stress at x (3,), whose error is this share of it; "" if none."""
-    from antiosc.fem.fields.stress_errors import corner_at  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import corner_at  # needs dolfinx
 
     angle, held = corner_at(structure, shapes, x, part)
     if angle >= RE_ENTRANT:
@@ -354,7 +355,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
 
 def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
     """That the error of the stresses of a part without solids is not known, if it has sheets."""
-    from antiosc.fem.fields.stress_errors import families  # needs dolfinx
+    from antiosc.fem.fields.mesh_fields import families  # needs dolfinx
 
     if "sheet" not in families(structure, shapes, part):
         return ""

@@ -1,18 +1,22 @@
-"""Pictures of a part in space: quantities of a map, and the deformed part."""
+"""Pictures of a part in space: saved displacements, quantities of a map, the deformed part."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts.figures import finished
-from antiosc.base.charts.surfaces import (
+from antiosc.base.charts import finished
+from antiosc.base.errors import InputError
+from antiosc.base.surfaces import (
     Deformed,
     colour_scale,
     draw_deformed,
@@ -20,14 +24,200 @@ from antiosc.base.charts.surfaces import (
     frame,
     space,
 )
-from antiosc.base.errors import InputError
-from antiosc.simulation.histories.history import History, SceneHistory
+from antiosc.base.texts import Brief
+from antiosc.models import model_file
+from antiosc.simulation.histories import History, SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     from antiosc.fem.structure.structure import Structure
+
+
+#: The format of the file, and the largest array that is loaded, bytes.
+FORMAT, LARGEST = "antiosc-fields", 2**32
+#: Corners of the faces of cells in VTK's order of nodes; of sheets the cells themselves.
+FACES: dict[str, list[list[int]]] = {
+    "triangle": [[0, 1, 2]],
+    "quad": [[0, 1, 2, 3]],
+    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+    "hexahedron": [
+        *([0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4]),
+        *([1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]),
+    ],
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedFields(Brief):
+    """Displacements at the nodes of a part: at every time the sum of shapes with factors.
+
+    Attributes
+    ----------
+    points : (P, 3) nodes, m.
+    cells : (kind by meshio's name, (m, nodes) in VTK's order) of each part.
+    shapes : (P, 3, k) displacements.
+    time : (n,) s, increasing.
+    factors : (n, k) of the shapes.
+    """
+
+    points: Array
+    cells: Sequence[tuple[str, IntArray]]
+    shapes: Array
+    time: Array
+    factors: Array
+
+    def __post_init__(self) -> None:
+        for name, dim in (("points", 2), ("shapes", 3), ("time", 1), ("factors", 2)):
+            value = checks.array(name, getattr(self, name), None)
+            if value.ndim != dim:
+                raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
+            checks.store(self, **{name: value})
+        checks.store(self, cells=_cells(self.cells))
+        count, k = len(self.points), self.shapes.shape[-1]
+        fits = (
+            self.points.shape == (count, 3)
+            and self.shapes.shape == (count, 3, k)
+            and self.factors.shape == (len(self.time), k)
+            and all(c.ndim == 2 and np.all((c >= 0) & (c < count)) for _, c in self.cells)
+        )
+        if not fits or not count or not len(self.time) or np.any(np.diff(self.time) <= 0):
+            raise InputError(
+                "fields need points (P, 3), shapes (P, 3, k), increasing times (n,), factors "
+                f"(n, k) and cells of these points; got {self.points.shape}, {self.shapes.shape}, "
+                f"{self.time.shape}, {self.factors.shape}."
+            )
+
+    def at(self, time: float) -> Array:
+        """Displacements (P, 3) [m] at a time in s, between two times that are kept linearly."""
+        t = checks.number("time", time, "s")
+        if not self.time[0] <= t <= self.time[-1]:
+            raise InputError(
+                f"the fields are known from {self.time[0]:g} s to {self.time[-1]:g} s; got "
+                f"time={t:g}."
+            )
+        k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
+        first, last = self.factors[k], self.factors[min(k + 1, len(self.time) - 1)]
+        step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
+        share = (t - self.time[k]) / step if step else 0.0
+        return np.asarray(self.shapes @ (first + share * (last - first)))
+
+    @cached_property
+    def faces(self) -> IntArray:
+        """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+        return outer_faces(self.cells)
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest displacement of all nodes and times, m."""
+        return max(float(np.linalg.norm(self.shapes @ f, axis=1).max()) for f in self.factors)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write one NumPy `.npz` file, which `load` reads.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target = checks.path("path", path)
+        kinds = [kind for kind, _ in self.cells]
+        header = {"format": FORMAT, "version": model_file.VERSION, "kinds": kinds}
+        own = {"points": self.points, "shapes": self.shapes, "time": self.time}
+        arrays: model_file.Arrays = {**own}
+        arrays |= {f"cells{i}": cells for i, (_, cells) in enumerate(self.cells)}
+        model_file.write(target, header, {**arrays, "factors": self.factors})
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SavedFields:
+        """Read a file that `save` or `save_fields` wrote.
+
+        Raises
+        ------
+        InputError
+            The file is not one, or it is damaged.
+        """
+        needed = {"points", "shapes", "time", "factors"}
+        header, arrays = model_file.read(path, needed, FORMAT, LARGEST)
+        try:
+            kinds = [str(kind) for kind in header["kinds"]]
+            cells: list[tuple[str, IntArray]] = [
+                (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
+            ]
+            own: dict[str, Array] = {
+                name: checks.array(name, arrays[name], None) for name in sorted(needed)
+            }
+            found = cls(cells=cells, **own)
+            len(found.faces)  # of corners that the cells have
+        except (InputError, KeyError, TypeError, ValueError, IndexError) as error:
+            raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
+        return found
+
+    def plot(
+        self,
+        time: float,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        view: ArrayLike | None = None,
+    ) -> Figure | Path:
+        """The deformed part at a time, drawn larger and coloured alike at all times.
+
+        `path` and `view` as for `plotting.plot_deformed`.
+        """
+        seen_from = None if view is None else checks.array("view", view, (2,))
+        found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
+        return draw_deformed(found, path, view=seen_from, whole_scale=True)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
+        return [
+            ("of", f"{len(self.points)} nodes, {kinds}"),
+            ("shapes", f"{self.shapes.shape[-1]}"),
+            ("time", f"{len(self.time)} times, {self.time[0]:.4g} to {self.time[-1]:.4g} s"),
+            ("largest", f"{self.largest:.4g} m"),
+        ]
+
+
+def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
+    """Pairs (kind, cells), or InputError."""
+    try:
+        blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
+    except (TypeError, ValueError):
+        blocks = []
+    if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
+        raise InputError(
+            "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "
+            f"{checks.shown(given)}."
+        )
+    return blocks
+
+
+def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
+    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+    found = [_outer(kind, cells) for kind, cells in blocks]
+    most = max(f.shape[1] for f in found)
+    drawn = [f for f in found if f.shape[1] >= min(most, 3)]
+    if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
+        drawn = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in drawn
+        ]
+    return np.vstack(drawn)
+
+
+def _outer(kind: str, cells: IntArray) -> IntArray:
+    """Corners of the faces of cells of one kind that belong to one cell only."""
+    name = kind.rstrip("0123456789")
+    if name not in FACES:
+        return cells[:, :2] if name == "line" else cells[:, :1]
+    listed = np.vstack([cells[:, face] for face in FACES[name]])
+    if len(FACES[name]) == 1:
+        return listed
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(listed[first[count == 1]])
 
 
 QUANTITY_LABELS = {

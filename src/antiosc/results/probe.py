@@ -18,19 +18,17 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
-from antiosc.base.threads import one_thread
-from antiosc.fem.elements.sections import Section
+from antiosc.fem.elements import Section
 from antiosc.fem.fields import source
-from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.recovery.place import NO_OUTLINE, Place, on_outlines, place
-from antiosc.fem.site.named_points import motions_without_mesh, point_of
-from antiosc.fem.site.site import Reach
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
+from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import counted, shapes_of
-from antiosc.simulation.histories.body_motion import amplitudes, times_of
-from antiosc.simulation.histories.history import History
-from antiosc.simulation.histories.scene_history import BodyHistory
+from antiosc.simulation.histories import History, amplitudes, times_of
+from antiosc.simulation.histories.parts import BodyHistory
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.texts import Brief
 
 #: Oscillators a decade where no frequencies are given.
 A_DECADE = 48

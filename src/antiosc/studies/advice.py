@@ -24,13 +24,13 @@ from math import pi, sqrt
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base.brief import Given
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.resolved import strip, thickness_shear
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
+from antiosc.models.body import strip, thickness_shear
+from antiosc.simulation.bodies import RigidMass, Sphere
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.checks import path as checked_path, store, whole
-from antiosc.base.engineering import engineering, place, span
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Brief, engineering, place, span
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody
+from antiosc.models.body import LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
-from antiosc.models.model_info import ModelInfo
 from antiosc.results.pictures import plot_map
 
 if TYPE_CHECKING:

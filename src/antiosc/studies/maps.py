@@ -4,25 +4,40 @@ One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs
 free modes at the site and two numbers of its static deflection y: the compliance b'y and the
 inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
 is too large, the site is extracted separately.
+
+The largest stress anywhere in a part, for the blow at each site of a map.
+
+Struck at the site i by the force F(t), the part moves in the free modes of the map, and in all
+modes above them as if F stood still:
+
+    u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
+
+with y_i = (K + sM)^-1 b_i. The stresses of the modes are recovered once for all sites, those of the
+second term at each; these and the search over all nodes and times are the cost.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.threads import one_thread
+from antiosc.base.process import one_thread
+from antiosc.base.progress import counting
+from antiosc.base.stresses import equivalent
 from antiosc.contact import ContactLaw
-from antiosc.fem.assembly import with_parts
+from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.extraction import shapes_of_models
+from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
     at_one_site,
@@ -31,23 +46,210 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.fem.extraction.site_shapes import shapes_of_models
-from antiosc.fem.platform.mpi import agree, collective, on_root
+from antiosc.fem.fields import source
+from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.platform import agree, collective, on_root
+from antiosc.fem.recovery import NodeTensors, Place, place
+from antiosc.fem.site.map_sites import MapSites, sites_of
 from antiosc.fem.site.sites import Sites, doubtful_patches
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
-from antiosc.simulation.bodies.impactors import Obstacle
-from antiosc.simulation.histories.body_motion import peak_deflections
-from antiosc.simulation.integrators.comparison import Settings
-from antiosc.simulation.problem.impacts import Impact
-from antiosc.simulation.problem.two_bodies import impact_band
-from antiosc.simulation.simulate import impact
-from antiosc.studies.free_sites import ABOVE, FreeSites, free_sites
+from antiosc.simulation.bodies import Obstacle
+from antiosc.simulation.histories import Force, motions, peak_deflections
+from antiosc.simulation.reference import Settings
+from antiosc.simulation.scene import impact
+from antiosc.simulation.two_bodies import Impact, impact_band
 from antiosc.studies.map_results import ImpactMap, MapInfo
-from antiosc.studies.map_stresses import largest_stresses
+
+#: Free modes where neither `modes` nor a band says how many.
+FREE_MODES = 20
+#: Frequency of the last free mode over the band.
+ABOVE = 1.5
+
+#: What names the sites of a map: surfaces, or points (P, 2 or 3).
+Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSites:
+    """P sites, and J free modes of the structure, rigid-body modes first.
+
+    Attributes
+    ----------
+    found : the sites.
+    omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
+    b : (P, J) displacement of each site in each mode [kg^-1/2].
+    compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
+    seconds : what each step took.
+    """
+
+    found: MapSites
+    omega: Array
+    phi: Array
+    b: Array
+    compliance: Array
+    inertia: Array
+    seconds: dict[str, float]
+
+
+def free_sites(
+    structure: Structure,
+    matrices: MeshedParts,
+    where: Where,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    modes: int | None,
+    band: float | None,
+    most: float = math.inf,
+) -> FreeSites:
+    """The sites of a map and at most `most` free modes there; the others as of `impact_map`."""
+    started = time.perf_counter()
+    found = sites_of(matrices, where, direction, radius)
+    structure.factorize()
+    located = time.perf_counter()
+    free = _free_modes(structure, modes, band, most)
+    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
+    phi = np.column_stack([structure.rigid_modes, free.phi])
+    b = structure.comm.allreduce(found.sites.loads.T @ phi)
+    solved = time.perf_counter()
+    C, G = deflections(structure, found.sites.loads, omega, b)
+    moved = time.perf_counter()
+    seconds = {
+        "sites": located - started,
+        "free_modes": solved - located,
+        "deflections": moved - solved,
+    }
+    return FreeSites(found, omega, phi, b, C, G, seconds)
+
+
+def _free_modes(structure: Structure, count: int | None, band: float | None, most: float) -> Modes:
+    """The lowest elastic modes: `count`, or as many as reach above the band, at most `most`."""
+    wanted = FREE_MODES if count is None else whole("modes", count)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    found = ModeSolver(structure).lowest(wanted, reach, most)
+    kept = int(min(max(wanted, int(np.sum(found.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
+    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
+
+
+#: Sites whose static deflections are solved for together.
+AT_ONCE = 64
+#: Phase in rad by which the last mode turns from one time to the next; of so many times one is
+#: looked at in all tensors, and all are in the largest of these.
+PHASE, EVERY, CLOSELY = 0.4, 3, 100
+#: Times over the run, at least and at most.
+TIMES = (200, 3000)
+#: Tensors whose stresses at all times fit the cache.
+BLOCK = 512
+
+
+class Stresses(NamedTuple):
+    """Fields of an `ImpactMap`."""
+
+    peak_stress: Array
+    exposure: Array | None
+    stress_points: Array
+
+
+class _Sought(NamedTuple):
+    """Tensors of the modes (S, 6, J), their places (S, 3), their yield strengths (S,) or NaN."""
+
+    modes: Array
+    points: Array
+    strength: Array
+
+
+def largest_stresses(
+    structure: Structure, seen: FreeSites, forces: list[Force], duration: float
+) -> Stresses:
+    """The stresses of impacts with these forces, on every rank.
+
+    InputError for parts whose stress is not known: beams whose section has no outline.
+    """
+    places = sides(structure)
+    modes = _recovered(structure, seen.phi, places)
+    slow = seen.b / (seen.omega**2 + structure.shift)
+    found: list[tuple[float, Array, float]] = []
+    with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
+        for first in range(0, len(forces), AT_ONCE):
+            own = slice(first, first + AT_ONCE)
+            y = structure.factorize().solve_block(seen.found.sites.loads[:, own].toarray())
+            rest = _recovered(structure, y - seen.phi @ slow[own].T, places)
+
+            def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
+                return _of_sites(modes, rest, seen, forces, own, duration)
+
+            found += on_root(structure.comm, work)
+            ready(len(found))
+    values, points, exposure = (np.array(each) for each in zip(*found, strict=True))
+    return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
+
+
+def sides(structure: Structure) -> list[Place]:
+    """Both sides of sheets; of other parts the one place that there is."""
+    members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
+    sheets = any(member.part.kind.sheet for member, _ in members)
+    return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
+
+
+def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
+    """Stresses of shapes (rows of this rank, columns) on the first rank."""
+    found: NodeTensors
+    points, _, found = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
+    yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
+    return _Sought(
+        found.columns.astype(np.float32), points[found.nodes], np.array(yields)[found.origin]
+    )
+
+
+def _of_sites(
+    modes: _Sought,
+    rest: _Sought,
+    seen: FreeSites,
+    forces: list[Force],
+    own: slice,
+    duration: float,
+) -> list[tuple[float, Array, float]]:
+    """Largest stress, its place and the exposure of some sites."""
+    steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
+    some, b = forces[own], seen.b[own]
+    omega = np.broadcast_to(seen.omega, b.shape)
+    run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
+    q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
+    columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
+    sought = [np.ones(len(modes.strength)), 1 / modes.strength]
+    found = []
+    for i in range(len(some)):
+        columns[:, :, -1] = rest.modes[:, :, i]
+        x = np.column_stack([q[:, i], F[:, i]])
+        seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
+        largest = _largest(columns, x[seldom])
+        close = np.unique(
+            [k for w in sought for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
+        )
+        largest[close] = _largest(columns[close], x)
+        shares = largest * sought[1]
+        known = bool(np.isfinite(shares).any())
+        worst = int(np.nanargmax(shares) if known else largest.argmax())
+        share = float(shares[worst]) if known else np.nan
+        found.append((float(largest.max()), modes.points[worst], share))
+    return found
+
+
+def _largest(columns: Array, x: Array) -> Array:
+    """Largest von Mises stress (S,) of tensors (S, 6, B) with factors (n, B)."""
+    found = np.zeros(len(columns))
+    for first in range(0, len(columns), BLOCK):
+        block = columns[first : first + BLOCK]
+        stress = (block.reshape(-1, block.shape[2]) @ x.T).reshape(len(block), 6, len(x))
+        found[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
+    return found
+
 
 #: The band where neither it nor a blow is given, over the last free mode.
 WITHIN = 0.5
@@ -314,7 +516,7 @@ def _struck(
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}
-    found: dict[str, Any] = {}
+    found = {}
     if stressed is not None:
         forces = [force for batch, _ in parts for force in batch.force]
         found = largest_stresses(structure, stressed, forces, duration)._asdict()

@@ -26,7 +26,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.memory import MEMORY_SHARE, free_memory
+from antiosc.base.process import MEMORY_SHARE, free_memory
 from antiosc.contact import ContactLaw
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
@@ -35,21 +35,20 @@ from antiosc.fem.error import bisection
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.extraction.extract import extract
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import collective, on_root
-from antiosc.fem.site.site import Site
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import collective, compat, on_root
+from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies.impactors import RigidMass, Sphere
-from antiosc.simulation.errors.error_budget import SAFETY, SHELL, amplitudes
-from antiosc.simulation.errors.truncation import truncation_error
-from antiosc.simulation.histories.error_bars import ErrorBudget, differences, floored
-from antiosc.simulation.histories.history import History, with_model
-from antiosc.simulation.simulate import simulate
+from antiosc.simulation.bodies import RigidMass, Sphere
+from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
+from antiosc.simulation.histories import History, with_model
+from antiosc.simulation.histories.parts import ErrorBudget, differences, floored
+from antiosc.simulation.scene import simulate
+from antiosc.simulation.truncation import truncation_error
 from antiosc.studies.advice import advise
 
 #: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
@@ -475,9 +474,8 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) 
         )
     if told:
         budget = replace(budget, notes=(*budget.notes, told))
-    return with_model(
-        hit,
-        model,
+    return replace(
+        with_model(hit, model),
         status=1 if told and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),

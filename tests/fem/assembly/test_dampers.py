@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from assemblies import BEAM, dense, free_dofs, line
 
 pytestmark = [

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from paths import DECKS
 
 pytestmark = [

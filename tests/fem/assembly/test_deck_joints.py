@@ -142,7 +142,7 @@ def _compliances(part: ao.Structure, sites: list[ao.Site]) -> np.ndarray:
     import scipy.sparse as sp
     from scipy.sparse.linalg import spsolve
 
-    from antiosc.fem.site.functionals import functional
+    from antiosc.fem.site import functional
 
     K = sp.csr_matrix(part.K.getValuesCSR()[::-1]).tocsc()
     B = np.column_stack([functional(part, site).b for site in sites])
@@ -177,7 +177,7 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     free = read(tmp_path, body)
     import scipy.sparse as sp
 
-    from antiosc.fem.site.functionals import functional
+    from antiosc.fem.site import functional
 
     K = sp.csr_matrix(free.K.getValuesCSR()[::-1]).toarray()
     rows = [functional(free, ao.Site(tuple(points[n - 1]), d)).b for n in held for d in np.eye(3)]

@@ -10,13 +10,13 @@ import scipy.sparse
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly import wide
-from antiosc.fem.assembly.elimination import eliminate
+from antiosc.fem.assembly import layout
+from antiosc.fem.assembly.assemble import eliminate
+from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.parts import checked_parts, checked_places
-from antiosc.fem.structure.placement import Placement
+from antiosc.fem.structure import Placement
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
 
@@ -48,7 +48,7 @@ def table(supports: list[ao.Support]) -> ao.Structure:
 @pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
 def test_it_is_the_same_structure(monkeypatch, supports):
     dense = table(supports)
-    monkeypatch.setattr(wide, "WIDE", 60)
+    monkeypatch.setattr(layout, "WIDE", 60)
     sparse = table(supports)
     assert sparse.eliminated.basis is not None
     assert dense.eliminated.basis is None
@@ -71,14 +71,14 @@ def test_it_is_the_same_structure(monkeypatch, supports):
 
 
 def test_the_basis_of_many_dofs(monkeypatch):
-    monkeypatch.setattr(wide, "WIDE", 100)
+    monkeypatch.setattr(layout, "WIDE", 100)
     rng = np.random.default_rng(1)
     places = rng.random((900, 3))
     values = np.where(np.arange(900) < 850, rng.standard_normal((6, 900)), 0.0)
     held = np.arange(900) % 50 == 0
-    W = wide.nested_basis(scipy.sparse.csr_matrix(values), held, places)
+    W = layout.nested_basis(scipy.sparse.csr_matrix(values), held, places)
     assert abs(W.T @ W - scipy.sparse.identity(900)).max() < 1e-13
-    kept = wide.rounded(scipy.sparse.csr_matrix(values * ~held) @ W)
+    kept = layout.rounded(scipy.sparse.csr_matrix(values * ~held) @ W)
     assert np.diff(kept.indptr).max() <= 6
     assert (W[np.flatnonzero(held)] != scipy.sparse.identity(900, format="csr")[held]).nnz == 0
 

@@ -9,13 +9,13 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.ends import motion
+from antiosc.fem.assembly.assembled import rigid_motions
+from antiosc.fem.assembly.joint import motion
 from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.placement import Placement, skew
+from antiosc.fem.structure import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet

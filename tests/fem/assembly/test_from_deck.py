@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from mpi import run_ranks
 from paths import DECKS
 

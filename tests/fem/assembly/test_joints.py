@@ -10,7 +10,7 @@ import scipy.optimize
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly.bushing import element
+from antiosc.fem.assembly.pins import element
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 

@@ -10,10 +10,10 @@ pytest.importorskip("dolfinx")
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.assembly.elimination import eliminate
+from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.results.fields import shapes_of
-from antiosc.simulation.histories.body_motion import amplitudes
+from antiosc.simulation.histories import amplitudes
 from assemblies import BEAM, SOLID, box, line
 
 pytestmark = [

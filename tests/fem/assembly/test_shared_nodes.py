@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
 from antiosc.fem.platform import compat
 from assemblies import eigenfrequencies, static

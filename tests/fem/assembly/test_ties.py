@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from marks import FREE_ON_PURPOSE

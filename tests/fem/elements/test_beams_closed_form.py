@@ -105,3 +105,28 @@ def test_a_solid_bar_becomes_the_beam():
     np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
     assert model.k0 == pytest.approx(exact.k0, rel=0.01)
     assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
+
+
+def test_a_beam_beside_its_line_is_the_same_beam():
+    """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
+    section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05
+    beams = [
+        ao.Structure(
+            parts.line(L, 20, (1.0, 0.0, 0.0)),
+            ao.Beam(**parts.STEEL, section=section, orientation=(0, 0, 1), offset=offset),
+            [ao.Support("left")],
+        )
+        for offset in (0.0, e)
+    ]
+    plain, beside = (beam.natural_modes(6) for beam in beams)
+    np.testing.assert_allclose(beside.omega, plain.omega, rtol=1e-9)
+    np.testing.assert_allclose(beside.effective_mass, plain.effective_mass, atol=1e-9)
+    side = ao.Site((L, 0, 0), (0, 1, 0))
+    before, after = (1 / ao.extract(beam, side, 4).k0 for beam in beams)
+    G = parts.STEEL["E"] / (2 * (1 + parts.STEEL["nu"]))
+    assert after - before == pytest.approx(e**2 * L / (G * section.torsion), rel=1e-8)
+    model = ao.extract(beams[1], side, 4)
+    hit = ao.simulate(model, ao.RigidMass(1.0, 0.1), ao.Linear(1e4), 1e-3)
+    held = ao.reactions(beams[1], hit, side, [1e-3])
+    root = ao.probe(beams[1], hit, (0.0, 0, 0), "section_forces", [1e-3])[0]
+    assert root[2] == pytest.approx(held.total[0, 1], rel=0.02)

@@ -12,9 +12,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.sections import stacked
+from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from laminates import navier, uniform
 from sheets import (

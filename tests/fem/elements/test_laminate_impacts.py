@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.sections import stacked
+from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import one_and_several

@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.fem.elements.shell_strains import CUBIC, QUADRATIC, _dropped_of_cubics
+from antiosc.fem.elements.shell import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.platform import compat
 from sheets import (
     CELLS,

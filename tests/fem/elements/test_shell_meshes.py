@@ -16,7 +16,7 @@ from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from sheets import (
     CELLS,
     NU,

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.simulation.errors import model_errors
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation import error_budget
+from antiosc.simulation.histories.parts import QUANTITIES
 from parts import frame, line, named
 
 pytestmark = pytest.mark.fem
@@ -57,7 +57,7 @@ def test_all_changes_widen_the_share(monkeypatch):
     whole = share()
     for name in ("LOCAL", "VALUES", "FREQUENCIES", "CLAMP"):
         with monkeypatch.context() as patch:
-            patch.setattr(model_errors, name, 0.0)
+            patch.setattr(error_budget, name, 0.0)
             assert share() < 0.99 * whole, name
     free = ao.Structure(line(0.15, 20), ao.Beam(**STEEL, section=BAR))
     model = ao.extract(free, ao.Site((0.075, 0), (0, -1)), n=10, error="estimate")

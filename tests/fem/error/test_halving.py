@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.halving import excess, halved, interpolation, with_node
+from antiosc.fem.error.bisection import excess, halved, interpolation, with_node
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.histories.error_bars import QUANTITIES
+from antiosc.simulation.histories.parts import QUANTITIES
 from parts import frame, line, named
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

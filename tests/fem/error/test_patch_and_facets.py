@@ -8,9 +8,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error import gaps
-from antiosc.fem.error.gaps import faceted, mean_gaps
-from antiosc.fem.error.model_errors import estimator, layers
+from antiosc.fem.error import model_errors
+from antiosc.fem.error.model_errors import estimator, faceted, layers, mean_gaps
 from antiosc.fem.platform import compat
 from parts import STEEL, box, plate
 from sheets import sheet
@@ -136,7 +135,7 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_every_common_side_of_two_facets_has_its_angle(name):
     x, corners, count, angle = SOLIDS[name]
-    found = gaps._angles(x, np.array(corners))
+    found = model_errors._angles(x, np.array(corners))
     assert found == pytest.approx(np.full(count, angle))
 
 

@@ -11,23 +11,24 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.sheet_strains import (
+from antiosc.fem.error.shell import (
     SheetRecovery,
+    ShellErrors,
     StrainsOfSheets,
+    layers_of,
     section_forces,
     smooth_pieces,
 )
-from antiosc.fem.error.shell import ShellErrors, layers_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.errors.error_budget import (
+from antiosc.simulation.error_budget import (
     COARSE_SHELL,
     SAFETY,
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.histories.error_bars import QUANTITIES, differences
+from antiosc.simulation.histories.parts import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,

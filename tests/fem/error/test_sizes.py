@@ -11,8 +11,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.bisection import DIVIDED, edge_lengths, gathered, growth, refined
-from antiosc.fem.error.halving import inside
+from antiosc.fem.error.bisection import DIVIDED, edge_lengths, gathered, growth, inside, refined
 from antiosc.fem.error.remeshing import (
     LINES,
     graded_sizes,

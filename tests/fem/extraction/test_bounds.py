@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
-from antiosc.models.rigid_share import with_rigid
+from antiosc.models.motion import with_rigid
 from loose_bodies import (
     exact_stiffness,
     loose_bodies,
@@ -158,10 +158,10 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 
 @pytest.mark.fem
 def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
-    from antiosc.base import memory
+    from antiosc.base import process
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e4)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e4)
     # 42 vectors of 50 numbers, and M times each
     says = r"basis for n = 40 .* needs about 3.36e-05 GB .* reduce n"
     with pytest.raises(ao.OutOfMemoryError, match=says):
@@ -201,7 +201,7 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
 
     monkeypatch.setattr(eigenmodes, "DENSE", 0)
     monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
-    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.site_models"], "SEARCHED", 1)
+    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.extract"], "SEARCHED", 1)
     K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
     structure = ao.Structure.from_matrices(K, np.eye(203))
     site = ao.Site(dof=0)

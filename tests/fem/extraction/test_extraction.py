@@ -12,10 +12,10 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
+from antiosc.fem.extraction import SiteShapes, site_shapes
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.extraction.site_shapes import SiteShapes, site_shapes
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load, quiet
 from marks import FREE_ON_PURPOSE
 

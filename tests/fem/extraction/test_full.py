@@ -14,7 +14,7 @@ import parts
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.fem.extraction.superposition import DENSE_MANY
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

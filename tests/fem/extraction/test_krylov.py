@@ -9,10 +9,10 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
+from antiosc.fem.extraction import site_shapes
 from antiosc.fem.extraction.krylov import Lanczos
-from antiosc.fem.extraction.site_shapes import site_shapes
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from antiosc.models.driving_point import samples, stiffness_at_sites, stiffness_error
 from marks import FREE_ON_PURPOSE
 

@@ -15,7 +15,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from assemblies import dense, free_dofs
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

@@ -11,9 +11,8 @@ import scipy.linalg
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.extraction import oscillators
+from antiosc.fem.extraction import oscillators, site_shapes
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.site_shapes import site_shapes
 
 pytestmark = pytest.mark.fem
 

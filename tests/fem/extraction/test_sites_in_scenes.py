@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from chains import loose_chains
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, box
+from parts import STEEL, box, line
 from several import CORNERS, block_with_corners, sites_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.fem, FREE_ON_PURPOSE]
@@ -112,6 +112,30 @@ def test_gravity_as_a_number_needs_one_direction(block):
     scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
     with pytest.raises(ao.InputError, match="several directions: give gravity"):
         scene.run(1e-4)
+
+
+def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
+    """A bar at 45 degrees, shaken along x, bends along z; one site's direction does not tell it."""
+    section = ao.Section.rectangle(0.03, 0.01)
+    bar = ao.Beam(**STEEL, section=section, orientation=(-1, 0, 1), shear=False)
+    part = ao.Structure(line(0.5, 12, (1.0, 0.0, 1.0)), bar, [ao.Support("left")])
+    tip = ao.Site((0.5 / np.sqrt(2), 0, 0.5 / np.sqrt(2)), (0, 0, 1))
+    base = ao.Base([0.0, 9.0], [(-100.0, 0, 0)] * 2)
+
+    def shaken(model: ao.AntiOscillators | ao.ModalBody, end: str) -> ao.History:
+        stop = ao.Contact(end, "stop", ao.Linear(1e5), gap=1.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AntioscWarning)  # it never touches
+            return ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
+
+    damping = ao.Damping(alpha=300.0)
+    for model in (ao.extract(part, tip, 6, damping=damping), ao.full(part, tip)):
+        with pytest.raises(ao.InputError, match=r"100 m/s² across .* name the site"):
+            shaken(model, "bar")
+    hit = shaken(ao.extract(part, {"tip": tip}, 6, damping=damping), "bar:tip")
+    sag = STEEL["rho"] * section.A * 50.0 * 0.5**4 / (8 * STEEL["E"] * section.I)
+    moved = hit.bodies["bar"].displacement("tip")
+    assert moved[-1] == pytest.approx(-sag, rel=1e-3)  # and 5e-4 of it by stretching
 
 
 def test_fields_of_a_scene(block, tmp_path):

@@ -19,7 +19,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.app import info
-from antiosc.fem.linalg import cholmod, cholmod_library, solver_choice
+from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.structure import given_matrices
 
@@ -35,8 +35,8 @@ def chain(n: int) -> scipy.sparse.csr_matrix:
 @pytest.fixture
 def forgotten():
     """Nothing that was found of the library before, nor afterwards."""
-    yield cholmod_library.library.cache_clear(), cholmod.refusal.cache_clear()
-    cholmod_library.library.cache_clear()
+    yield cholmod.library.cache_clear(), cholmod.refusal.cache_clear()
+    cholmod.library.cache_clear()
     cholmod.refusal.cache_clear()
 
 
@@ -186,13 +186,13 @@ class Other:
 
 
 def another_version(monkeypatch):
-    real = cholmod_library.ctypes.CDLL
-    monkeypatch.setattr(cholmod_library.ctypes, "CDLL", lambda *a: Other(real(*a), 9))
+    real = cholmod.ctypes.CDLL
+    monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *a: Other(real(*a), 9))
 
 
 def another_layout(monkeypatch):
-    defaults = {**cholmod_library.DEFAULTS, "grow2": 6}
-    monkeypatch.setattr(cholmod_library, "DEFAULTS", defaults)
+    defaults = {**cholmod.DEFAULTS, "grow2": 6}
+    monkeypatch.setattr(cholmod, "DEFAULTS", defaults)
 
 
 def wrong_numbers(monkeypatch):
@@ -230,7 +230,7 @@ def test_a_library_that_is_not_as_known_is_left_to_petsc(
     """The same models as with the direct calls, and `antiosc info` says why."""
     kind, direct = called_directly
     assert kind is solver_choice.OnOneRank
-    cholmod_library.library.cache_clear()
+    cholmod.library.cache_clear()
     cholmod.refusal.cache_clear()
     change(monkeypatch)
     kind, through = results()
@@ -251,7 +251,7 @@ def test_petsc_s_own_interface_tells_a_mechanism(monkeypatch, forgotten):
     assert factor.entries >= part.dofs
 
 
-@pytest.mark.parametrize("built_on", [0, 1, cholmod_library.ON_OPENMP])
+@pytest.mark.parametrize("built_on", [0, 1, cholmod.ON_OPENMP])
 @pytest.mark.parametrize("loaded", [("gomp", "openblas"), ("gomp",), ("openblas",), ()])
 def test_loops_of_openmp_run_on_one_thread_where_blas_has_its_own(monkeypatch, loaded, built_on):
     """The number of levels is that of before afterwards; without both libraries nothing is set."""
@@ -262,12 +262,12 @@ def test_loops_of_openmp_run_on_one_thread_where_blas_has_its_own(monkeypatch, l
     blas = SimpleNamespace(openblas_get_parallel=lambda: built_on)
     there = {"gomp": openmp, "openblas": blas}
     monkeypatch.setattr(
-        cholmod_library,
+        cholmod,
         "_loaded",
         lambda name: there[name[3:].split(".")[0]] if name[3:].split(".")[0] in loaded else None,
     )
-    with cholmod_library.without_openmp():
+    with cholmod.without_openmp():
         inside = list(levels)
-    alone = len(loaded) == 2 and built_on != cholmod_library.ON_OPENMP
+    alone = len(loaded) == 2 and built_on != cholmod.ON_OPENMP
     assert inside == ([3, 0] if alone else [3])
     assert levels == ([3, 0, 3] if alone else [3])

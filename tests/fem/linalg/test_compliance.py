@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.base.errors import NotConvergedError
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.linalg import cholmod_library, compliance
+from antiosc.fem.linalg import cholmod, compliance
 from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -107,7 +107,7 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
     expected = compliance.deflections(part, B, modes.omega, b)
     entries = part.factorize().entries
     assert entries == part.factorize().cholesky.supernodes.values.size
-    monkeypatch.setattr(compliance.memory, "free_memory", lambda: 8 * entries)
+    monkeypatch.setattr(compliance.process, "free_memory", lambda: 8 * entries)
     monkeypatch.setattr(compliance, "compliances", None)  # is not asked
     with pytest.warns(ao.AntioscWarning, match="every site is solved separately"):
         found = compliance.deflections(part, B, modes.omega, b)
@@ -116,8 +116,8 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
 
 
 def test_a_petsc_without_cholmod_is_refused(monkeypatch):
-    cholmod_library.library.cache_clear()
-    monkeypatch.setattr(cholmod_library.ctypes, "CDLL", lambda *_: object())
+    cholmod.library.cache_clear()
+    monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *_: object())
     with pytest.raises(ao.MissingDependencyError, match="built without CHOLMOD"):
         Cholesky(grid(2))
-    cholmod_library.library.cache_clear()
+    cholmod.library.cache_clear()

@@ -15,7 +15,7 @@ import parts
 from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.linalg.substructures import Substructures, interface
+from antiosc.fem.linalg.solver_choice import Substructures, interface
 
 pytestmark = pytest.mark.fem
 

@@ -11,9 +11,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.base import memory
+from antiosc.base import process
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, solver, solver_choice
+from antiosc.fem.linalg import Factorization, cholmod, solver_choice
 
 pytestmark = pytest.mark.fem
 
@@ -60,7 +60,7 @@ def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
 
 @pytest.mark.slow
 def test_no_memory_for_the_factor(monkeypatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     for name in ("ANALYSIS", "MULTIGRID"):
         monkeypatch.setattr(solver_choice, name, 1.0)
     made = solver_choice.Multigrid
@@ -83,7 +83,7 @@ def test_no_memory_for_the_factor(monkeypatch):
 @pytest.mark.parametrize("free", [1e4, 3e6])  # too little for an analysis, and for a solver alone
 def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypatch, choice, free):
     part = block(choice)
-    monkeypatch.setattr(memory, "free_memory", lambda: free)
+    monkeypatch.setattr(process, "free_memory", lambda: free)
     for solver_of in ("Multigrid", "factorize"):
         monkeypatch.setattr(solver_choice, solver_of, lambda *given: pytest.fail("it began"))
     with pytest.raises(ao.OutOfMemoryError, match="dofs needs about"):
@@ -94,7 +94,7 @@ def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     part = block()
     need = solver_choice.BYTES * solver_choice.forecast(part.K)
     free = iter([0.9 * need, 1e3])  # the factor does not fit; then too little for the multigrid
-    monkeypatch.setattr(memory, "free_memory", lambda: next(free))
+    monkeypatch.setattr(process, "free_memory", lambda: next(free))
     monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
     with pytest.raises(ao.OutOfMemoryError, match="iterative solver"):
         part.factorize()
@@ -107,8 +107,8 @@ def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     need = solver_choice.BYTES * solver_choice.forecast(part.K)
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
-    monkeypatch.setattr(memory, "free_memory", lambda: 2 * need)
-    assert isinstance(part.factorize(), solver.Factorization)
+    monkeypatch.setattr(process, "free_memory", lambda: 2 * need)
+    assert isinstance(part.factorize(), Factorization)
 
 
 def test_unknown_solver():

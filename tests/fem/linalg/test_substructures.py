@@ -11,7 +11,7 @@ import scipy.sparse
 
 pytest.importorskip("dolfinx")
 
-from antiosc.fem.linalg import substructures
+from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.fem
 def test_cover_is_the_least(seed):
     rng = np.random.default_rng(seed)
     pairs = np.argwhere(rng.random((6, 7)) < 0.3) * [3, 5] + [0, 100]
-    found = substructures._cover(pairs)
+    found = solver_choice._cover(pairs)
     assert np.isin(pairs, found).any(axis=1).all()
     nodes = np.unique(pairs)
     for size in range(len(found)):
@@ -37,7 +37,7 @@ def test_cut_separates_four_ranks():
     starts = np.array([0, 10, 10, 25])  # one rank has nothing
     owners = np.searchsorted(starts, pairs, side="right")
     pairs = pairs[owners[:, 0] != owners[:, 1]]
-    nodes = substructures._cut(pairs, starts)
+    nodes = solver_choice._cut(pairs, starts)
     assert np.isin(pairs, nodes).any(axis=1).all()
     assert len(nodes) < len(np.unique(pairs))
 
@@ -53,7 +53,7 @@ def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
     dense = A.toarray()
     schur = np.linalg.inv(np.linalg.inv(dense)[:last, :last])
     np.testing.assert_allclose(L @ L.T, schur[np.ix_(order, order)], rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(substructures._square(L), L @ L.T, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(solver_choice._square(L), L @ L.T, rtol=1e-12, atol=1e-14)
     b = rng.standard_normal((n, 3))
     y = factor.forward(b[factor.permutation])
     x = np.empty_like(b)
@@ -67,7 +67,7 @@ def test_square_leaves_the_triangle(n, order):
     """One row is contiguous either way round: a conversion alone is no copy of it."""
     L = np.array(np.tril(np.random.default_rng(n).standard_normal((n, n)) + 2), order=order)
     before = L.copy()
-    np.testing.assert_allclose(substructures._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(solver_choice._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(L, before)
 
 
@@ -111,7 +111,7 @@ import parts
 from antiosc.base.errors import AntioscError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.substructures import Substructures
+from antiosc.fem.linalg.solver_choice import Substructures
 
 warnings.simplefilter("ignore")
 part = ao.Structure(parts.box((8, 4, 3)), ao.Solid(**parts.STEEL), [ao.Support("left")])

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import antiosc as ao
-from antiosc.fem.mesh.entities import centre, largest, quadrature
+from antiosc.fem.mesh.surface import centre, largest, quadrature
 from refusals import refused
 
 pytestmark = pytest.mark.fem

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from antiosc.fem.mesh import conformity
-from antiosc.fem.mesh.entities import quadrature
+from antiosc.fem.mesh import soundness
+from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
 from assemblies import box
@@ -38,7 +38,7 @@ def test_a_cell_inside_another_overlaps_it_wherever_it_is(name):
         at = x.mean(axis=0) + 0.9 * (inside - x.mean(axis=0))
         for place, count in ((at, 1), (at + 1.2, 0)):
             points = np.vstack([x, small + place]) @ shape[:, : x.shape[1]]
-            found = conformity.overlapping(points, cells, KINDS[name])
+            found = soundness.overlapping(points, cells, KINDS[name])
             assert len(found) >= count
             assert count or not len(found)
 
@@ -49,8 +49,8 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     lower = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
     lower = np.vstack([lower[:3], [[4, 5, 9, 7], [5, 8, 7, 9]]])
     cells = lower if name == "quad" else np.hstack([lower, lower + 10])
-    assert conformity.doublets(cells[:3], KINDS[name]).tolist() == []
-    assert conformity.doublets(cells, KINDS[name]).tolist() == [3, 4]
+    assert soundness.doublets(cells[:3], KINDS[name]).tolist() == []
+    assert soundness.doublets(cells, KINDS[name]).tolist() == [3, 4]
 
 
 @pytest.mark.parametrize("name", ["quad", "hexahedron"])
@@ -61,8 +61,8 @@ def test_points_lie_on_the_half_of_a_cell_that_is_not_flat(name):
     x = np.vstack([np.column_stack([flat, np.full(4, z)]) for z in layers])
     small = np.array([0.2, 0.2, 0.3 if len(layers) == 2 else 0.0]) + 0.1 * x
     cells = np.arange(2 * len(x)).reshape(2, -1)
-    assert len(conformity.overlapping(np.vstack([x, small]), cells, KINDS[name]))
-    assert not len(conformity.overlapping(np.vstack([x, small + 2.0]), cells, KINDS[name]))
+    assert len(soundness.overlapping(np.vstack([x, small]), cells, KINDS[name]))
+    assert not len(soundness.overlapping(np.vstack([x, small + 2.0]), cells, KINDS[name]))
 
 
 #: Two cells of second order beside each other: (shape, points of the vertices, cells by these).
@@ -91,8 +91,8 @@ def test_nodes_inside_sides_are_those_of_the_neighbours(shape):
         for vertices, inside in between:
             middle = tuple(x[[cell[v] for v in vertices]].mean(axis=0))
             whole[k, inside] = places.setdefault(middle, len(places))
-    assert not len(conformity.unlike_middles(whole, between))
-    assert not len(conformity.unlike_middles(whole[:0], between))
+    assert not len(soundness.unlike_middles(whole, between))
+    assert not len(soundness.unlike_middles(whole[:0], between))
     shared = [n for _, n in between if whole[0, n] in whole[1, corners:]]
     assert len(shared) == {"interval": 0, "triangle": 1, "quadrilateral": 1, "tetrahedron": 3,
                            "hexahedron": 5}[shape]  # fmt: skip
@@ -103,7 +103,7 @@ def test_nodes_inside_sides_are_those_of_the_neighbours(shape):
                 continue
             broken = whole.copy()
             broken[0, node] = other
-            assert len(conformity.unlike_middles(broken, between)), (node, other)
+            assert len(soundness.unlike_middles(broken, between)), (node, other)
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "triangle", "quadrilateral"])

@@ -12,9 +12,8 @@ from mpi4py import MPI
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.mesh.closest_point import closest_many, size_at
-from antiosc.fem.mesh.mesh import excess
-from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.mesh import excess
+from antiosc.fem.mesh.surface import Faces, closest_many, size_at
 from antiosc.fem.platform import compat
 from parts import box, frame
 from sheets import sheet

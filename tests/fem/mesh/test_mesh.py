@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.mesh.entities import largest, quadrature
+from antiosc.fem.mesh.surface import largest, quadrature
 from mpi import run_ranks
 from parts import EXPONENTS, moments
 from paths import MESHES

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from antiosc.io.deck import Deck, Place
-from antiosc_decks.abaqus import assembly as abaqus_assembly, ties
-from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.model.constraints import Constraints
+from antiosc_decks import abaqus_assembly, abaqus_joints as ties
+from antiosc_decks.abaqus_joints import read_joints
+from antiosc_decks.constraints import Constraints
 from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(17)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import abaqus_assembly, abaqus_model
 from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(29)

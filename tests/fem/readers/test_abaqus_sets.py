@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc_decks.abaqus import assembly as abaqus_assembly
-from antiosc_decks.abaqus.assembly import OTHER
+from antiosc_decks import abaqus_assembly
+from antiosc_decks.abaqus_assembly import OTHER
 from antiosc_decks.sources import Sources
 from refusals import refused
 

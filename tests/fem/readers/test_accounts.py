@@ -10,8 +10,12 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc_decks.abaqus import assembly as abaqus_assembly, table as abaqus_table
-from antiosc_decks.nastran import mesh as nastran, table as nastran_table
+from antiosc_decks import (
+    abaqus_assembly,
+    abaqus_cards as abaqus_table,
+    nastran_cards as nastran_table,
+    nastran_mesh as nastran,
+)
 from antiosc_decks.sources import Sources
 from paths import DECKS
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc.io import by_meshio
+from antiosc.io import mesh_files
 from antiosc.io.neutral import FileMesh
 from antiosc.io.request import Request
 
@@ -25,8 +25,8 @@ def mesh(**more) -> SimpleNamespace:
 
 
 def read(monkeypatch, content) -> FileMesh:
-    monkeypatch.setattr(by_meshio, "_read", lambda path, name: content)
-    return by_meshio.read(Request("/a/part.vtu", "part.vtu"))
+    monkeypatch.setattr(mesh_files, "_read", lambda path, name: content)
+    return mesh_files.read_by_meshio(Request("/a/part.vtu", "part.vtu"))
 
 
 def groups(found: FileMesh) -> dict:

@@ -8,7 +8,7 @@ import pytest
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck
-from antiosc.io.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

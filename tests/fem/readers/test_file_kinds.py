@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from antiosc.base.errors import MeshError
+from antiosc.io.neutral import UnitSystem
 from antiosc.io.reading import read
 from antiosc.io.table import is_deck, reader_of
-from antiosc.io.unit_system import UnitSystem
 from refusals import refused
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from antiosc.io import reading
 from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
-from antiosc.io.reading import _alone
-from antiosc.io.selection import selected
+from antiosc.io.reading import _alone, selected
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]

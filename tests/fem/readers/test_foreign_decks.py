@@ -9,7 +9,7 @@ import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.reading import read as read_mesh
-from antiosc_decks.nastran import mesh as nastran
+from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.sources import Sources
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1

@@ -19,7 +19,7 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.io import by_gmsh, isolation, meshing
+from antiosc.io import by_gmsh, isolation
 from antiosc.io.request import Request
 from mesh_files import refusal
 from paths import DECKS, MESHES
@@ -57,7 +57,7 @@ def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel
 def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
     gmsh.open(str(cube(session, tmp_path / "cube", kernel)))
     ask = Request("cube.brep", "cube.brep", size=0.12)
-    told = [meshing.expected_cells(gmsh, ask, dim, 0.12, 1.0) for dim in (1, 2, 3)]
+    told = [by_gmsh.expected_cells(gmsh, ask, dim, 0.12, 1.0) for dim in (1, 2, 3)]
     gmsh.option.setNumber("Mesh.MeshSizeMax", 0.12)
     gmsh.model.mesh.generate(3)
     for dim, kind in ((1, 1), (2, 2), (3, 4)):
@@ -70,7 +70,7 @@ def test_areas_and_volumes_follow_from_the_mesh_of_their_boundaries(tmp_path, se
     gmsh.open(str(cube(session, tmp_path / "cube", "own")))
     gmsh.model.mesh.generate(2)
     for dim, count in ((1, 12), (2, 6), (3, 1)):
-        measures = [meshing.measure_of(gmsh, d, tag) for d, tag in gmsh.model.getEntities(dim)]
+        measures = [by_gmsh.measure_of(gmsh, d, tag) for d, tag in gmsh.model.getEntities(dim)]
         assert measures == pytest.approx([1.0] * count, rel=1e-9)
 
 

@@ -15,8 +15,8 @@ import meshio
 
 import antiosc as ao
 from antiosc.io.conversion import EDGES
-from antiosc.io.mixed import GMSH_EDGES, GMSH_FACES
-from antiosc.io.shapes import CELLS, rectangles
+from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
+from antiosc.io.neutral import CELLS, rectangles
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)

@@ -12,8 +12,7 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc_decks.model.geometry import fixed_along_axes
-from antiosc_decks.model.properties import isotropic, of_stiffness
+from antiosc_decks.properties import fixed_along_axes, isotropic, of_stiffness
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
 

@@ -12,8 +12,8 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
-from antiosc_decks.nastran import mesh as nastran
-from antiosc_decks.nastran.coordinates import System
+from antiosc_decks import nastran_mesh as nastran
+from antiosc_decks.nastran_mesh import System
 from antiosc_decks.sources import Sources
 from paths import DECKS
 from refusals import refused

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from antiosc.io.deck import Place
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
-from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.profiles import BeamProfiles
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import nastran_mesh as nastran, nastran_model
+from antiosc_decks.nastran_beams import BeamProfiles
+from antiosc_decks.nastran_cards import Entry
 from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(43)

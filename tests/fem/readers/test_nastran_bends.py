@@ -7,9 +7,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.io.deck import Place
-from antiosc_decks.nastran.beams import arc
-from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.profiles import BeamProfiles
+from antiosc_decks.nastran_beams import BeamProfiles, arc
+from antiosc_decks.nastran_cards import Entry
 
 PLACE = Place("a deck", 1)
 R, E = 2.0, 2e11

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc_decks.nastran import mesh as nastran
-from antiosc_decks.nastran.cards import Bulk
+from antiosc_decks import nastran_mesh as nastran
+from antiosc_decks.nastran_cards import Bulk
 from antiosc_decks.sources import Sources
 from refusals import refused
 

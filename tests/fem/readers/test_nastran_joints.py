@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import nastran_mesh as nastran, nastran_model
 from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(23)

@@ -9,7 +9,7 @@ import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Block, Deck
-from antiosc_decks.model.geometry import measures_of
+from antiosc_decks.properties import measures_of
 
 #: kg/m³ of a t/mm³.
 UNIT = 1e12

@@ -12,9 +12,13 @@ import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.unit_system import UnitSystem
-from antiosc_decks.abaqus import assembly as abaqus, model as abaqus_model
-from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc.io.neutral import UnitSystem
+from antiosc_decks import (
+    abaqus_assembly as abaqus,
+    abaqus_model,
+    nastran_mesh as nastran,
+    nastran_model,
+)
 from antiosc_decks.sources import Sources
 from refusals import refused
 

@@ -9,11 +9,13 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
-from antiosc_decks.abaqus import properties as abaqus_profiles
-from antiosc_decks.abaqus.cards import Card
-from antiosc_decks.model import properties as profiles
-from antiosc_decks.nastran import profiles as nastran_profiles
-from antiosc_decks.nastran.cards import Entry
+from antiosc_decks import (
+    abaqus_sections as abaqus_profiles,
+    nastran_beams as nastran_profiles,
+    properties as profiles,
+)
+from antiosc_decks.abaqus_cards import Card
+from antiosc_decks.nastran_cards import Entry
 
 PLACE = Place(Path("a deck"), 1)
 

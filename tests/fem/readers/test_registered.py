@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io import registered
+from antiosc.io import request
 from antiosc.io.reading import read
 from antiosc.io.table import deck_endings, is_deck
 from paths import ROOT
@@ -67,18 +67,18 @@ def test_a_reader_that_cannot_be_loaded_is_told_for_its_files_alone(package):
 def test_packages_in_the_working_folder_register_nothing(package, monkeypatch):
     monkeypatch.chdir(package / "site")
     monkeypatch.setattr(sys, "path", ["", *sys.path[:-1]])
-    assert "xyz" not in {entry.name for entry in registered.registered("antiosc.readers")}
+    assert "xyz" not in {entry.name for entry in request.registered("antiosc.readers")}
 
 
 def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
-    script = "from antiosc.io.registered import registered as f\n"
+    script = "from antiosc.io.request import registered as f\n"
     script += "print(*(e.name for g in {} for e in f(g)))"
     done = subprocess.run(
         [sys.executable, "-S", "-c", script.format(GROUPS)],
         cwd=tmp_path, capture_output=True, text=True, check=True,
         env={"PYTHONPATH": f"{ROOT / 'src'}:{Path(np.__file__).parents[1]}"},
     )  # fmt: skip
-    here = [entry.name for group in GROUPS for entry in registered.registered(group)]
+    here = [entry.name for group in GROUPS for entry in request.registered(group)]
     assert sorted(set(done.stdout.split())) == sorted(here)
     assert {"inp", "bdf", "op4", "dmig", "harwell-boeing"} <= set(here)
     assert deck_endings() == [".bdf", ".fem", ".inp", ".nas"]

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from antiosc.io import neutral, shapes
-from antiosc.io.mixed import GMSH_FACES
-from antiosc.io.node_table import NodeTable
-from antiosc_decks.abaqus.mesh import element_type
-from antiosc_decks.abaqus.ties import SOLID_FACES
+from antiosc.io import neutral
+from antiosc.io.conversion import NodeTable
+from antiosc.io.mesh_files import GMSH_FACES
+from antiosc_decks.abaqus_joints import SOLID_FACES
+from antiosc_decks.abaqus_mesh import element_type
 
 BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 POINTS = {
@@ -33,9 +33,9 @@ def rings(face):
 def test_volumes_are_closed_by_their_faces(shape):
     """Every edge lies in two faces, and V − E + F = 2; corners go around plane faces."""
     x = np.array(POINTS[shape], dtype=float)
-    edges, faces = shapes.EDGES[shape], shapes.FACES[shape]
-    assert shapes.DIMENSION[shape] == 3
-    assert shapes.CORNERS[shape] == len(x)
+    edges, faces = neutral.EDGES[shape], neutral.FACES[shape]
+    assert neutral.DIMENSION[shape] == 3
+    assert neutral.CORNERS[shape] == len(x)
     assert len(x) - len(edges) + len(faces) == 2
     count = Counter(edge for face in faces for edge in rings(face))
     assert count == dict.fromkeys(map(frozenset, edges), 2)
@@ -45,8 +45,8 @@ def test_volumes_are_closed_by_their_faces(shape):
         sides = np.roll(corners, -1, axis=0) - corners
         turns = np.cross(sides, np.roll(sides, -1, axis=0))
         assert (turns @ turns[0] > 0).all()
-    assert all(len(face) == 4 for face in shapes.rectangles(shape))
-    assert len(shapes.rectangles(shape)) == sum(len(face) == 4 for face in faces)
+    assert all(len(face) == 4 for face in neutral.rectangles(shape))
+    assert len(neutral.rectangles(shape)) == sum(len(face) == 4 for face in faces)
 
 
 @pytest.mark.parametrize("shape", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
@@ -86,7 +86,7 @@ def test_inner_nodes_of_the_hexahedron_of_27():
 )
 def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
     """Each is a face of the cell with its corners around it; gmsh's are those with four."""
-    own = shapes.FACES[shape]
+    own = neutral.FACES[shape]
     if faces is GMSH_FACES.get(shape):
         own = [face for face in own if len(face) == 4]
     assert sorted(map(sorted, faces)) == sorted(map(sorted, own))

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc_decks.abaqus import assembly as abaqus_assembly
-from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.abaqus.ties import surfaces_of
-from antiosc_decks.model.constraints import Constraints
+from antiosc_decks import abaqus_assembly
+from antiosc_decks.abaqus_joints import read_joints, surfaces_of
+from antiosc_decks.constraints import Constraints
 from antiosc_decks.sources import Sources
 from refusals import refused
 

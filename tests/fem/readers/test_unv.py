@@ -7,9 +7,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import MeshError
-from antiosc.io import by_unv
+from antiosc.io import mesh_files
+from antiosc.io.neutral import CORNERS, EDGES
 from antiosc.io.request import Request
-from antiosc.io.shapes import CORNERS, EDGES
 from refusals import refused
 
 RNG = np.random.default_rng(41)
@@ -18,13 +18,13 @@ RNG = np.random.default_rng(41)
 @pytest.fixture
 def read(tmp_path, monkeypatch):
     """The deck that a file holds, before it becomes a mesh."""
-    monkeypatch.setattr(by_unv, "as_mesh", lambda deck: deck)
+    monkeypatch.setattr(mesh_files, "as_mesh", lambda deck: deck)
     monkeypatch.setattr(Request, "allow", lambda *_: None)
 
     def of(text: str, unit=(1.0, 1.0)):
         path = tmp_path / "part.unv"
         path.write_text(text, encoding="latin-1")
-        return by_unv.read(Request(str(path), path.name, unit=unit))
+        return mesh_files.read_universal(Request(str(path), path.name, unit=unit))
 
     return of
 

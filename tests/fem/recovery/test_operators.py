@@ -13,10 +13,8 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.recovery import sheet
-from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.points import PointsInCells
+from antiosc.fem.recovery import Place
+from antiosc.fem.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from antiosc.fem.structure.structure import on_mesh
 from sheets import sheet as mapped
 
@@ -158,9 +156,9 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
         dofs, _ = compat.dof_coordinates(form.space, form.components[name])
         shapes[dofs, 0] = rng.standard_normal(len(dofs)) * (0.01 if name == "z" else 1)
     at, weight = at_gauss(part, shapes, 5)
-    axes = sheet.SheetAxes(on_mesh(part))
+    axes = SheetAxes(on_mesh(part))
     forces = evaluator(on_mesh(part), "section_forces", Place())(at)[..., 0]
-    strains = np.hstack([s[..., 0] for s in sheet.middle_strains(at, axes)])
+    strains = np.hstack([s[..., 0] for s in middle_strains(at, axes)])
     energy = weight @ (forces * strains).sum(axis=1)
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
 
@@ -179,15 +177,15 @@ def test_rigid_motions_of_any_sheet_have_no_strain(cell, order):
     part = ao.Structure(mapped(2, bowl, cell, order), sheets("shell"))
     modes = on_mesh(part).rigid_modes
     at, weight = at_gauss(part, np.asarray(modes), 3)
-    axes = sheet.SheetAxes(on_mesh(part))
+    axes = SheetAxes(on_mesh(part))
     size = np.abs(modes).max()
-    for strain in sheet.middle_strains(at, axes):
+    for strain in middle_strains(at, axes):
         assert np.abs(strain).max() < 1e-9 * size
     # a deflection alone: γ = (∂w/∂1, ∂w/∂2), whatever is interpolated
     plane = ao.Structure(mapped(2, lambda s, t: (s, t, 0 * s), cell), sheets("shell"))
     at, _ = at_gauss(plane, field(plane, z=lambda x, y, z: 3 * x - 2 * y), 2)
-    own = sheet.SheetAxes(on_mesh(plane))
-    frame, found = own.frame(at), sheet.middle_strains(at, own).shear[..., 0]
+    own = SheetAxes(on_mesh(plane))
+    frame, found = own.frame(at), middle_strains(at, own).shear[..., 0]
     sign = frame.n[:, 2]
     for k, axis in enumerate((frame.e1, frame.e2)):
         np.testing.assert_allclose(found[:, k], sign * (axis @ [3.0, -2.0, 0.0]), atol=1e-10)
@@ -248,7 +246,7 @@ def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
 
 def test_shear_stresses_of_layers_are_in_equilibrium():
     """Their integral is the shear force, and the surfaces are free; 3/2 Q/t in the middle."""
-    from antiosc.fem.elements.sections import shear_stresses
+    from antiosc.fem.elements import shear_stresses
 
     layers = [PLY.rotated(a) for a in (0, 90, 45, 20)]
     x, w = np.polynomial.legendre.leggauss(3)

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.stresses import extreme_principal
-from antiosc.results import peak_search, peaks
+from antiosc.results import peaks
 from mpi import one_and_several
 
 pytestmark = pytest.mark.fem
@@ -91,7 +91,7 @@ def test_no_peak_of_a_long_run_is_missed(struck, quantity):
 
 def test_a_run_too_long_for_all_its_motion_is_told(struck, monkeypatch):
     part, hit = struck
-    monkeypatch.setattr(peak_search, "MOST", peak_search.FEWEST)
+    monkeypatch.setattr(peaks, "MOST", peaks.FEWEST)
     long = ao.simulate(hit.model, BALL, LAW, 1e-2)
     with pytest.warns(ao.AccuracyWarning, match="give times"):
         peak = ao.peak_field(part, long, "acceleration")
@@ -102,8 +102,8 @@ def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
     """The same in any number of blocks of nodes and windows of times."""
     part, hit = struck
     peak = ao.peak_field(part, hit, "velocity")
-    monkeypatch.setattr(peak_search, "BLOCK_BYTES", 8 * 3 * 12 * peak_search.WINDOW * 5)
-    monkeypatch.setattr(peak_search, "WINDOW", 100)
+    monkeypatch.setattr(peaks, "BLOCK_BYTES", 8 * 3 * 12 * peaks.WINDOW * 5)
+    monkeypatch.setattr(peaks, "WINDOW", 100)
     blocks = ao.peak_field(part, hit, "velocity")
     np.testing.assert_allclose(blocks.values, peak.values, rtol=1e-12)
     np.testing.assert_allclose(blocks.times, peak.times, rtol=1e-12)

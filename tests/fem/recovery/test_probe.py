@@ -15,9 +15,8 @@ import antiosc as ao
 import parts
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery import Place
+from antiosc.fem.site import Reach, functional
 from sheets import RIB, SHEET, grouped, rectangle
 
 pytestmark = pytest.mark.fem

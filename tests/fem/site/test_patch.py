@@ -22,7 +22,7 @@ import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import surface
 from antiosc.fem.site.sites import patches
 

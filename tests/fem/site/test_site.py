@@ -12,9 +12,9 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -218,7 +218,7 @@ def test_the_nearest_point_is_the_nearest(part):
     points[:, mesh.gdim :] = 0
     spacing = np.ptp(nodes, axis=1).max()
     for point in points:
-        place = closest_point.closest(mesh, point)
+        place = surface.closest(mesh, point)
         assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
         brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
         assert place.distance <= brute + 1e-9

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 import antiosc as ao
 import parts
 from antiosc import fem
-from antiosc.fem.site.functionals import functional
+from antiosc.fem.site import functional
 from mpi import run_ranks
 
 pytestmark = pytest.mark.fem

@@ -11,11 +11,11 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import memory
-from antiosc.fem.linalg import solver as scipy_solvers
+from antiosc.base import process
+from antiosc.fem import linalg
 
 #: scikit-sparse is optional
-LIBRARIES = ["superlu"] if scipy_solvers.cholmod is None else ["superlu", "cholmod"]
+LIBRARIES = ["superlu"] if linalg.sksparse is None else ["superlu", "cholmod"]
 DIRECT = pytest.mark.parametrize("library", LIBRARIES)
 
 
@@ -36,7 +36,7 @@ def scipy_structure(K, M, **more) -> ao.Structure:
 @pytest.fixture
 def direct(library, monkeypatch):
     if library == "superlu":
-        monkeypatch.setattr(scipy_solvers, "cholmod", None)
+        monkeypatch.setattr(linalg, "sksparse", None)
 
 
 def exact_stiffness(K, M, b, omega):
@@ -113,11 +113,11 @@ def test_factors_of_matrices_that_are_not_positive_definite(direct):
         A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
         values = np.linalg.eigvalsh(A)
         if values[0] > 1e-6:
-            X = scipy_solvers.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
+            X = linalg.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
             np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
         else:
             with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-                scipy_solvers.factorize(scipy.sparse.csr_matrix(A))
+                linalg.factorize(scipy.sparse.csr_matrix(A))
 
 
 # -- without the packages, and on other systems
@@ -136,7 +136,7 @@ for name in ("sched_getaffinity", "fchown", "fchmod", "O_CLOEXEC"):  # as on Win
     delattr(os, name)
 import numpy as np
 import antiosc as ao
-from antiosc.base import memory
+from antiosc.base import process
 n = 30
 K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
 part = ao.Structure.from_matrices(K, np.eye(n))
@@ -219,18 +219,18 @@ def lattice(n: int, dofs: int):
 @pytest.mark.parametrize("dofs", [2, 3])
 def test_the_entries_of_a_factor_are_forecast(dofs):
     A = lattice(9, dofs)
-    found = scipy_solvers.entries_of_factor(A)
-    assert found == pytest.approx(scipy_solvers.SuperLU(A).entries / 2, rel=0.25)
-    assert scipy_solvers.entries_of_factor(lattice(4, 1)) == 0
+    found = linalg.entries_of_factor(A)
+    assert found == pytest.approx(linalg.SuperLU(A).entries / 2, rel=0.25)
+    assert linalg.entries_of_factor(lattice(4, 1)) == 0
 
 
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
     A = lattice(9, 3)
-    monkeypatch.setattr(scipy_solvers, "FORECAST_ROWS", 100)
-    monkeypatch.setattr(memory, "UNNOTICED", 0)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(scipy_solvers.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
+    monkeypatch.setattr(linalg, "FORECAST_ROWS", 100)
+    monkeypatch.setattr(process, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(linalg.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
     with pytest.raises(
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
     ):
-        scipy_solvers.factorize(A)
+        linalg.factorize(A)

@@ -13,8 +13,8 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.structure import rigid_body_modes
+from antiosc.fem.site import functional
+from antiosc.fem.structure import support
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -73,7 +73,7 @@ def test_a_point_group_holds_a_node():
 
 def test_reading_never_changes_the_shift(monkeypatch):
     """A first estimate of the shift that is far too high is brought closer before it is read."""
-    of_mesh = rigid_body_modes.of_mesh
+    of_mesh = support.of_mesh
 
     def rough(*arguments):
         modes, shift = of_mesh(*arguments)
@@ -81,7 +81,7 @@ def test_reading_never_changes_the_shift(monkeypatch):
 
     section = ao.Section.rectangle(1e-3, 1e-3)
     bar = ao.Beam(**parts.STEEL, section=section)
-    monkeypatch.setattr(rigid_body_modes, "of_mesh", rough)
+    monkeypatch.setattr(support, "of_mesh", rough)
     bar = ao.Structure(parts.line(1.0, 40), bar)
     before = bar.shift
     first = 4.730041**4 * parts.STEEL["E"] * 1e-3**2 / (12 * parts.STEEL["rho"])  # ω², length 1 m

@@ -1,4 +1,4 @@
-// Numbers as engineers write them: antiosc.base.engineering does the same.
+// Numbers as engineers write them: antiosc.base.texts does the same.
 
 const PREFIXED = ["m", "s", "J", "Pa", "Hz", "g"]; // and what begins with newtons
 const PREFIXES = ["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"];

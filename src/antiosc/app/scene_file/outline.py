@@ -29,10 +29,10 @@ from antiosc.base.errors import (
     finite_element_packages,
     without_warnings,
 )
-from antiosc.fem.site.site import SNAP_SHARE
+from antiosc.fem.site import SNAP_SHARE
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.placement import Placement
+    from antiosc.fem.structure import Placement
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000
@@ -123,7 +123,7 @@ def outlines(found: Compiled) -> list[Outline]:
 def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
-        from antiosc.fem.structure.placement import placement
+        from antiosc.fem.structure import placement
     data = found.document.data
     at = {} if found.structure is None else found.structure.arguments.get("at", {})
     boxes = {
@@ -195,8 +195,8 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
     """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
     with finite_element_packages():
         from antiosc.fem.assembly.from_deck import outline_of_deck
+        from antiosc.io.neutral import UnitSystem
         from antiosc.io.reading import outline as opened
-        from antiosc.io.unit_system import UnitSystem
     if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
         unit = call.arguments.get("unit")
         found = opened(path, None if unit is None else UnitSystem.of(unit))

@@ -2,6 +2,12 @@
 
 geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
                                                          bodies, contacts → scene → history
+
+A scene file is an impact described in TOML, one to one the Python objects: document → schema →
+build → scene → run. The tables of a file become calls to antiosc, which are checked or made. Which
+keys a section takes is read from the signatures of the objects that it makes, so that a new
+parameter is taken by itself. A scene file holds data only: nothing in it is executed, imported or
+evaluated.
 """
 
 from __future__ import annotations
@@ -30,7 +36,7 @@ from antiosc.app.scene_file.schema import (
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.contact.base import ContactLaw
-from antiosc.simulation.histories.history import History
+from antiosc.simulation.histories import History
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -236,7 +242,7 @@ def _check_together(build: Builder) -> None:
 
 def compiled(document: Document) -> Compiled:
     """The objects of a document; SceneFileError with all its mistakes."""
-    from antiosc.app.scene_file import studies
+    from antiosc.app.scene_file import run as studies
 
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)

@@ -263,8 +263,8 @@ def descriptions(call: object) -> dict[str, str]:
 
 
 def _named(name: str) -> Any:
-    """What `antiosc` has by this name, imported when it is needed: it may need dolfinx."""
-    return pkgutil.resolve_name(f"antiosc.{name}")
+    """What stands under "module:name", imported when it is needed: it may need dolfinx."""
+    return pkgutil.resolve_name(name)
 
 
 def _among(name: str) -> Check:
@@ -289,22 +289,22 @@ CHECKS: dict[str, Check] = {
     "band": _of("rad/s"),
     "damping": lambda _, value: as_damping(value),
     "density": _of("kg/m³"),
-    "filter": _among("studies.drops.filters:CLASSES"),
+    "filter": _among("antiosc.studies.drops.fall:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
-    "method": _among("simulation.integrators.comparison:METHODS"),
+    "method": _among("antiosc.simulation.reference:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
-    "quantity": _among("results.probe:PROBED_QUANTITIES"),
+    "quantity": _among("antiosc.results.probe:PROBED_QUANTITIES"),
     "times": checks.filled,
     "tol": lambda name, value: checks.tolerance(value, name),
-    "unit": _by("io.unit_system:UnitSystem.of"),
+    "unit": _by("antiosc.io.neutral:UnitSystem.of"),
     "from_frf.band": functools.partial(checks.array, shape=(2,)),
     "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
     "read_frf.quantity": functools.partial(
         checks.choice, options=("receptance", "mobility", "accelerance")
     ),
     "read_frf.unit": checks.positive,
-    "until": _by("studies.drops.drop:end_of"),
+    "until": _by("antiosc.studies.drops.drop:end_of"),
 }
 
 # -- sections

@@ -1,4 +1,10 @@
-"""`assemble`: one structure of several parts."""
+"""`assemble`: one structure of several parts, u = T q eliminated from constraints C u = 0.
+
+A row is solved for a dof that occurs in no other row, as long as there are such rows (a triangular
+elimination, which keeps T sparse). What is left, the rows that overlap or form circles, is solved
+in connected blocks by a QR factorization with pivots, which also finds rows that follow from
+others.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +13,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse
 import scipy.sparse.csgraph
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import in_words, several
-from antiosc.base.errors import InputError, warn
-from antiosc.fem.assembly import motions
+from antiosc.base.errors import AccuracyError, InputError, warn
+from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
     block_of,
+    modes_of,
     reduced,
     stacked,
     take_by_strains,
+    tell_motions,
 )
-from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import (
     Constraints,
     Eliminated,
@@ -36,9 +44,9 @@ from antiosc.fem.assembly.joint import (
     superelement,
     support_rows,
 )
-from antiosc.fem.assembly.layout import Layout, Sparse, row_numbers
-from antiosc.fem.assembly.motions import modes_of, tell_motions
+from antiosc.fem.assembly.layout import Layout, Sparse, largest, nested_basis, rounded, row_numbers
 from antiosc.fem.assembly.parts import (
+    TURN,
     Share,
     checked_parts,
     checked_places,
@@ -46,17 +54,296 @@ from antiosc.fem.assembly.parts import (
     communicator,
     on_every_rank,
 )
-from antiosc.fem.assembly.superelement import TURN
-from antiosc.fem.assembly.wide import nested_basis
+from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.petsc_algebra import from_csr
-from antiosc.fem.linalg.solver import Choice, checked_choice
-from antiosc.fem.platform.mpi import collective, on_root
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure import Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.meshed import ROTATIONS
-from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
+
+#: A row of which less than this share is left beside earlier rows follows from them.
+DEPENDENT = 1e-9
+#: Coefficients below this share of the row's largest are rounding.
+LEAST_COEFFICIENT = 1e-14
+#: A row that names no dof is solved for one with this share of its largest coefficient, or more.
+PIVOT = 0.1
+#: A larger coefficient of T loses too many digits.
+LARGEST_COEFFICIENT = 1e8
+#: Largest error of C T over the sizes of its terms; rounding leaves about 1e-15.
+SATISFIED = 1e-9
+#: Most rows of a block that overlap: it is solved as a dense matrix.
+LARGEST_BLOCK = 6000
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The dofs and the rows of an elimination; `pivot` and `owner` are of each row."""
+
+    C: Sparse
+    pivot: IntArray
+    owner: IntArray
+    #: name of each owner; empty for supports
+    labels: Sequence[str]
+    #: typical size of each dof; 0: prescribed values, for which no row is solved
+    scale: Array
+
+    def names(self, rows: IntArray) -> str:
+        """The joints of some rows, for messages."""
+        return ", ".join(dict.fromkeys(self.labels[k] or "the supports" for k in self.owner[rows]))
+
+
+def eliminate(
+    rows: Sequence[Rows],
+    fixed: BoolArray,
+    scale: Array,
+    basis: Sparse | None = None,
+    prescribed: Array | None = None,
+) -> Eliminated:
+    """Solve the constraints for dependent dofs.
+
+    Parameters
+    ----------
+    rows : constraints of all joints, the supports first.
+    fixed : (n,) dofs that are zero.
+    scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
+    basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
+    prescribed : (m, k) values of the rows for which `particular` is wanted. Those of rows that
+        follow from others are not looked at.
+    """
+    n = len(fixed)
+    C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
+    pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
+    if basis is not None:
+        C = rounded((C @ basis).tocsr())
+        alone = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
+        pivot = np.where(alone[pivot], pivot, -1)
+    C = _without(C, fixed, scale)
+    kept = np.flatnonzero(np.diff(C.indptr))
+    involved = np.unique(C.indices)
+    number = np.full(n + 1, -1)  # number[-1], of no dof, is -1
+    number[involved] = np.arange(len(involved))
+    owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[kept]
+    labels = [r.label for r in rows]
+    values = Sparse((len(kept), 0) if prescribed is None else -prescribed[kept])
+    system = _System(
+        scipy.sparse.hstack([C[kept][:, involved], values]).tocsr(),
+        number[pivot[kept]],
+        owner,
+        labels,
+        np.append(scale[involved], np.zeros(values.shape[1])),
+    )
+    whole, dependent, redundant = _solved(system)
+    _check(system, whole)
+    free = ~fixed
+    free[involved] = False
+    count = len(involved)
+    own = whole[:count, :count].tocoo()
+    diagonal = np.flatnonzero(free)
+    T = scipy.sparse.csr_matrix(
+        (
+            np.concatenate([own.data, np.ones(len(diagonal))]),
+            (
+                np.concatenate([involved[own.row], diagonal]),
+                np.concatenate([involved[own.col], diagonal]),
+            ),
+        ),
+        shape=(n, n),
+    )
+    marked = fixed.copy()
+    marked[involved[dependent]] = True
+    particular = None
+    if prescribed is not None:
+        particular = np.zeros((n, values.shape[1]))
+        particular[involved] = whole[:count, count:].toarray()
+    if basis is not None:
+        T = (basis @ T).tocsr()
+        particular = None if particular is None else basis @ particular
+    return Eliminated(T, marked, redundant, basis, particular)
+
+
+def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
+    """C without the columns of fixed dofs and without rounding."""
+    C.sum_duplicates()
+    size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
+    row = row_numbers(C)
+    C.data = np.where(size > LEAST_COEFFICIENT * largest(size, row, C.shape[0])[row], C.data, 0.0)
+    C.eliminate_zeros()
+    return C
+
+
+def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
+    """(T of the dofs involved, the dependent ones, redundant joints)."""
+    T = scipy.sparse.identity(len(system.scale), format="csr")
+    rounds, left = _peeled(system)
+    redundant: list[Redundant] = []
+    found = [np.zeros(0, dtype=int)]
+    if len(left):
+        solved, pivots, redundant = _blocks(system, left)
+        T = _substituted(T, solved, pivots)
+        found.append(pivots)
+    for which, pivots in reversed(rounds):
+        T = _substituted(T, _for_pivots(system.C[which], pivots), pivots)
+        found.append(pivots)
+    return T, np.concatenate(found), redundant
+
+
+def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
+    """(rounds of (rows, their dofs), rows that are left).
+
+    A dof for which a row of one round is solved occurs in no other row of this round or of later
+    ones.
+    """
+    rounds: list[tuple[IntArray, IntArray]] = []
+    left = np.arange(system.C.shape[0])
+    while len(left):
+        own = system.C[left]
+        row = row_numbers(own)
+        size = np.abs(own.data) * system.scale[own.indices]
+        asked = system.pivot[left][row]
+        large = size >= PIVOT * largest(size, row, len(left))[row]
+        alone = np.bincount(own.indices, minlength=own.shape[1])[own.indices] == 1
+        fits = np.flatnonzero(alone & np.where(asked < 0, large, asked == own.indices))
+        if not len(fits):
+            break
+        fits = fits[np.argsort(size[fits], kind="stable")]  # the largest is written last
+        pivot = np.full(len(left), -1)
+        pivot[row[fits]] = own.indices[fits]
+        here = pivot >= 0
+        rounds.append((left[here], pivot[here]))
+        left = left[~here]
+    return rounds, left
+
+
+def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
+    """The functionals that the dofs `pivots` equal, one for each row."""
+    row = row_numbers(C)
+    own = C.indices == pivots[row]
+    at = np.zeros(C.shape[0])
+    at[row[own]] = C.data[own]
+    data = np.where(own, 0.0, -C.data / at[row])
+    solved = scipy.sparse.csr_matrix((data, C.indices, C.indptr), shape=C.shape)
+    solved.eliminate_zeros()
+    return solved
+
+
+def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
+    """T after the dofs `pivots` are replaced by the functionals `solved` of the others."""
+    own = (solved @ T).tocoo()
+    keep = np.ones(T.shape[0])
+    keep[pivots] = 0.0
+    rest = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
+    new = scipy.sparse.csr_matrix((own.data, (pivots[own.row], own.col)), shape=T.shape)
+    result = (rest + new).tocsr()
+    result.eliminate_zeros()
+    return result
+
+
+def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
+    """(solved rows, their dofs, redundant joints) of rows that overlap, by connected blocks."""
+    pattern = abs(system.C[left][:, system.scale > 0])
+    count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
+    order = np.argsort(block, kind="stable")
+    ends = np.searchsorted(block[order], np.arange(count + 1))
+    parts, pivots = [], []
+    found: dict[int, tuple[set[int], int]] = {}
+    for k in range(count):
+        solved, chosen, follows = _block(system, left[order[ends[k] : ends[k + 1]]])
+        parts.append(solved)
+        pivots.append(chosen)
+        for joint, others in follows:
+            before, times = found.get(joint, (set(), 0))
+            found[joint] = before | others, times + 1
+    redundant = []
+    for joint, (others, times) in sorted(found.items()):
+        names = [system.labels[k] for k in sorted(others) if system.labels[k]]
+        if system.labels[joint]:
+            redundant.append((system.labels[joint], names, times))
+    return scipy.sparse.vstack(parts).tocsr(), np.concatenate(pivots), redundant
+
+
+def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
+    """One connected block as solved rows, their dofs, and (joint, others) of redundant rows."""
+    C = system.C[rows]
+    if C.shape[0] > LARGEST_BLOCK:
+        raise InputError(
+            f"{C.shape[0]} constraints of {system.names(rows)} overlap, more than "
+            f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
+        )
+    columns = np.unique(C.indices)
+    given = columns[system.scale[columns] == 0]  # the last ones
+    columns = columns[: len(columns) - len(given)]
+    scale = system.scale[columns]
+    A = C[:, columns].toarray() * scale
+    size = np.linalg.norm(A, axis=1, keepdims=True)
+    A /= size
+    keep, follows = _independent(A, system.owner[rows])
+    Q, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
+    rank = len(keep)
+    solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
+    solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
+    largest = np.abs(solved).max(initial=0.0)
+    if largest > LARGEST_COEFFICIENT:
+        raise AccuracyError(
+            f"the constraints of {system.names(rows)} are nearly dependent: a coefficient of "
+            f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
+            "apart, or remove one of them."
+        )
+    chosen, others = order[:rank], order[rank:]
+    prescribed = Q.T @ (C[:, given].toarray() / size)[keep]
+    solved = np.hstack(
+        [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
+    )
+    values = solved * scale[chosen][:, None]
+    used = np.append(columns[others], given)
+    where = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
+    result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
+    return result, columns[chosen], follows
+
+
+def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
+    """(unit rows that no earlier ones span, (joint, joints that span it) of the others)."""
+    R = scipy.linalg.qr(A.T, mode="r")[0]
+    space = np.zeros((R.shape[0], len(A)), order="F")
+    upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
+    keep: list[int] = []
+    follows = []
+    for k, column in enumerate(R.T):
+        count = len(keep)
+        basis = space[:, :count]
+        share = basis.T @ column
+        rest = column - basis @ share
+        more = basis.T @ rest
+        rest -= basis @ more  # twice is enough (Kahan)
+        share += more
+        left = np.linalg.norm(rest)
+        if left > DEPENDENT:
+            space[:, count] = rest / left
+            upper[: count + 1, count] = np.append(share, left)
+            keep.append(k)
+            continue
+        weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
+        used = owner[np.array(keep)[np.abs(weights) > DEPENDENT]]
+        follows.append((int(owner[k]), {int(one) for one in used}))
+    return np.array(keep, dtype=int), follows
+
+
+def _check(system: _System, T: Sparse) -> None:
+    """AccuracyError where u = T q does not satisfy the constraints."""
+    if not system.C.shape[0]:
+        return
+    scale = scipy.sparse.diags(system.scale)
+    left = abs(system.C @ T @ scale).max(axis=1).toarray().ravel()
+    size = (abs(system.C) @ abs(T) @ scale).max(axis=1).toarray().ravel()
+    error = left / np.maximum(size, np.finfo(float).tiny)
+    worst = int(np.argmax(error))
+    if error[worst] > SATISFIED:
+        raise AccuracyError(
+            f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
+            f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
+        )
 
 
 @collective()
@@ -225,7 +512,7 @@ def _joined(
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
-    strainless = motions.free_motions(layout, C, fixed, scale)
+    strainless = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     tell_motions(layout, *strainless, supported=supported)
     modes, shift = modes_of(layout, K, M, eliminated, *strainless)
@@ -280,7 +567,7 @@ def _tell_redundant(redundant: Sequence[Redundant]) -> None:
 
 def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffness]) -> None:
     """InputError for a part, a piece of one, or a reference point that is joined to nothing."""
-    loose = list(motions.pieces(layout))
+    loose = list(assembled.pieces(layout))
     piece = np.zeros(layout.count, dtype=int)
     for k, one in enumerate(loose):
         piece[one.rows] = k

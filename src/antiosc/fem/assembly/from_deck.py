@@ -15,22 +15,21 @@ from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.shared_nodes import NodeConstraints, SharedNodes
+from antiosc.fem.elements import Layer, Section
 from antiosc.fem.elements.beam import Beam, Truss
-from antiosc.fem.elements.sections import Layer, Section
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Family
-from antiosc.fem.linalg.solver import Choice
-from antiosc.fem.mesh.mesh import distributed
+from antiosc.fem.linalg import Choice
+from antiosc.fem.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform.mpi import collective, on_root, warn
+from antiosc.fem.platform import collective, on_root, warn
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.io.neutral import Model, RawMesh
+from antiosc.io.neutral import Model, RawMesh, UnitSystem
 from antiosc.io.reading import read_parts
-from antiosc.io.unit_system import UnitSystem
 
 
 def point_name(number: int) -> str:

@@ -1,27 +1,301 @@
-"""What joints, supports and attachments add: constraints C u = 0, springs and masses."""
+"""What joints, supports and attachments add: C u = 0, springs and masses; the ends they hold.
+
+An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
+Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
+of several, or of the surface within the radius, the mean displacement and the mean rotation, by
+which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
+closest to the motion of the group.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, fields, replace
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import text
-from antiosc.base.declared import Checked, checked_by
-from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, motion
+from antiosc.base.checks import Checked, array, checked_by, in_words, positive, shown, text
+from antiosc.base.errors import InputError, known, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.superelement import Condensed
-from antiosc.fem.mesh.entities import largest
-from antiosc.fem.structure.attachments import Damper, PointMass, Spring, values_of
+from antiosc.fem.assembly.parts import Condensed, interface
+from antiosc.fem.mesh.surface import Quadrature, largest, quadrature
+from antiosc.fem.structure import in_space, skew
+from antiosc.fem.structure.attachments import NEAR, Damper, PointMass, Spring, values_of
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-from antiosc.fem.structure.placement import in_space
 from antiosc.fem.structure.support import Support
-from antiosc.io.matrices.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS
+
+#: Share of the largest second moment of a group below which it does not tell a rotation.
+COLLINEAR = 1e-12
+
+#: Share of a direction that may be missing in what an end has of it: rounding.
+MISSING_SHARE = 1e-6
+
+#: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
+CUT_DEGREE, CUT_POINTS = 16, 12
+
+#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
+End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Displacement and rotation of an end at a point, in the axes of the assembly.
+
+    Attributes
+    ----------
+    displacements, rotations : (3, n) functionals of the displacement and of the rotation.
+    rotation_space : (3, 3) projection on the rotations that the end has; 0 at a point of a solid.
+    point : (3,) coordinates, m.
+    displacement_space : (3, 3) projection on the displacements that it has; a site of a
+        superelement may have one alone.
+    """
+
+    displacements: Sparse
+    rotations: Sparse
+    rotation_space: Array
+    point: Array
+    displacement_space: Array = field(default_factory=lambda: np.eye(3))
+
+    def has(self, component: str) -> bool:
+        """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
+        told = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
+        return self.along(told, np.eye(3)["xyz".index(component[-1])])
+
+    def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
+        """Functionals of some displacements and rotations, by default of all six."""
+        six = scipy.sparse.vstack([self.displacements, self.rotations]).tocsr()
+        return six[[COMPONENTS.index(name) for name in names]]
+
+    def lacking(self, names: Sequence[str]) -> list[str]:
+        """Those of these components that it does not have."""
+        empty = np.diff(self.components(names).indptr) == 0
+        return [
+            name
+            for name, none in zip(names, empty, strict=True)
+            if none or (name in DISPLACEMENTS and not self.has(name))
+        ]
+
+    def turns(self, all_of: Array) -> bool:
+        """Whether it has all rotations that a projection (3, 3) keeps."""
+        return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
+
+    @staticmethod
+    def along(told: Array, direction: Array) -> bool:
+        """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
+        return bool(direction @ told @ direction > 1 - MISSING_SHARE)
+
+    def at(self, point: Array) -> Motion:
+        """The motion of a point that is rigidly connected to the end."""
+        arm = point - self.point
+        moved = self.displacements - scipy.sparse.csr_matrix(skew(arm)) @ self.rotations
+        return replace(self, displacements=moved.tocsr(), point=point)
+
+
+def checked_end(name: str, end: object) -> End:
+    """An end in the form that is stored, or InputError."""
+    if isinstance(end, str) and end:
+        return end
+    if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
+        point = array(f"the point of {name}", end[1], None)
+        if point.shape in ((2,), (3,)):
+            own = end[0], tuple(point.tolist())
+            return own if len(end) == 2 else (*own, positive(f"the radius of {name}", end[2], "m"))
+    raise InputError(
+        f'{name} must be "part:group", ("part", point), ("part", point, radius) or the name of a '
+        f"reference point; got {shown(end)}."
+    )
+
+
+END = checked_by(checked_end)
+
+
+def end_text(end: End) -> str:
+    """An end in words."""
+    if isinstance(end, str):
+        return repr(end)
+    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {in_words(end[1])}"
+
+
+def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
+    """(part, group) of an end that must be a group."""
+    if not isinstance(end, str) or ":" not in end:
+        raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
+    return _member_and_group(layout, end)
+
+
+def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
+    part, group = end.split(":", 1)
+    member = _member(layout, part, end)
+    if group not in member.part.mesh.groups:
+        names = [f"{part}:{name}" for name in member.part.mesh.groups]
+        groups = known(end, names, "its groups")
+        raise InputError(f"the part {part!r} has no group {group!r}; {groups}.")
+    return member, group
+
+
+def _member(layout: Layout, part: str, end: End) -> Member:
+    if part in layout.condensed:
+        raise InputError(
+            f"{end_text(end)}: the part {part!r} has no mesh; its sites and nodes are joined by "
+            "Ball, Weld, Hinge, Slider, Bushing or Equation."
+        )
+    if part not in layout.members:
+        parts = known(part, layout.names, "its parts")
+        raise InputError(f"{end_text(end)}: the assembly has no part {part!r}; {parts}.")
+    return layout.members[part]
+
+
+def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
+    """The motion of an end at its own place.
+
+    `partly`: the caller takes ends that do not have all displacements, as sites of superelements.
+    """
+    part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
+    if part in layout.condensed:
+        return _of_condensed(layout, layout.condensed[part], end, partly)
+    if not isinstance(end, str):
+        return _of_point(layout, *end)
+    if end in layout.points:
+        dofs = layout.of_point(end)
+        return Motion(
+            layout.units(dofs[:3]), layout.units(dofs[3:]), layout.rotations, layout.points[end]
+        )
+    if ":" not in end:
+        points = known(end, layout.points, "the reference points")
+        hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
+        raise InputError(
+            f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
+        )
+    member, group = _member_and_group(layout, end)
+    nodes = member.nodes_of(group)
+    if len(nodes) == 1:
+        return _of_nodes(layout, member, nodes)
+    return mean(layout, member, member.points_of(group))
+
+
+def tell_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
+    """Warn of a joint that spans more than the smaller of the parts that it joins measures."""
+    gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
+    names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
+    sizes = [layout.members[one].part.mesh.extent() for one in names if one in layout.members]
+    if gap > min(sizes, default=np.inf):
+        a, b = (end_text(end) for end, _ in ends)
+        warn(
+            f"{label} spans {gap:.3g} m from {a} to {b}, and the smaller part measures "
+            f"{min(sizes):.3g} m: check the ends and at=, in m, or model what lies between as a "
+            "part."
+        )
+
+
+def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:
+    """The motion of a site or a node of a superelement, by its name or its place."""
+    if isinstance(end, str):
+        name = end.split(":", 1)[1]
+    else:
+        apart = np.linalg.norm(one.points - in_space(end[1]), axis=1)
+        nearest = int(np.argmin(apart))
+        name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
+    if name not in one.part.ends:
+        sites = known(
+            end_text(end), [f"{one.name}:{each}" for each in one.part.ends], "its sites and nodes"
+        )
+        raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
+    found, R = one.part.ends[name], one.at.rotation
+    displacement_space = R @ found.displacement_space @ R.T
+    needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
+    if not partly and np.abs(needed - needed @ displacement_space @ needed).max() > MISSING_SHARE:
+        raise InputError(
+            f"{end_text(end)} does not have all displacements: extract its model with "
+            "Site(..., tangential=True), or join it along its direction by an Equation or a "
+            "Bushing."
+        )
+    displacements, rotations = interface(one, found, layout.count)
+    point = one.at.placed(found.point[None])[0]
+    return Motion(
+        displacements, rotations, R @ found.rotation_space @ R.T, point, displacement_space
+    )
+
+
+def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
+    displacements = layout.at_nodes(member, nodes, DISPLACEMENTS)
+    rotations = layout.at_nodes(member, nodes, ROTATIONS)
+    return Motion(displacements, rotations, _rotation_space(layout, member), member.nodes[nodes[0]])
+
+
+def _of_point(
+    layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
+) -> Motion:
+    """The motion of a part at a point, or of its surface around it."""
+    end = (part, point)
+    member = _member(layout, part, end)
+    nearest = member.closest(in_space(point)[None])
+    place = member.at.placed(nearest.x)[0]
+    if nearest.distance[0] > NEAR * member.part.mesh.extent():
+        raise InputError(
+            f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
+            f"point is {in_words(place)}."
+        )
+    if radius is not None:
+        return mean(layout, member, _around(member, end, place, radius)).at(place)
+    displacements = layout.at_points(member, nearest.cell, nearest.X, DISPLACEMENTS)
+    rotations = layout.at_points(member, nearest.cell, nearest.X, ROTATIONS)
+    return Motion(displacements, rotations, _rotation_space(layout, member), place)
+
+
+def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
+    """Points of the surface of a part, of sheets and beams themselves, in a ball."""
+    faces, own = member.part.faces, member.at.own(place[None])[0]
+    close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
+    whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
+    inside = np.flatnonzero(np.linalg.norm(whole.x - own, axis=1) <= radius)
+    if len(inside) < CUT_POINTS:
+        raise InputError(
+            f"the elements at {end_text(end)} are too large for this radius, up to "
+            f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
+            "the radius."
+        )
+    part = Quadrature(*(getattr(whole, one.name)[inside] for one in fields(Quadrature)))
+    return replace(part, x=member.at.placed(part.x))
+
+
+def _rotation_space(layout: Layout, member: Member) -> Array:
+    """The rotations that nodes of a part have."""
+    return layout.rotations if member.has_rotations else np.zeros((3, 3))
+
+
+def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
+    """Weighted mean motion of points of a part at their centroid.
+
+    With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
+    About an axis on which all points lie it is the mean of the rotations of the nodes, if there
+    are any.
+    """
+    w = points.weight / points.weight.sum()
+    x = points.x
+    centre = w @ x
+    r = x - centre
+    U = layout.at_points(member, points.cell, points.X, DISPLACEMENTS)
+    average = scipy.sparse.csr_matrix(np.kron(w, np.eye(3)))
+    displacements = (average @ U).tocsr()
+    moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
+    J = np.einsum("p,pij->ij", w, np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3)
+                  - r[:, :, None] * r[:, None, :])  # fmt: skip
+    values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
+    good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
+    inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+    rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
+    rotation_space = axes[:, good] @ axes[:, good].T
+    rest = _rotation_space(layout, member) @ (np.eye(3) - rotation_space)
+    if np.abs(rest).max() > 1e-9:
+        own = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
+        rotations = (rotations + scipy.sparse.csr_matrix(rest) @ own).tocsr()
+        rotation_space = rotation_space + rest
+    return Motion(displacements, rotations, rotation_space, centre)
+
 
 #: (joint, the joints from which some of its rows follow, number of these rows)
 Redundant = tuple[str, list[str], int]

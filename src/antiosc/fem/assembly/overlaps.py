@@ -11,8 +11,8 @@ import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.layout import Sparse
-from antiosc.fem.mesh.entities import Entities, largest
-from antiosc.fem.mesh.mesh import clamped, excess, near, projected
+from antiosc.fem.mesh import clamped, excess, near, projected
+from antiosc.fem.mesh.surface import Entities, largest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
 

@@ -12,23 +12,23 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, flag, instance, number, positive
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import array, checked_by, flag, instance, number, positive
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
-from antiosc.fem.elements.sections import Section
+from antiosc.fem.elements import Section
 from antiosc.fem.elements.weak_form import (
+    DIRECTION,
+    Direction,
     Isotropic,
     Kind,
     Parts,
     WeakForm,
     coefficient,
     measure,
+    shown_direction,
     tangent,
 )
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import agreed, compat
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -153,8 +153,8 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     )
 
 
-def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Beams in space, straight or curved.
+def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
+    """Beams in space, straight or curved; `on_sheet`: on the edges of a shell.
 
     Order 3 is the companion of the triangular shell.
     """
@@ -166,6 +166,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     y = y / ufl.sqrt(ufl.dot(y, y))
     z = ufl.cross(t, y)
     offset = coefficient(mesh, parts, lambda b: b.offset)
+    # A stiffener follows the twist of its sheet by warping, without shear.
+    twist_shifts = not on_sheet and any(b.offset for b, _ in parts)
 
     def parts_of(q: Expr) -> tuple[Expr, Expr]:
         return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
@@ -181,10 +183,11 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     def strains(q: Expr) -> Expr:  # times √stiffness
         _, turn = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
-        # Bending stretches a centroid that is off the line. Twist also shifts it sideways; a
-        # stiffener follows by warping, without shear.
-        stretch = -offset * ufl.dot(slope_turn, z) * t
-        force = slope_u + stretch - ufl.cross(turn, t)
+        # Bending stretches a centroid that is off the line, and twist shifts it sideways.
+        shift = -offset * ufl.dot(slope_turn, z) * t
+        if twist_shifts:
+            shift = shift + offset * ufl.dot(slope_turn, t) * z
+        force = slope_u + shift - ufl.cross(turn, t)
         pairs = (EA, t), (GAy, y), (GAz, z)
         forces = [root * ufl.dot(force, axis) for root, axis in pairs]
         pairs = (GJ, t), (EIy, y), (EIz, z)
@@ -213,6 +216,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         mass=[motion * measure(mesh, 2 * order)],
         components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
         density=rhoA,
+        moment=rhoA * offset * y if any(b.offset for b, _ in parts) else None,
+        twist_shifts=twist_shifts,
         strains=(strains(w), degree),
     )
 

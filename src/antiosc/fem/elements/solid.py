@@ -12,10 +12,9 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.brief import Given
-from antiosc.base.checks import array, choice, kept, positive, store, within_range
-from antiosc.base.declared import checked_by
+from antiosc.base.checks import array, checked_by, choice, kept, positive, store, within_range
 from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
 from antiosc.fem.elements.weak_form import (
     Family,
     Isotropic,
@@ -25,7 +24,7 @@ from antiosc.fem.elements.weak_form import (
     coefficient,
     measure,
 )
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:

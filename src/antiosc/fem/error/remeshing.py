@@ -16,16 +16,22 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
-from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, edge_lengths, gathered, refined
-from antiosc.fem.error.halving import halved, with_node
-from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.error.bisection import (
+    DIVIDED,
+    KIND_OF,
+    divisible,
+    edge_lengths,
+    gathered,
+    halved,
+    refined,
+    with_node,
+)
+from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import bounds, on_root, warn
-from antiosc.fem.structure.placement import in_space
-from antiosc.io.by_gmsh import GEOMETRY
-from antiosc.io.meshing import SizeField
+from antiosc.fem.platform import bounds, compat, on_root, warn
+from antiosc.fem.structure import in_space
+from antiosc.io.by_gmsh import GEOMETRY, SizeField
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.io.request import GRADING as USUAL, Refinement

@@ -4,7 +4,7 @@ The strain of each shape is projected (L2, consistent mass matrix) to continuous
 one, separately on the cells of each stiffness (material and thickness), across which strains jump.
 What is left, recovered minus discontinuous strain, stands for the error (Zienkiewicz and Zhu, Int.
 J. Numer. Meth. Engng 24 (1987) 337). Its energies and products for all shapes of a model are the
-matrix by which the model is softened (`antiosc.models.softened`).
+matrix by which the model is softened (`antiosc.models.parameters`).
 
 The mass matrix of degree one is consistent, and is solved by conjugate gradients: with its diagonal
 as the preconditioner its condition number is at most (d + 2) on simplices and 3^d on products of
@@ -15,18 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, NotConvergedError
-from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.linalg.algebra import conjugate_gradients
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import warn
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of
@@ -234,7 +232,7 @@ def refuse_locking(structure: MeshedStructure) -> None:
         warn(structure.comm, told, AccuracyWarning)
 
 
-def _poisson(material: Any) -> float:
+def _poisson(material: Material) -> float:
     """nu of the mean bulk and shear moduli (Voigt's)."""
     C = np.asarray(material.voigt)
     bulk = float(C[:3, :3].sum()) / 9
@@ -335,7 +333,7 @@ def _scaled(
         yield some, (root @ own.reshape(len(own), -1)).reshape(own.shape), weights
 
 
-def stiffness(material: Any, dim: int) -> Array:
+def stiffness(material: Material, dim: int) -> Array:
     """Stresses, in the plane times the thickness, of unit strains as `CellStrains` orders them."""
     C = np.asarray(material.voigt)
     if dim == 3:

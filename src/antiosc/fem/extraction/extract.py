@@ -1,14 +1,18 @@
-"""`extract`: the anti-oscillators of a structure at a site."""
+"""`extract`: the anti-oscillators of a structure at one site, or at several."""
 
 from __future__ import annotations
 
 import logging
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, get_args, overload
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Literal, get_args, overload
 
-from antiosc.base import memory
+import numpy as np
+
+from antiosc.base import process
+from antiosc.base._types import Array
 from antiosc.base.checks import (
     choice,
     flag,
@@ -19,28 +23,293 @@ from antiosc.base.checks import (
     whole,
     within_range,
 )
-from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.base.threads import one_thread
-from antiosc.fem.extraction.krylov import BASIS_STEP
-from antiosc.fem.extraction.site_models import (
-    DEFAULT_COUNT,
-    MOST_FOR_BAND,
-    UNNAMED,
-    Columns,
-    ErrorOption,
-    ExtractOptions,
-    Method,
-    models_of,
+from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.base.process import one_thread
+from antiosc.fem.extraction import (
+    SiteShapes,
+    inertia_of,
+    shapes_of_models,
+    uniform_inertia,
+    weights_of,
 )
-from antiosc.fem.platform import mpi
-from antiosc.fem.site.functionals import functionals
-from antiosc.fem.site.site import Site
+from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.fem.extraction.krylov import BASIS_STEP, Reached, by_krylov, every_mode, with_damping
+from antiosc.fem.extraction.oscillators import (
+    Found,
+    Kept,
+    OneSite,
+    Remainder,
+    at_one_site,
+    checked_modes,
+    elastic_count,
+    error_bound,
+    left_out,
+    lumped,
+    oscillators,
+)
+from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import Band, ModelInfo
 from antiosc.models.modal import Damping, as_damping
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
+
+
+#: Default number of anti-oscillators, and the largest number with a band.
+DEFAULT_COUNT, MOST_FOR_BAND = 20, 400
+
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
+SEARCHED = 10
+#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
+#: more finely and includes the dropped modes.
+STEP_AIM = 0.6
+#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
+SETTLED_FROM = 10
+
+Method = Literal["krylov", "modes"]
+ErrorOption = Literal["estimate"] | None
+
+#: The functionals of the columns of each site of a model, the normal first.
+Columns = Mapping[str, Sequence[Functional]]
+#: The name of the site of a model of one site without a name.
+UNNAMED = ""
+
+
+@dataclass(frozen=True)
+class ExtractOptions:
+    """What the caller asked for, checked."""
+
+    n: int
+    method: Method
+    tol: float
+    band: float | None
+    accuracy: float
+
+
+def models_of(
+    structure: Structure,
+    groups: Sequence[Columns],
+    options: ExtractOptions,
+    shapes: bool,
+    spent: float,
+    errors: ModelErrors | None,
+) -> list[AntiOscillators]:
+    """The models of groups of sites. `spent`: seconds taken by the factorization for the sites."""
+    started = time.perf_counter()
+    terms = structure.matrices.dissipation()
+    if terms and (options.method == "modes" or errors is not None):
+        what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
+        raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
+    loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
+    statics = shapes_of_models(structure, loads)
+    counts = [
+        elastic_count(static, options.n) if UNNAMED in each else options.n
+        for each, static in zip(groups, statics, strict=True)
+    ]
+    if options.method == "krylov":
+        found = by_krylov(
+            structure,
+            statics,
+            counts,
+            options.tol,
+            options.band,
+            STEP_AIM * options.accuracy,
+            terms,
+        )
+    else:
+        found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
+    models: list[AntiOscillators] = []
+    for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
+        known = lumped(structure, static, modes)
+        kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
+        one = at_one_site(static, kept, options.n) if UNNAMED in each else None
+        band: Band | None = None
+        if options.band is not None and isinstance(remainder, Reached):
+            band = {
+                "bottom": remainder.bottom,
+                "top": options.band,
+                "error_bound": remainder.error,
+            }
+        elif options.band is not None and callable(remainder):
+            omega = kept.omega if one is None else one.omega
+            bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
+            band = {"bottom": lowest, "top": options.band, "error_bound": bound}
+        info = replace(
+            _info(structure, known, kept, options),
+            band=band,
+            seconds={
+                **structure.seconds,
+                "site": spent,
+                "modes": (time.perf_counter() - started) / (len(models) + 1),
+            },
+        )
+        if one is None:
+            model = _at_named_sites(structure, each, static, kept, info)
+        else:
+            (target,) = each[UNNAMED]
+            model = _at_one_site(structure, target, one, len(kept.omega), info)
+            if errors is not None:
+                model = errors.added_to(model, target)
+        if terms or structure.matrices.lossy:
+            model = with_damping(structure, model, static, terms)
+        on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
+        models.append(model if shapes else replace(model, shapes=None, hidden=None))
+    return models
+
+
+def _by_modes(
+    structure: Structure, static: SiteShapes, n: int, options: ExtractOptions
+) -> tuple[Modes, Remainder | None]:
+    """The lowest constraint modes until n of them are observable (or the error of Z meets the
+    bound)."""
+    solver = ModeSolver(structure, static)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    asked = n + 2 if n and options.band is None else min(n, DEFAULT_COUNT)
+    while True:
+        modes = solver.lowest(asked)
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, options.tol)
+        remainder = None if options.band is None else left_out(known)
+        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
+        if not enough and remainder is not None and options.band is not None:
+            error, _ = error_bound(structure, known, remainder, kept, options.band)
+            enough = error <= options.accuracy
+        if enough:
+            return modes, remainder
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+
+
+def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOptions) -> ModelInfo:
+    measured, converged = checked_modes(structure, known, options.method)
+    return ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        method=options.method,
+        modes_computed=len(known.modes.omega),
+        converged=converged,
+        modes_unobservable=kept.unobservable,
+        modes_merged=kept.merged,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
+        rigid_share=known.static.share,
+        checks=measured,
+        **structure.matrices.plausibility,
+    )
+
+
+def _at_one_site(
+    structure: Structure, target: Functional, one: OneSite, elastic: int, info: ModelInfo
+) -> AntiOscillators:
+    """The model of one site without a name."""
+    info = replace(
+        info,
+        meshed=structure.matrices.meshed,
+        converged=(info.converged or 0) + len(one.m) - elastic,  # the weak rigid-body mode is one
+    )
+    if target.point is not None and target.direction is not None:
+        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
+    weight = uniform_inertia(structure, target)
+    parts = np.column_stack([one.residual, one.psi])
+    shapes = np.column_stack([parts.sum(axis=1), one.psi])
+    return AntiOscillators(
+        m0=one.m0,
+        k0=one.k0,
+        m=one.m,
+        omega=one.omega,
+        local_compliance=target.local_compliance,
+        radius=target.radius,
+        participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
+        shapes=shapes,
+        direction=target.direction,
+        inertia=inertia_of(structure, shapes, one.hidden),
+        hidden=one.hidden if structure.rigid_inertia is not None else None,
+        info=info,
+    )
+
+
+def _at_named_sites(
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: ModelInfo
+) -> AntiOscillators:
+    """The model of several sites, and of one with a name."""
+    ends = np.cumsum([len(own) for own in sites.values()])
+    columns = {
+        name: tuple(range(end - len(own), end))
+        for (name, own), end in zip(sites.items(), ends.tolist(), strict=True)
+    }
+    firsts = [own[0] for own in sites.values()]
+    directions = [column.direction for own in sites.values() for column in own]
+    placed = all(direction is not None for direction in directions)
+    info = replace(info, independent=static.kept.tolist())
+    if placed:
+        places = {name: own[0].point for name, own in sites.items()}
+        points = {name: place.tolist() for name, place in places.items() if place is not None}
+        info = replace(info, points=points)
+    shapes = np.hstack([static.phi @ static.W.T, kept.phi])
+    return AntiOscillators(
+        m0=_turned(static.W, kept.m0),
+        k0=_turned(static.W, static.k0),
+        P=static.W @ kept.P.T,
+        omega=kept.omega,
+        sites=tuple(sites),
+        columns=columns,
+        dependence=static.dependence,
+        rigid=static.rigid,
+        slide=static.slide,
+        local_compliance=np.array([one.local_compliance for one in firsts]),
+        radius=tuple(one.radius for one in firsts),
+        participation=weights_of(structure, shapes) if placed else None,
+        shapes=shapes,
+        direction=np.array(directions) if placed else None,
+        inertia=inertia_of(structure, shapes, static.nodal),
+        hidden=static.nodal,
+        info=info,
+    )
+
+
+def _turned(W: Array, matrix: Array) -> Array:
+    """W matrix Wᵀ, positive semidefinite as `matrix` is."""
+    values, vectors = np.linalg.eigh(matrix)
+    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(factor @ factor.T)
+
+
+def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
+    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
+    too low."""
+    if options.band is None and model.n < options.n and not complete:
+        warn(
+            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
+            f"the site (share in Z above {options.tol:g}), fewer than n = {options.n}: the model "
+            "contains these; reduce tol for more.",
+            AccuracyWarning,
+        )
+    if model.info.converged == 0 and model.n >= SETTLED_FROM:
+        warn(
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
+            "frequencies are unreliable; check whether some part is very slender.",
+            AccuracyWarning,
+        )
+    if options.band is None or model.info.band is None:
+        return
+    error = model.info.band["error_bound"]
+    if not error <= options.accuracy:
+        warn(
+            f"with {model.n} anti-oscillators the error of Z up to {options.band:g} rad/s is at "
+            f"most {error:.1e}, above accuracy = {options.accuracy:g}: raise n or lower the band.",
+            AccuracyWarning,
+        )
+    elif model.n and options.band < model.omega[0]:
+        warn(
+            f"the band ends at {options.band:g} rad/s, below the first antiresonance "
+            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
+            "and mass; raise the band if the impact is shorter.",
+            AccuracyWarning,
+        )
+
 
 #: Share in |Z| of an observable mode, over the accuracy wanted. Clamped disc struck at its centre,
 #: shell elements of a fifth of the radius: the modes that symmetry hides have up to 0.0094 of the
@@ -80,7 +349,7 @@ def extract(
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> list[AntiOscillators]: ...
-@mpi.collective()
+@collective()
 @within_range
 @one_thread()
 def extract(
@@ -226,8 +495,8 @@ def _checked_options(
         )
     if band is None:
         what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
-        free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
-        memory.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
+        free = on_root(structure.comm, process.free_memory) / structure.comm.size
+        process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
     else:
         band = positive("band", band, "rad/s")
     accuracy = positive("accuracy", accuracy)

@@ -15,17 +15,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
-from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.site_shapes import SiteShapes
+from antiosc.base.errors import AccuracyError, AccuracyWarning
+from antiosc.fem.extraction import SiteShapes
+from antiosc.fem.extraction.eigenmodes import Modes, residuals
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.free_modes import MASSLESS
-from antiosc.models.rigid_share import with_rigid
+from antiosc.models.motion import with_rigid
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
@@ -198,7 +205,7 @@ def elastic_count(static: SiteShapes, n: int) -> int:
 def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
     """The n anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
-    A weak rigid-body mode becomes one of them (`antiosc.models.rigid_share`).
+    A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
     w = float(static.W[0, 0])
     k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega
@@ -303,3 +310,106 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
         off = np.abs(matrix[np.ix_(real, real)]) @ own
         left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
     return left
+
+
+#: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
+CHECK = 1e-6
+#: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
+USABLE = 100
+#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
+#: strain; the error of ω² is the square of it.
+FORCES = 1e-5
+#: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
+MECHANISM = 1e-9
+#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
+#: then right to about the square of this.
+CONVERGED = 1e-3
+
+
+def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
+    """Accept a measured error, warn of it, or refuse it."""
+    if value <= limit:
+        return
+    why = (
+        "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
+        "elements or materials: take fewer elements, more even ones, smaller penalties."
+    )
+    if not value <= USABLE * limit:
+        raise AccuracyError(
+            f"the constraint modes fail their own check: {name} {value:.1e}, limit "
+            f"{USABLE * limit:.0e}; {why}"
+        )
+    warn(
+        comm,
+        f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
+        f"{limit:.0e}): {why}",
+        AccuracyWarning,
+    )
+
+
+def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict[str, float], int]:
+    """Check constraint modes against their equations; AccuracyError far beyond CHECK.
+
+    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
+
+    Returns
+    -------
+    What was measured, and the number of modes that have converged.
+    """
+    modes, static, comm = known.modes, known.static, structure.comm
+    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
+        raise AccuracyError(
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
+            "rigid body: some part is attached by a hinge, a single common point or line; join it "
+            "along a face."
+        )
+    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
+    residual = known.k_phi - known.m_phi * modes.omega**2
+    residual = residual - static.load @ dot(comm, static.phi, residual)
+    sizes = structure.factorize().force_sizes(np.hstack([residual, known.k_phi]))
+    left, size = np.split(sizes, 2)
+    off = left / np.maximum(size, np.finfo(float).tiny)
+    scale = np.sqrt(modes.omega**2 + structure.shift)
+    projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
+    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
+    sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
+    own = {"residual": off} if method == "modes" else {"projection": projection}
+    measured = {
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
+        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
+        "constraint": _displacement(comm, static.load, modes.phi),
+        "mass": _excess(static.mass, known.P),
+        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
+    }
+    for name, value in measured.items():
+        judge(name, value, FORCES if name == "residual" else CHECK, comm)
+    return measured, int(np.sum(off < CONVERGED))
+
+
+def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
+    """Largest displacement of a site in a mode, over their sizes."""
+    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
+    sizes = np.sqrt(np.outer(*squares))
+    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
+
+
+def _excess(mass: Array, P: Array) -> float:
+    """How much the masses of the modes exceed those of the shapes, relatively."""
+    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
+    left = (mass - P.T @ P) * scale[:, None] * scale
+    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+
+
+def check_modes(structure: Structure, modes: Modes) -> None:
+    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
+    gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
+    worst = {
+        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
+        "residual": residuals(structure, modes).max(initial=0.0),
+    }
+    for name, value in worst.items():
+        if not value <= CHECK:
+            raise AccuracyError(
+                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
+            )

@@ -1,26 +1,34 @@
-"""Fields on meshes: values at a point, and at the nodes of all parts."""
+"""Fields on meshes: values at a point and at the nodes of all parts; errors of stresses.
+
+Strains and stresses at nodes: in solids they are the means of the cells of one material around each
+node, so that a node between two materials has two. In sheets and beams each cell has its own:
+neighbours may meet at a fold.
+
+In a corner of more than 180° the stress of linear elasticity is infinite, growing as r^-0.46 at
+270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); what a mesh shows grows with every refinement.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from itertools import chain
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, known
+from antiosc.base.stresses import PAIRS, equivalent
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh import closest_point
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree
-from antiosc.fem.recovery import at_nodes as nodal
-from antiosc.fem.recovery.at_nodes import evaluator
-from antiosc.fem.recovery.place import (
+from antiosc.fem.elements.solid import SOLID_EDGES
+from antiosc.fem.elements.weak_form import Material, WeakForm
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
+from antiosc.fem.platform import agree, compat
+from antiosc.fem.recovery import (
     NO_OUTLINE,
     NodeTensors,
     Origin,
@@ -29,11 +37,122 @@ from antiosc.fem.recovery.place import (
     on_outlines,
     strength_of,
 )
-from antiosc.fem.recovery.points import PointsInCells
-from antiosc.fem.site.site import Reach
+from antiosc.fem.recovery.tensors import PointsInCells, evaluator
+from antiosc.fem.site import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import FACETS, KINDS
+
+#: Points at which shapes are evaluated at once.
+AT_ONCE = 4096
+
+
+def tensors_of_part(
+    part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
+) -> tuple[IntArray, IntArray, Array]:
+    """Nodes (S,) of this rank, number of the material (S,), six components (S, 6, columns) there.
+
+    `quantity` "strain" or "stress"; `shapes` (rows of this rank, columns); `materials`: numbers of
+    those whose cells are meant. To be called on all ranks.
+    """
+    mesh = part.mesh
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    evaluate = evaluator(part, quantity, place)
+    material = part.part_of_cells()[: compat.cell_map(mesh.dolfinx).size_local]
+    chosen = np.flatnonzero(np.isin(material, materials))
+    nodes, material = compat.geometry_nodes(mesh.dolfinx)[chosen], material[chosen]
+    X = mesh.geometry.reference_nodes
+    solid = part.kind.name == "solid"
+    if solid:  # a slot for each node and material
+        keys = nodes * len(part.parts) + material[:, None]
+    else:
+        keys = np.arange(nodes.size).reshape(nodes.shape)
+    slots, slot_of = np.unique(keys, return_inverse=True)
+    slot_of = slot_of.reshape(keys.shape)
+    node = slots // len(part.parts) if solid else nodes.ravel()
+    kind = slots % len(part.parts) if solid else np.repeat(material, nodes.shape[1])
+    total, count = np.zeros((len(slots), 6, shapes.shape[1])), np.zeros(len(slots))
+    step = max(1, AT_ONCE // len(X))
+    error = None
+    for first in range(0, len(chosen), step):
+        cells = chosen[first : first + step]
+        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        try:
+            found = evaluate(at)
+        except InputError as caught:  # on this rank perhaps alone
+            error = caught
+            break
+        where = slot_of[first : first + step].ravel()
+        six = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
+        one, column = np.ones(len(where)), np.arange(len(where))
+        at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
+        total += (at_slots @ six).reshape(total.shape)
+        count += np.bincount(where, minlength=len(slots))
+    agree(mesh.comm, error)
+    if solid:
+        _join_ranks(part, slots, total, count)
+    return node, kind, total / count[:, None, None]
+
+
+def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
+    """Largest von Mises stress (nodes,) of what stresses of a solid's cells differ from their mean.
+
+    Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
+    the cells of one material is taken for the smooth stress. Of a node of one cell, the largest
+    difference at the other nodes of this cell. `factors` (nodes, columns) of the shapes there. To
+    be called on all ranks.
+    """
+    mesh = part.mesh
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    evaluate = evaluator(part, "stress", Place())
+    own = compat.cell_map(mesh.dolfinx).size_local
+    nodes, X = compat.geometry_nodes(mesh.dolfinx)[:own], mesh.geometry.reference_nodes
+    six = np.zeros((own, len(X), 6))
+    step = max(1, AT_ONCE // len(X))
+    for first in range(0, own, step):
+        cells = np.arange(first, min(own, first + step))
+        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        found = np.einsum("pijk,pk->pij", evaluate(at), factors[nodes[cells].ravel()])
+        six[cells] = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
+    keys = nodes * len(part.parts) + part.part_of_cells()[:own, None]
+    slots, slot_of = np.unique(keys, return_inverse=True)
+    slot_of = slot_of.reshape(keys.shape)
+    total, count = np.zeros((len(slots), 6, 1)), np.zeros(len(slots))
+    np.add.at(total, slot_of, six[..., None])
+    np.add.at(count, slot_of, 1.0)
+    _join_ranks(part, slots, total, count, np.add)
+    different = equivalent(six - total[slot_of, :, 0] / count[slot_of][..., None])
+    alone = count[slot_of] == 1
+    different = np.where(alone, different.max(axis=1, keepdims=True), different)
+    largest = np.zeros((len(slots), 1, 1))
+    np.maximum.at(largest[:, 0, 0], slot_of, different)
+    _join_ranks(part, slots, largest, count, np.maximum)
+    result = np.zeros(len(mesh.dolfinx.geometry.x))
+    np.maximum.at(result, slots // len(part.parts), largest[:, 0, 0])
+    return result
+
+
+def _join_ranks(
+    part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
+) -> None:
+    """Join what other ranks have in the slots of common nodes to the totals."""
+    comm, parts = part.mesh.comm, len(part.parts)
+    if comm.size == 1:
+        return
+    number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
+    names = number[slots // parts] * parts + slots % parts
+    every = np.concatenate(comm.allgather(names))
+    common, times = np.unique(every, return_counts=True)
+    mine = np.flatnonzero(np.isin(names, common[times > 1]))
+    pieces = comm.allgather((names[mine], total[mine], count[mine]))
+    slot_of = {name: i for i, name in zip(mine, names[mine], strict=True)}
+    for rank, (those, sums, numbers) in enumerate(pieces):
+        if rank == comm.rank:
+            continue
+        for name, value, cells in zip(those, sums, numbers, strict=True):
+            if name in slot_of:
+                total[slot_of[name]] = joined(total[slot_of[name]], value)
+                count[slot_of[name]] += cells
 
 
 def at_point(
@@ -119,16 +238,16 @@ def _recovered(
 
 def _nearest(
     candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
-) -> tuple[Member, closest_point.ClosestPoints, Array]:
+) -> tuple[Member, ClosestPoints, Array]:
     """The part next to points (P, 3), its points next to them, and its shapes."""
     parts = [
-        (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
+        (member, closest_many(member.part.mesh, member.at.own(points)), own)
         for member, own in candidates
     ]
     member, found, own = min(parts, key=lambda part: float(part[1].distance.sum()))
     far, mesh = int(np.argmax(found.distance)), member.part.mesh
     there = member.at.placed(found.x[far][None])[0]
-    element = partial(closest_point.size_at, mesh, found[far])
+    element = partial(size_at, mesh, found[far])
     reach.check(points[far], there, mesh.extent(), element)
     return member, found, own
 
@@ -172,7 +291,7 @@ def tensors_at_nodes(
         found = []
         for place, numbers in _requests(member.part, places, ply):
             there = place.within(member.at.rotation)
-            nodes, kind, columns = nodal.at_nodes(member.part, own, quantity, there, numbers)
+            nodes, kind, columns = tensors_of_part(member.part, own, quantity, there, numbers)
             found.append((nodes, kind + len(origins), columns))
             origins += [
                 Origin(strength_of(material, place) if n in numbers else None, place)
@@ -193,7 +312,9 @@ def tensors_at_nodes(
     return points, cells, NodeTensors(*joined, origins)
 
 
-def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[Material]:
     """The materials of all parts of a structure, or of one, or the beams of a stiffener."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
     if stiffener is not None:
@@ -234,7 +355,7 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
     return points, np.vstack(faces), found
 
 
-def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:
+def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
     """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
     mesh, form = member.part.mesh, member.part.form
     shapes = compat.with_ghosts(form.space, shapes)
@@ -325,3 +446,103 @@ def _side_by_side(
         [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
         np.concatenate([shapes for _, _, shapes in gathered]),
     )
+
+
+#: Corners of the edges of plane cells, dolfinx's numbers.
+PLANE_EDGES = {
+    "triangle": [(0, 1), (0, 2), (1, 2)],
+    "quadrilateral": [(0, 1), (2, 3), (0, 2), (1, 3)],
+}
+#: Distance of equal points over the size of the part.
+SAME = 1e-9
+#: Angle (rad) that may lack of the full circle around an edge within the solid.
+WITHIN = 1e-3
+
+
+def interior_angle(part: MeshedStructure, x: Array) -> float:
+    """Largest angle [degree] between outer faces that meet at the corner of a cell next to x (3,).
+
+    0 for a point within the solid. To be called on all ranks.
+    """
+    mesh = part.mesh
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    cells = mesh.geometry.nodes[:owned, : len(mesh.geometry.corners)]
+    distance = np.linalg.norm(cells - x, axis=-1)
+    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned else None
+    own = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
+    vertex = min(chain(*mesh.comm.allgather(own)), key=lambda pair: pair[0])[1]
+    tolerance = SAME * mesh.extent()
+    found: list[tuple[Array, float]] = []
+    for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
+        found += _angles(mesh.cell, cells[cell], int(at))
+    every: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
+    keys = np.round(np.array([end for end, _ in every]) / tolerance)
+    _, edge = np.unique(keys, axis=0, return_inverse=True)
+    angles = np.bincount(edge.ravel(), [angle for _, angle in every])
+    return float(np.degrees(angles[angles < 2 * np.pi - WITHIN].max(initial=0.0)))
+
+
+def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
+    """(other end of an edge, angle [rad] of the cell around it) of a corner; in the plane (the
+    corner itself, angle between its edges)."""
+    edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
+    ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
+    along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
+    if len(ends) == 2:
+        return [(x[corner], _between(*along))]
+    found = []
+    for k, end in enumerate(ends):
+        across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
+        found.append((end, _between(*across)))
+    return found
+
+
+def _between(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def stress_jumps(
+    structure: Structure, shapes: Array, factors: Array, part: str | None = None
+) -> Array | None:
+    """Estimated errors [Pa] of the von Mises stress at the points of `at_nodes`, on rank 0.
+
+    `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
+    """
+    if "solid" not in families(structure, shapes, part):
+        return None
+    parts = with_parts(structure).fields(shapes, part)
+    found, start = [], 0
+    for member, own in parts:
+        comm = member.part.mesh.comm
+        sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
+        first = start + sum(sizes[: comm.rank])
+        here = np.zeros(sizes[comm.rank])
+        if member.part.kind.name == "solid":
+            here = jumps(member.part, own, factors[first : first + len(here)])
+        found += comm.gather(here, root=0) or []
+        start += sum(sizes)
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+    """Kinds of the parts that are looked at: "solid", "sheet", "beam", "truss"."""
+    fields = with_parts(structure).fields(shapes, part)
+    return {member.part.kind.name for member, _ in fields}
+
+
+def corner_at(
+    structure: Structure, shapes: Array, x: Array, part: str | None = None
+) -> tuple[float, bool]:
+    """(interior angle [degree] of the solid at its node x (3,), whether this node is held)."""
+    parts = with_parts(structure).fields(shapes, part)
+    best = (np.inf, 0.0, False)
+    for member, own in parts:
+        if member.part.kind.name != "solid":
+            continue
+        mesh, point = member.part.mesh, member.at.own(x[None])[0]
+        distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
+        moves = np.abs(displacements_of_rank(member.part, own)[distance.argmin()]).max(initial=0)
+        nearest = min(mesh.comm.allgather((float(distance.min()), bool(moves == 0))))
+        if nearest[0] < best[0]:
+            best = (nearest[0], interior_angle(member.part, point), nearest[1])
+    return best[1:]

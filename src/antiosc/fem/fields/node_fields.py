@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.recovery.place import NodeTensors, Place
-from antiosc.fem.site.functionals import check_reach
-from antiosc.fem.site.site import Reach
-from antiosc.fem.structure.matrices import NodalMatrices
+from antiosc.fem.recovery import NodeTensors, Place
+from antiosc.fem.site import Reach, check_reach
+from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
 
@@ -61,7 +60,9 @@ def tensors_at_nodes(
     )
 
 
-def materials_of(structure: Structure, part: str | None, stiffener: str | None = None) -> list[Any]:
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[object]:
     """None: matrices have no materials."""
     return []
 

@@ -1,4 +1,4 @@
-"""A series of displacement fields for ParaView: a `.pvd` file that lists `.vtu` files.
+"""A series of displacement fields for ParaView: `.pvd` with `.vtu` files, or one `.bp` folder.
 
 VTK's XML format for unstructured grids, version 0.1: the mesh is encoded once, a field in each
 frame. Arrays are in base64, each a row of blocks of zlib with their sizes before them. The mesh is
@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import os
 import re
+import secrets
 import shutil
 import stat
 import sys
@@ -17,15 +18,17 @@ import tempfile
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import escape, quoteattr, unescape
 
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import fem
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure.structure import Structure, on_mesh
 
 #: Bytes of an array that are compressed at once.
 BYTES_AT_ONCE = 1 << 15
@@ -73,7 +76,7 @@ class Frames:
         return b"".join([self._before, own.encode(), end.encode()])
 
 
-def _element(name: str, values: NDArray[Any], level: int = -1) -> str:
+def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
     """An array of numbers or of vectors as a `DataArray`, at a level of zlib's."""
     content = values.tobytes()
     blocks = [
@@ -188,3 +191,68 @@ def _listed(target: Path) -> list[str]:
     quoted = re.findall(r"""file=(?:"([^"]*)"|'([^']*)')""", text)
     names = (unescape(a or b, {"&quot;": '"', "&apos;": "'"}) for a, b in quoted)
     return [name for name in names if own.fullmatch(name)]
+
+
+#: What a folder of ADIOS2 holds.
+INDEX = "md.idx"
+
+
+def write_vtx(
+    target: Path, structure: Structure, shapes: Array, times: Array, factors: Array
+) -> None:
+    """Write displacements, the sums of `shapes` (rows, k) with factors (n, k), at times (n,).
+
+    Every rank writes its part of the mesh. The folder is complete or absent; one that is no series
+    of ADIOS2 is left alone.
+
+    Raises
+    ------
+    MissingDependencyError
+        dolfinx is absent, or was built without ADIOS2.
+    InputError
+        An assembly, given matrices; the system refuses to write there.
+    """
+    if fem.missing:
+        raise MissingDependencyError("a .bp series needs dolfinx: write a .pvd.")
+    from antiosc.fem.fields.mesh_fields import displacements_of_rank  # needs dolfinx
+    from antiosc.fem.platform import compat
+
+    if structure.matrices.assembled:
+        raise InputError("a .bp series holds one mesh: write the series of an assembly as .pvd.")
+    part = on_mesh(structure, "given matrices have no mesh for a .bp series: write a .pvd.")
+    if not compat.writes_vtx():
+        raise MissingDependencyError(
+            "a .bp series needs dolfinx with ADIOS2, which Debian has from 13 on: write a .pvd."
+        )
+    comm = part.comm
+    staged = Path(on_root(comm, lambda: str(_staged(target))))
+    try:
+        fields = displacements_of_rank(part, shapes)
+        mesh = part.mesh.dolfinx
+        compat.write_vtx(mesh, staged, "displacement", times, (fields @ a for a in factors))
+        on_root(comm, lambda: _moved(staged, target))
+    finally:
+        on_root(comm, lambda: shutil.rmtree(staged, ignore_errors=True))
+
+
+def _staged(target: Path) -> Path:
+    """Where the folder is written first, beside its place."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if os.path.lexists(target) and not (target / INDEX).is_file():
+            raise InputError(
+                f"cannot write the series to {str(target)!r}: what is there is no series of "
+                "ADIOS2; choose another name."
+            )
+        if not os.access(target.parent, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+    except OSError as error:
+        raise files.cannot_write("the series", target, error) from error
+    return target.with_name(f".antiosc-{secrets.token_hex(6)}.bp")
+
+
+def _moved(staged: Path, target: Path) -> None:
+    try:
+        files.replace_folder(staged, target)
+    except OSError as error:
+        raise files.cannot_write("the series", target, error) from error

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray, Matrix
-from antiosc.fem.platform.mpi import SERIAL
+from antiosc.fem.platform import SERIAL
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -83,7 +83,7 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def by_strains(matrix: Matrix) -> bool:
-    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
     return not by_scipy(matrix) and bool(_petsc().by_strains(matrix))
 
 
@@ -119,7 +119,7 @@ def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     return matrix if by_scipy(matrix) else _petsc().gathered(matrix, root)
 
 
-def free_when_dropped(*matrices: Any) -> None:
+def free_when_dropped(*matrices: Matrix) -> None:
     """Have the memory of PETSc's matrices freed when nobody uses them any more. Collective."""
     if not by_scipy(matrices[0]):
         _petsc().free_when_dropped(*matrices)

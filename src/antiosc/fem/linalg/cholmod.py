@@ -1,4 +1,4 @@
-"""CHOLMOD's supernodal Cholesky factor, called directly.
+"""CHOLMOD's supernodal Cholesky factor, called directly in the library that PETSc has loaded.
 
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
@@ -9,35 +9,225 @@ The table in benchmarks/speed/cholmod_or_mumps.md shows what this wins over MUMP
 times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
+
+The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
+(SuiteSparse 7.10) as far as they are declared here. `library` compares the version, and every
+default that CHOLMOD sets at its start, before anything else is called.
 """
 
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, byref, c_double, c_int64, c_void_p
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
+from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import AntioscError, NotConvergedError
-from antiosc.base.threads import as_many_as_pay, one_thread
-from antiosc.fem.linalg.cholmod_library import (
-    LONG,
-    REAL,
-    SUPERNODAL,
-    UPPER,
-    Common,
-    Dense,
-    Sparse,
-    failure,
-    library,
-    version,
-    without_openmp,
-)
+from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
+from antiosc.base.process import SMALLER, as_many_as_pay, one_thread, ran_out
+
+#: First numbers of the versions whose structures are those below.
+VERSIONS = (3, 4, 5)
+#: Bytes for `cholmod_common`, of which the library uses less than a tenth.
+COMMON = 1 << 16
+#: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
+LONG, REAL, UPPER, SUPERNODAL = 2, 1, 1, 2
+#: `Common.status` where there was no memory, and what its other codes below zero mean.
+NO_MEMORY = -2
+FAILURES = {
+    -1: "it is built without a part that this needs",
+    -3: "the sizes exceed its integers, or those of its BLAS",
+    -4: "it finds the input invalid",
+    -5: "its GPU part failed",
+}
+#: What `openblas_get_parallel` returns where OpenBLAS itself runs on OpenMP.
+ON_OPENMP = 2
+
+
+class _Method(ctypes.Structure):
+    _fields_ = [
+        *((name, c_double) for name in ("lnz", "fl", "prune_dense", "prune_dense2", "nd_oksep")),
+        ("other_1", c_double * 4),
+        ("nd_small", c_size_t),
+        ("other_2", c_double * 4),
+        *((name, c_int) for name in ("aggressive", "order_for_lu", "nd_compress", "nd_camd")),
+        *((name, c_int) for name in ("nd_components", "ordering")),
+        ("other_3", c_size_t * 4),
+    ]
+
+
+class Common(ctypes.Structure):
+    """`cholmod_common`: settings, workspace and the status of the last call."""
+
+    _fields_ = [
+        *((name, c_double) for name in ("dbound", "grow0", "grow1")),
+        *((name, c_size_t) for name in ("grow2", "maxrank")),
+        ("supernodal_switch", c_double),
+        ("supernodal", c_int),
+        *((f"final_{k}", c_int) for k in ("asis", "super", "ll", "pack", "monotonic", "resymbol")),
+        ("zrelax", c_double * 3),
+        ("nrelax", c_size_t * 3),
+        *((f"prefer_{k}", c_int) for k in ("zomplex", "upper")),
+        *((name, c_int) for name in ("quick_return_if_not_posdef", "prefer_binary")),
+        *((name, c_int) for name in ("print_level", "precise", "try_catch")),
+        ("error_handler", c_void_p),
+        *((name, c_int) for name in ("nmethods", "current", "selected")),
+        ("method", _Method * 10),
+        *((name, c_int) for name in ("postorder", "default_nesdis")),
+        *((name, c_double) for name in ("metis_memory", "metis_dswitch")),
+        *((name, c_size_t) for name in ("metis_nswitch", "nrow")),
+        ("mark", c_int64),
+        *((name, c_size_t) for name in ("iworksize", "xworksize")),
+        *((name, c_void_p) for name in ("Flag", "Head", "Xwork", "Iwork")),
+        *((name, c_int) for name in ("itype", "dtype", "no_workspace_reallocate", "status")),
+        *((name, c_double) for name in ("fl", "lnz")),
+        ("rest", ctypes.c_char * COMMON),
+    ]
+
+
+#: What `cholmod_l_start` sets in every known version; it tells whether `Common` is laid out so.
+DEFAULTS: dict[str, object] = {
+    **{"grow0": 1.2, "grow1": 1.2, "grow2": 5, "maxrank": 8, "supernodal_switch": 40.0},
+    **{"supernodal": 1, "final_asis": 1, "final_super": 1, "final_ll": 0, "final_pack": 1},
+    **{"final_monotonic": 1, "zrelax": (0.8, 0.1, 0.05), "nrelax": (4, 16, 48)},
+    **{"prefer_upper": 1, "quick_return_if_not_posdef": 0, "print_level": 3, "error_handler": None},
+    **{"nmethods": 0, "postorder": 1, "metis_dswitch": 0.66, "metis_nswitch": 3000, "mark": -1},
+    **{"itype": LONG, "status": 0, "fl": -1.0, "lnz": -1.0},
+}
+
+
+class Sparse(ctypes.Structure):
+    """`cholmod_sparse`: a matrix by columns."""
+
+    _fields_ = [
+        *((name, c_size_t) for name in ("nrow", "ncol", "nzmax")),
+        *((name, c_void_p) for name in ("p", "i", "nz", "x", "z")),
+        *((name, c_int) for name in ("stype", "itype", "xtype", "dtype", "sorted", "packed")),
+    ]
+
+
+class Dense(ctypes.Structure):
+    """`cholmod_dense`: a block of vectors, column by column."""
+
+    _fields_ = [
+        *((name, c_size_t) for name in ("nrow", "ncol", "nzmax", "d")),
+        *((name, c_void_p) for name in ("x", "z")),
+        *((name, c_int) for name in ("xtype", "dtype")),
+    ]
+
+
+class Factor(ctypes.Structure):
+    """`cholmod_factor`: a symbolic or numeric factor."""
+
+    _fields_ = [
+        *((name, c_size_t) for name in ("n", "minor")),
+        *((name, c_void_p) for name in ("Perm", "ColCount", "IPerm")),
+        ("nzmax", c_size_t),
+        *((name, c_void_p) for name in ("p", "i", "x", "z", "nz", "next", "prev")),
+        *((name, c_size_t) for name in ("nsuper", "ssize", "xsize", "maxcsize", "maxesize")),
+        *((name, c_void_p) for name in ("super", "pi", "px", "s")),
+        *((name, c_int) for name in ("ordering", "is_ll", "is_super", "is_monotonic")),
+        *((name, c_int) for name in ("itype", "xtype", "dtype", "useGPU")),
+    ]
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """CHOLMOD's functions; MissingDependencyError if its version is not known here."""
+    lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
+    if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
+        raise MissingDependencyError(
+            "this PETSc is built without CHOLMOD (SuiteSparse), which antiosc needs for "
+            "factorizations: install a PETSc with it, such as Debian's."
+        )
+    lib.cholmod_l_analyze_p.restype = POINTER(Factor)
+    lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
+    lib.cholmod_l_factorize.argtypes = [c_void_p, POINTER(Factor), c_void_p]
+    lib.cholmod_l_solve2.argtypes = [c_int, POINTER(Factor), *([c_void_p] * 7)]
+    lib.cholmod_l_ensure_dense.restype = c_void_p
+    lib.cholmod_l_ensure_dense.argtypes = [c_void_p, *([c_size_t] * 3), c_int, c_void_p]
+    found = version(lib)
+    text = ".".join(map(str, found))
+    if found[0] not in VERSIONS:
+        raise MissingDependencyError(
+            f"CHOLMOD {text} is not known to antiosc (3.0 to 5.x are): its structures may differ."
+        )
+    odd = _unlike_defaults(lib)
+    if odd:
+        raise MissingDependencyError(
+            f"CHOLMOD {text} starts with other defaults ({odd}) than the versions known to antiosc."
+        )
+    return lib
+
+
+def version(lib: ctypes.CDLL) -> tuple[int, int, int]:
+    """CHOLMOD's version: SuiteSparse 5.12 has 3.0.14, SuiteSparse 7.10 has 5.3.1."""
+    numbers = (c_int * 3)()
+    lib.cholmod_l_version(numbers)
+    return tuple(numbers)  # type: ignore[return-value]
+
+
+def _unlike_defaults(lib: ctypes.CDLL) -> str:
+    """The settings that differ from the known defaults, as text."""
+    common = Common()
+    lib.cholmod_l_start(byref(common))
+    found = {}
+    for name in DEFAULTS:
+        value = getattr(common, name)
+        found[name] = tuple(value) if isinstance(value, ctypes.Array) else value
+    lib.cholmod_l_finish(byref(common))
+    return ", ".join(f"{k} = {v}" for k, v in found.items() if v != DEFAULTS[k])
+
+
+def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
+    """The error for CHOLMOD's status after a call that failed at `what` (of `size` bytes)."""
+    if common.status == NO_MEMORY:
+        need = "" if size is None else f" of {size / 1e9:.3g} GB"
+        return ran_out(f"{what}{need}", remedy=f"use solver='iterative', {SMALLER[4:]}")
+    reason = FAILURES.get(common.status, "it gives no reason")
+    return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")
+
+
+@contextmanager
+def without_openmp() -> Iterator[None]:
+    """Keep CHOLMOD's own OpenMP loops on one thread.
+
+    Up to SuiteSparse 5 they use four threads, independent of the environment. The loops are short,
+    and threads that wait for the next loop slow down those of BLAS and of other ranks: up to half
+    of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
+    on OpenMP.
+    """
+    openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
+    if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
+        yield
+        return
+    levels = openmp.omp_get_max_active_levels()
+    if not levels:  # another thread has set it, and puts it back
+        yield
+        return
+    openmp.omp_set_max_active_levels(0)
+    try:
+        yield
+    finally:
+        openmp.omp_set_max_active_levels(levels)
+
+
+@cache
+def _loaded(name: str) -> ctypes.CDLL | None:
+    """A library that this process has already loaded, or None."""
+    try:
+        return ctypes.CDLL(name, mode=os.RTLD_NOW | getattr(os, "RTLD_NOLOAD", 0))
+    except OSError:
+        return None
+
 
 #: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
 SOLVE, FORWARD, BACKWARD = 0, 4, 5
@@ -68,8 +258,8 @@ class _Memory:
     """Memory of CHOLMOD for one factor, freed when the last array that refers to it is gone."""
 
     def __init__(self) -> None:
-        self.factor: Any = None
-        self.work: list[Any] = []
+        self.factor = POINTER(Factor)()  # null
+        self.work: list[c_void_p] = []
         self.lib = library()
         self.common = Common()
         self.lib.cholmod_l_start(byref(self.common))
@@ -97,13 +287,17 @@ class _Memory:
             for work, shape in zip(self.work, shapes, strict=True)
         )
 
-    def array(self, pointer: Any, count: int, kind: Any) -> NDArray[Any]:
-        """`count` numbers at `pointer`, not to be written to."""
-        block = (kind * count).from_address(pointer)
-        block.memory = self
-        found = np.frombuffer(block, dtype=np.dtype(kind))
-        found.flags.writeable = False
-        return found
+    def reals(self, pointer: int, count: int) -> Array:
+        """`count` real numbers at `pointer`, not to be written to."""
+        return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
+
+    def integers(self, pointer: int, count: int) -> IntArray:
+        """`count` integers at `pointer`, not to be written to."""
+        return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
+
+    def _kept(self, block: ctypes.Array[c_double] | ctypes.Array[c_int64]) -> memoryview:
+        block.memory = self  # type: ignore[union-attr]  # it lives as long as arrays of it
+        return memoryview(block).toreadonly()
 
 
 class Analysis:
@@ -152,7 +346,7 @@ class Analysis:
     def fronts(self) -> Array:
         """Operations for each supernode: c² for a column of c entries."""
         found = self.memory.factor.contents
-        starts = (self.memory.array(p, found.nsuper + 1, c_int64) for p in (found.super, found.pi))
+        starts = (self.memory.integers(p, found.nsuper + 1) for p in (found.super, found.pi))
         width, height = (np.diff(start).astype(float) for start in starts)
         squares = (width - 1) * width * (2 * width - 1) / 6
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
@@ -161,11 +355,11 @@ class Analysis:
         """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""
         matrix, _kept = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None)
-        order = np.array(self.memory.array(nodes.contents.Perm, nodes.contents.n, c_int64))
+        order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
         self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
-    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> Any:
+    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
         """Symbolic factor; CHOLMOD tries AMD and METIS if no permutation is given."""
         lib, common = self.memory.lib, self.memory.common
         common.nmethods = int(permutation is not None)
@@ -241,26 +435,26 @@ class Cholesky:
             )
         if not done:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
-        X = memory.array(ctypes.cast(x, POINTER(Dense)).contents.x, B.size, c_double)
+        X = memory.reals(ctypes.cast(x, POINTER(Dense)).contents.x, B.size)
         return np.array(X.reshape(B.shape, order="F"), order="F")
 
     @cached_property
     def permutation(self) -> IntArray:
         """Row of A that is row i of P A Pᵀ (n,)."""
         found = self._memory.factor.contents
-        return self._memory.array(found.Perm, found.n, c_int64)
+        return self._memory.integers(found.Perm, found.n)
 
     @cached_property
     def supernodes(self) -> Supernodes:
         """L as arrays in CHOLMOD's memory, which is kept as long as one of them is used."""
-        array, found = self._memory.array, self._memory.factor.contents
+        memory, found = self._memory, self._memory.factor.contents
         many = found.nsuper + 1
         return Supernodes(
-            start=array(found.super, many, c_int64),
-            row=array(found.pi, many, c_int64),
-            rows=array(found.s, found.ssize, c_int64),
-            value=array(found.px, many, c_int64),
-            values=array(found.x, found.xsize, c_double),
+            start=memory.integers(found.super, many),
+            row=memory.integers(found.pi, many),
+            rows=memory.integers(found.s, found.ssize),
+            value=memory.integers(found.px, many),
+            values=memory.reals(found.x, found.xsize),
         )
 
     def corner(self, last: int) -> tuple[IntArray, Array]:
@@ -286,7 +480,7 @@ class Cholesky:
         return permutation[columns], block
 
 
-def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[Any, ...]]:
+def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:
     """A as CHOLMOD's upper triangle, and the arrays it points to.
 
     Rows of the one are columns of the other: the lower triangle of A is what CHOLMOD reads.

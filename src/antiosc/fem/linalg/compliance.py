@@ -21,16 +21,15 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.base import memory
+from antiosc.base import process
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.progress import counting
-from antiosc.fem.linalg import solver_choice
+from antiosc.fem.linalg import Factorization, Solver, solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
-from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solver_choice import OnOneRank
-from antiosc.fem.platform.mpi import agree, on_root, warn
+from antiosc.fem.platform import agree, on_root, warn
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -89,11 +88,11 @@ def _room(structure: Factored) -> bool:
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
     more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
-    free = on_root(comm, memory.free_memory)
-    if more > memory.MEMORY_SHARE * free:
+    free = on_root(comm, process.free_memory)
+    if more > process.MEMORY_SHARE * free:
         warn(
             comm,
-            f"{memory.shortage('a map with additional factors', more, free)}: every site is "
+            f"{process.shortage('a map with additional factors', more, free)}: every site is "
             "solved separately, which takes about ten times as long.",
         )
         return False

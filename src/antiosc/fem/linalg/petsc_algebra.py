@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -12,7 +11,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.platform.mpi import alike
+from antiosc.fem.platform import alike
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4
@@ -98,7 +97,7 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
 
 def by_strains(matrix: PETSc.Mat) -> bool:
-    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
     return matrix.getAttr(PRODUCT) is not None
 
 
@@ -131,10 +130,10 @@ def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     comm = matrix.getComm().tompi4py()
     own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
     own[0] = np.diff(own[0])  # entries of each row
-    parts: list[Any] = []
+    parts = []
     for part in own:
         counts = comm.gather(len(part), root=root)
-        whole = np.empty(sum(counts), part.dtype) if comm.rank == root else None
+        whole = np.empty(sum(counts or ()), part.dtype)
         comm.Gatherv(part, (whole, counts), root=root)
         parts.append(whole)
     if comm.rank != root:

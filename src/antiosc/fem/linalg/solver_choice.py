@@ -1,9 +1,35 @@
-"""Solvers of PETSc matrices: the memory that a factor needs, and what is taken for larger models.
+"""Solvers of PETSc matrices: their choice by memory, factors over ranks, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients with algebraic multigrid are used, which take about a hundred times as
 long for each solve. If their matrices do not fit either, an OutOfMemoryError says so before they
 are made.
+
+A factor over several ranks: the interface Γ is the smallest set of nodes that separates the parts
+of the ranks. Each rank factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in
+the factor of
+
+    [A_II  A_IΓ]
+    [A_ΓI  A_ΓΓ]    L_Γ L_Γᵀ = A_ΓΓ - A_ΓI A_II⁻¹ A_IΓ,
+
+and the Schur complement of the whole is S = A_ΓΓ + Σ (L_Γ L_Γᵀ - A_ΓΓ) over the ranks: a small
+dense matrix on every rank. A solve consists of a forward substitution on each rank, one sum over
+the ranks, a dense solve, and a backward substitution (Przemieniecki, AIAA J. 1 (1963) 138).
+
+On two ranks MUMPS takes 1.8 to 3 times as long for the factor of a bracket, 4 to 10 times as long
+for a solve and 4 to 7 times as long for 16, in half of the memory
+(benchmarks/speed/cholmod_or_mumps.md).
+
+K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
+energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε
+(L/r)² n² of the bending stiffness (r the radius of gyration, n nodes): 1e-6 at L/r = 900 and 800
+nodes, all digits at 3e5 and 2000. S, whose rows are the strains at the Gauss points times
+√(stiffness · weight), has the square root of K's condition number: Sᵀ(S x) loses ε L/r. The gain is
+that of QR over the normal equations in least squares (Golub and Van Loan, *Matrix Computations*,
+§5.3).
+
+The factor of the rounded K is the preconditioner of conjugate gradients with that product: one or
+two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness from the factor.
 """
 
 from __future__ import annotations
@@ -12,21 +38,270 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
-from antiosc.base import memory
-from antiosc.base._types import Array
-from antiosc.base.errors import NotConvergedError
-from antiosc.base.memory import ran_out
-from antiosc.fem.linalg import cholmod
-from antiosc.fem.linalg.algebra import by_strains
+from antiosc.base import process
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyError, NotConvergedError
+from antiosc.base.process import ran_out
+from antiosc.fem.linalg import SINGULAR, Choice, Factorization, Solver, cholmod
+from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.petsc_algebra import csr, dense, lower, watch
-from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
-from antiosc.fem.linalg.strains import Refined
-from antiosc.fem.linalg.substructures import Substructures, interface
-from antiosc.fem.platform.mpi import on_root, warn
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply, watch
+from antiosc.fem.platform import agree, on_root, warn
+
+#: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
+ENERGY = 1e-11
+#: Largest error accepted if rounding, or the largest number of steps, ends the solve.
+STALLED, MOST_CG_STEPS = 1e-6, 60
+#: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
+RIDGE = 1e-14
+#: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
+SOLUTION_GROWTH_BY_STRAINS = 1e24
+
+
+def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
+    """Make `multiply` compute products with K = SᵀS + rest from the strains."""
+    back = PETSc.Mat()
+    S.transpose(back)
+
+    def product(x: Array) -> Array:
+        return np.asarray(multiply(back, multiply(S, x)) + multiply(rest, x))
+
+    K.setAttr(PRODUCT, product)
+
+
+class Refined(Solver):
+    """Conjugate gradients with A's accurate product, preconditioned by a solver of its entries.
+
+    Parameters
+    ----------
+    A : a matrix whose product is by strains
+    make : gives a solver of a matrix
+
+    Raises
+    ------
+    NotConvergedError
+        A has no factor.
+    """
+
+    growth = SOLUTION_GROWTH_BY_STRAINS
+
+    def __init__(self, A: PETSc.Mat, make: Callable[[PETSc.Mat], Solver]) -> None:
+        self._make = make
+        super().__init__(A)
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor; 0 of a solver without one."""
+        return float(getattr(self._inner, "entries", 0.0))
+
+    def _set_up(self) -> None:
+        try:
+            self._inner = self._make(self.A)
+        except NotConvergedError:
+            stiffer = self.A.copy()
+            stiffer.setDiagonal((1 + RIDGE) * self.A.getDiagonal())
+            self._inner = self._make(stiffer)
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k).
+
+        Raises AccuracyError where the solver of the entries is too far from A.
+        """
+        for X, rest, energy in conjugate_gradients(
+            R,
+            lambda x: multiply(self.A, x),
+            self._inner.solve_block,
+            self._inner_products,
+            MOST_CG_STEPS,
+        ):
+            if (rest <= ENERGY**2 * energy).all():
+                return X
+        left = float(np.max(np.sqrt(np.abs(quotient(rest, energy)))))
+        if not left <= STALLED:
+            raise AccuracyError(
+                f"a solve stopped at a relative error of {left:.1e} in energy after "
+                f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
+                "elements this short double precision does not resolve the bending stiffness; "
+                "use fewer elements, or support loose parts."
+            )
+        return X
+
+    def force_sizes(self, R: Array) -> Array:
+        """√(rᵀA⁻¹r): in the Euclidean norm the rounding of x alone makes A x large."""
+        return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
+
+    def _inner_products(self, x: Array, y: Array) -> Array:
+        return np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", x, y)))
+
+
+class Substructures(Factorization):
+    """Cholesky factor of a matrix whose rows are spread over the ranks.
+
+    Parameters
+    ----------
+    interface : global rows of Γ, ascending, from `interface`
+    """
+
+    def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
+        self._interface = interface
+        super().__init__(A)
+
+    def _set_up(self) -> None:
+        A, comm = self.A, self.comm
+        first, last = A.getOwnershipRange()
+        pointers, columns, values = A.getValuesCSR()
+        own = scipy.sparse.csr_matrix(
+            (values, columns, pointers), shape=(last - first, A.getSize()[0])
+        )
+        # places in Γ of the rows of this rank in it, and those rows
+        self._at = np.flatnonzero((self._interface >= first) & (self._interface < last))
+        self._mine = self._interface[self._at] - first
+        within = np.ones(last - first, dtype=bool)
+        within[self._mine] = False
+        self._inner = np.flatnonzero(within)
+        whole = self._between(own[self._mine])
+        # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
+        # come before the diagonal.
+        rows = own[self._inner]
+        position = np.full(A.getSize()[0], -1, dtype=np.int32)
+        position[self._interface] = np.arange(len(self._interface))
+        met = position[rows.indices]
+        self._met = np.unique(met[met >= 0])
+        count = len(self._met)
+        position[self._interface[self._met]] = np.arange(count)
+        position[first + self._inner] = count + np.arange(len(self._inner))
+        n = count + len(self._inner)
+        rows = scipy.sparse.csr_matrix(
+            (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
+        )
+        corner = whole[self._met][:, self._met]
+        S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
+        error: Exception | None = None
+        try:
+            if len(self._inner):
+                corner.resize((count, n))
+                local = scipy.sparse.vstack([corner, rows], format="csr")
+                self._factor = Cholesky(local, A.getBlockSize(), last=count)
+                del local, rows, own
+                self._to = np.argsort(self._factor.permutation)  # where a row stands in L
+                order, self._L = self._factor.corner(count)
+                self._positions = self._to[order]
+                self._met = self._met[order]
+                S[np.ix_(self._met, self._met)] += _square(self._L)
+                S[np.ix_(self._met, self._met)] -= whole[self._met][:, self._met].toarray()
+        except NotPositiveDefiniteError as caught:
+            error = NotConvergedError(SINGULAR.format(caught))
+        except Exception as caught:  # the other ranks must not wait for this one
+            error = caught
+        agree(comm, error)
+        comm.Allreduce(MPI.IN_PLACE, S)
+        try:
+            self._S = scipy.linalg.cho_factor(S, lower=True, overwrite_a=True) if len(S) else None
+        except scipy.linalg.LinAlgError as caught:
+            raise NotConvergedError(SINGULAR.format(caught)) from caught
+
+    def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+        """A_ΓΓ on all ranks, from the rows of Γ that each has."""
+        part = rows[:, self._interface].tocoo()
+        found = self.comm.allgather((self._at[part.row], part.col, part.data))
+        row, column, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        n = len(self._interface)
+        return scipy.sparse.csr_matrix((value, (row, column)), shape=(n, n))
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factors of all ranks, and of the interface's."""
+        own = self._factor.supernodes.values.size if len(self._inner) else 0
+        return float(self.comm.allreduce(own) + len(self._interface) ** 2)
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows of this rank, k)."""
+        load = np.zeros((len(self._interface), R.shape[1]))
+        load[self._at] = R[self._mine]
+        if len(self._inner):
+            B = np.zeros((len(self._to), R.shape[1]), order="F")
+            B[self._to[-len(self._inner) :]] = R[self._inner]
+            Y = self._factor.forward(B)
+            load[self._met] += self._L @ Y[self._positions]
+        self.comm.Allreduce(MPI.IN_PLACE, load)
+        U = scipy.linalg.cho_solve(self._S, load) if self._S else load
+        X = np.empty(R.shape, order="F")
+        X[self._mine] = U[self._at]
+        if len(self._inner):
+            Y[self._positions] = self._L.T @ U[self._met]
+            X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
+        return X
+
+
+def _square(L: Array) -> Array:
+    """L Lᵀ of a lower triangle, with a third of the operations of a product."""
+    if not L.size:  # this part meets no other
+        return np.zeros(L.shape)
+    reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
+    upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
+    square = np.triu(upper)[::-1, ::-1]
+    return np.asarray(square + np.tril(square, -1).T)
+
+
+def interface(A: PETSc.Mat) -> IntArray:
+    """Global rows of whole nodes that separate the rows of different ranks."""
+    comm = A.getComm().tompi4py()
+    block = A.getBlockSize()
+    first, last = A.getOwnershipRange()
+    pointers, columns, _ = A.getValuesCSR()
+    away = np.flatnonzero((columns < first) | (columns >= last))
+    rows = first + np.searchsorted(pointers, away, side="right") - 1
+    pairs = np.unique(np.column_stack([rows, columns[away]]) // block, axis=0)
+    found = comm.gather(pairs)
+    starts = np.array(comm.allgather(first)) // block
+
+    def cut() -> IntArray:
+        both = np.vstack(found)
+        return _cut(both[both[:, 0] < both[:, 1]], starts)
+
+    nodes = on_root(comm, cut)
+    return np.asarray(block * nodes[:, None] + np.arange(block)).ravel()
+
+
+def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
+    """Nodes that cover every pair of coupled nodes of two ranks, the smallest number for each two
+    ranks."""
+    owners = np.searchsorted(starts, pairs, side="right") - 1
+    taken = np.zeros(0, dtype=int)
+    for ranks in np.unique(owners, axis=0):
+        some = pairs[(owners == ranks).all(axis=1)]
+        some = some[~np.isin(some, taken).any(axis=1)]
+        if len(some):
+            taken = np.union1d(taken, _cover(some))
+    return taken
+
+
+def _cover(pairs: IntArray) -> IntArray:
+    """The least vertex cover of a bipartite graph, by its largest matching (Kőnig's theorem)."""
+    left, i = np.unique(pairs[:, 0], return_inverse=True)
+    right, j = np.unique(pairs[:, 1], return_inverse=True)
+    n, m = len(left), len(right)
+    graph = scipy.sparse.csr_matrix((np.ones(len(pairs)), (i, j)), shape=(n, m))
+    mate = maximum_bipartite_matching(graph, perm_type="column")
+    matched = np.flatnonzero(mate >= 0)
+    # reached from single nodes on the left, to the right by any pair and back by matched ones
+    source = n + m
+    single = np.flatnonzero(mate < 0)
+    tails = np.concatenate([i, n + mate[matched], np.full(len(single), source)])
+    heads = np.concatenate([n + j, matched, single])
+    paths = scipy.sparse.csr_matrix(
+        (np.ones(len(tails)), (tails, heads)), shape=(source + 1, source + 1)
+    )
+    reached = np.zeros(source + 1, dtype=bool)
+    reached[breadth_first_order(paths, source, return_predecessors=False)] = True
+    return np.concatenate([left[~reached[:n]], right[reached[n:source]]])
+
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
@@ -220,24 +495,24 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
 
 def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
     rows = A.getSize()[0]
-    free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":
         return _iterative(A, motions)
-    if BYTES * COMPACT * rows ** (4 / 3) <= memory.MEMORY_SHARE * free:
+    if BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free:
         return factorize(A)
-    memory.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
+    process.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
     plan = Plan(A)
     need = BYTES * plan.entries
-    if need <= memory.MEMORY_SHARE * free:
+    if need <= process.MEMORY_SHARE * free:
         return plan.factorize()
     what = f"the factor of {rows} dofs"
     if choice == "direct":
-        memory.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
+        process.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
     del plan  # its analysis has copies of A
     solver = _iterative(A, motions)
     warn(
         A.getComm().tompi4py(),
-        f"{memory.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
+        f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
         "with multigrid), which takes about a hundred times as long for each solve; a coarser mesh "
         "or order=1 may fit.",
     )
@@ -246,10 +521,10 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
 
 def _iterative(A: PETSc.Mat, motions: Callable[[], Array]) -> Solver:
     """The iterative solver, or OutOfMemoryError before its matrices are made."""
-    memory.give_back()
-    free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    process.give_back()
+    free = on_root(A.getComm().tompi4py(), process.free_memory)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
-    memory.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
+    process.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
     return Multigrid(A, motions())
 
 

@@ -1,1 +1,268 @@
-"""Meshes with named groups: cells, faces, closest points, and checks of meshes."""
+"""`Mesh`: a dolfinx mesh with named groups, and the map of its cells from reference coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import basix
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import (
+    flag,
+    instance,
+    shown,
+)
+from antiosc.base.errors import InputError, known
+from antiosc.base.texts import Brief
+from antiosc.fem.platform import bounds, compat
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import keys
+
+#: Cells whose reference shape is a simplex; the others are products of intervals.
+SIMPLICES = ("interval", "triangle", "tetrahedron")
+#: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them: what
+#: is left is its square.
+FOOT_STEPS, FOOT_SETTLED = 12, 1e-8
+#: A foot that leaves its cell by more than this is not sought any further (reference lengths).
+FOOT_BEYOND = 1.0
+
+
+class CellGeometry:
+    """Nodes and shape functions of the cells of one rank.
+
+    Parameters
+    ----------
+    nodes : (cells, k, 3) coordinates of the nodes of each cell [m]
+    cell : shape of the cells, as dolfinx names it
+    order : geometric order, 1 or 2
+    """
+
+    def __init__(self, nodes: Array, cell: str, order: int) -> None:
+        kind = getattr(basix.CellType, cell)
+        self.nodes = nodes
+        self.simplex = cell in SIMPLICES
+        self.affine = self.simplex and order == 1
+        self.corners = np.asarray(basix.geometry(kind))
+        self._element = basix.create_element(basix.ElementFamily.P, kind, order)
+
+    @property
+    def reference_nodes(self) -> Array:
+        """Reference coordinates (k, tdim) of the nodes of a cell, in their order."""
+        return np.asarray(self._element.points)
+
+    def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
+        """(points (n, 3) [m], their derivatives (n, 3, tdim)) at X (n, tdim) in cells (n,)."""
+        if not len(X):  # Basix 0.5 aborts
+            return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
+        tables = self._element.tabulate(1, X)[..., 0]
+        nodes = self.nodes[cell]
+        both = np.swapaxes(tables, 0, 1) @ nodes  # (n, 1 + tdim, 3)
+        return both[:, 0], np.swapaxes(both[:, 1:], 1, 2)
+
+    def slopes(self, X: Array) -> Array:
+        """Slopes (n, nodes, tdim) of the shape functions of the map at X (n, tdim)."""
+        tables = self._element.tabulate(1, X)[1:, :, :, 0]
+        return np.asarray(np.moveaxis(tables, 0, 2))
+
+    def centre(self) -> Array:
+        """Reference coordinates (tdim,) of the middle of a cell."""
+        return np.asarray(self.corners.mean(axis=0))
+
+
+def projected(
+    at: Callable[[IntArray, Array], tuple[Array, Array]],
+    points: Array,
+    start: Array,
+    *,
+    affine: bool,
+    along: Array | None = None,
+) -> Array:
+    """Reference coordinates (n, t) at which x(ξ) is nearest to each point, in or out of its cell.
+
+    Gauss–Newton iteration; it stops for points whose projection lies far outside the cell.
+
+    Parameters
+    ----------
+    at : numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t))
+    points : (n, 3)
+    start : (n, t)
+    affine : whether one step is exact
+    along : (n, 3) unit vectors, optional; the points are projected along these directions.
+    """
+    xi = np.array(start)
+    moving = np.arange(len(points))
+    for _ in range(1 if affine else FOOT_STEPS):
+        x, J = at(moving, xi[moving])
+        gap = points[moving] - x
+        if along is not None:
+            n = along[moving]
+            gap = gap - n * np.einsum("nd,nd->n", n, gap)[:, None]
+            J = J - n[:, :, None] * np.einsum("nd,ndt->nt", n, J)[:, None, :]
+        normal = np.einsum("ndt,nds->nts", J, J)
+        size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
+        # A direction in which the surface does not extend stays where it is.
+        normal = normal / size + 1e-14 * np.eye(xi.shape[1])
+        right = np.einsum("ndt,nd->nt", J, gap)[..., None] / size
+        step = np.linalg.solve(normal, right)[..., 0]
+        xi[moving] += step
+        here = xi[moving]
+        far = (here.min(axis=1) < -FOOT_BEYOND) | (here.max(axis=1) > 1 + FOOT_BEYOND)
+        moving = moving[(np.abs(step).max(axis=1) > FOOT_SETTLED) & ~far]
+        if not len(moving):
+            break
+    return xi
+
+
+def excess(xi: Array, simplex: bool) -> Array:
+    """How far reference coordinates (n, t) lie outside their cells (n,); <= 0 inside."""
+    above = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
+    return np.maximum(-xi.min(axis=1), above)
+
+
+def clamped(xi: Array, simplex: bool) -> Array:
+    """Reference coordinates (n, t) brought into their cells."""
+    xi = np.clip(xi, 0.0, 1.0)
+    if simplex:
+        xi = xi / np.maximum(xi.sum(axis=1, keepdims=True), 1.0)
+    return xi
+
+
+def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
+    """Pairs (item, point) with |centre − point| <= reach, items and points as numbers."""
+    if not len(points) or not len(centres):
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    low, high = points.min(axis=0), points.max(axis=0)
+    gap = np.maximum(0.0, np.maximum(low - centres, centres - high))
+    close = np.flatnonzero(np.linalg.norm(gap, axis=1) <= reach)
+    found = cKDTree(points).query_ball_point(centres[close], reach[close])
+    count = np.array([len(f) for f in found], dtype=int)
+    item = np.repeat(close, count)
+    point = np.concatenate([np.zeros(0, dtype=int), *[np.asarray(f, dtype=int) for f in found]])
+    return item, point
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Brief):
+    """A dolfinx mesh whose entities have names. Coordinates in metres."""
+
+    #: the dolfinx mesh
+    dolfinx: dolfinx.mesh.Mesh
+    #: name -> {dimension: entities of this rank, ghosts included}; every rank knows every name
+    groups: Mapping[str, Mapping[int, IntArray]] = field(default_factory=dict)
+    #: where it came from, for messages
+    name: str = "mesh"
+    #: whether the unit of its lengths was given, or is stated by its file
+    stated: bool = False
+
+    def __post_init__(self) -> None:
+        instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
+        instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
+        instance("name", self.name, str, "a text")
+        flag("stated", self.stated)
+        compat.name_coordinates(self.dolfinx)
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the mesh."""
+        return compat.communicator(self.dolfinx)
+
+    @property
+    def tdim(self) -> int:
+        """Dimension of the cells: 1 lines, 2 faces, 3 volumes."""
+        return int(self.dolfinx.topology.dim)
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the mesh lives in: 2 or 3."""
+        return int(self.dolfinx.geometry.dim)
+
+    @property
+    def cell(self) -> str:
+        """Shape of the cells, as dolfinx names it."""
+        return compat.cell_name(self.dolfinx)
+
+    @property
+    def order(self) -> int:
+        """Geometric order of the cells: 1 straight, 2 curved."""
+        return int(compat.coordinate_map(self.dolfinx).degree)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells on all ranks."""
+        return int(compat.cell_map(self.dolfinx).size_global)
+
+    @cached_property
+    def geometry(self) -> CellGeometry:
+        """The map of the cells of this rank, ghosts included, from reference coordinates."""
+        nodes = compat.geometry_nodes(self.dolfinx)
+        return CellGeometry(self.dolfinx.geometry.x[nodes], self.cell, self.order)
+
+    @cached_property
+    def boxes(self) -> tuple[Array, Array]:
+        """Lowest and highest coordinates (cells, 3) of the cells that this rank owns, m."""
+        nodes = compat.geometry_nodes(self.dolfinx)[: compat.cell_map(self.dolfinx).size_local]
+        x = self.dolfinx.geometry.x[nodes]
+        low, high = x.min(axis=1), x.max(axis=1)
+        if self.order > 1:  # a curved side may bulge out of the box of its nodes
+            low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+        return low, high
+
+    def extent(self) -> float:
+        """Diagonal of the bounding box, in m."""
+        low, high = bounds(self.comm, self.dolfinx.geometry.x)
+        return float(np.linalg.norm(high - low))
+
+    def group(self, name: str) -> Mapping[int, IntArray]:
+        """{dimension: local entities} of the group `name`; InputError if there is none."""
+        if not isinstance(name, str) or name not in self.groups:
+            groups = known(name, self.groups, "its groups")
+            raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
+        return self.groups[name]
+
+    def _facts(self) -> list[tuple[str, str]]:
+        cells = f"{self.n_cells} of kind {self.cell}, order {self.order}"
+        facts = [("cells", cells), ("name", self.name)]
+        return [*facts, ("groups", ", ".join(self.groups))] if self.groups else facts
+
+
+def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
+    """The dolfinx mesh of arrays that every rank holds (their groups too)."""
+    kind = raw.kind
+    cells, points = raw.cells, raw.points
+    if comm.rank > 0:
+        cells, points = cells[:0], points[:0]
+    cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
+    return Mesh(mesh, local_groups(mesh, raw.groups), name)
+
+
+def local_groups(
+    mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
+) -> dict[str, dict[int, IntArray]]:
+    """The entities of this rank in each group, given by the vertices of each (input numbers).
+
+    One sort for all groups of a dimension: there may be thousands.
+    """
+    groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
+    numbers = np.asarray(mesh.geometry.input_global_indices)
+    for dim in sorted({dim for parts in wanted.values() for dim in parts}):
+        names = [name for name, parts in wanted.items() if dim in parts]
+        rows = [wanted[name][dim] for name in names]
+        mine = numbers[compat.entity_vertices(mesh, dim)]
+        code = keys(mine)
+        order = np.argsort(code)
+        asked = keys(np.vstack(rows))
+        position = np.minimum(np.searchsorted(code[order], asked), max(len(mine) - 1, 0))
+        here = code[order][position] == asked if len(mine) else np.zeros(len(asked), dtype=bool)
+        ends = np.cumsum([len(r) for r in rows])
+        for name, end, part in zip(names, ends, rows, strict=True):
+            some = slice(end - len(part), end)
+            found = order[position[some][here[some]]]
+            groups[name][dim] = np.unique(found).astype(np.int32)
+    return groups

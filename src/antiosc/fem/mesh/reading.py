@@ -1,11 +1,12 @@
-"""`read_mesh`: the mesh of a file, of a geometry or of dolfinx."""
+"""`read_mesh`, `box_mesh`: the mesh of a file, of a geometry, of dolfinx, or of given lengths."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import dolfinx
 import numpy as np
@@ -25,16 +26,16 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, MeshError
-from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agree, collective, on_root, warn
+from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
-from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import STATES_UNIT, read
+from antiosc.io.neutral import RawMesh, UnitSystem
+from antiosc.io.reading import STATES_UNIT, Wanted, read
 from antiosc.io.request import Refinement
-from antiosc.io.selection import Wanted
-from antiosc.io.unit_system import UnitSystem
+
+if TYPE_CHECKING:
+    from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
 
 
 @collective()
@@ -45,7 +46,7 @@ def read_mesh(
     *,
     order: int | None = None,
     refine: Sequence[Refinement] = (),
-    groups: Mapping[str, tuple[Any, int]] | None = None,
+    groups: Mapping[str, tuple[MeshTags, int]] | None = None,
     cells: Wanted = None,
     parts: Sequence[str] | None = None,
     unit: str | float | None = None,
@@ -225,7 +226,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> Mesh:
+def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A dolfinx mesh with names given to its tags."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
@@ -244,3 +245,58 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> 
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
     agree(compat.communicator(mesh), error)
     return Mesh(mesh, named, "the dolfinx mesh")
+
+
+#: by the number of lengths: a name, a script of gmsh, and the sides by their groups
+KINDS = {
+    1: ("bar", "Point(1) = {{0, 0, 0}}; Point(2) = {{{0!r}, 0, 0}}; Line(1) = {{1, 2}};",
+        {"-x": "1", "+x": "2"}),
+    2: ("plate", "Rectangle(1) = {{0, 0, 0, {0!r}, {1!r}}};",
+        {"-x": "4", "+x": "2", "-y": "1", "+y": "3", "rim": "1, 2, 3, 4"}),
+    3: ("block", "Box(1) = {{0, 0, 0, {0!r}, {1!r}, {2!r}}};",
+        {"-x": "1", "+x": "2", "-y": "3", "+y": "4", "-z": "5", "+z": "6"}),
+}  # fmt: skip
+GROUPS = ("Point", "Curve", "Surface", "Volume")
+
+
+def box_mesh(
+    lengths: Sequence[float],
+    size: float,
+    *,
+    refine: Sequence[Refinement] = (),
+    gdim: int = 3,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Mesh:
+    """Mesh a bar, a plate or a block, with a corner at the origin and its sides along the axes.
+
+    Parameters
+    ----------
+    lengths : one, two or three floats
+        Along x, y and z, m: lines (for `Beam`), triangles (for `Shell`) or tetrahedra (`Solid`).
+    size : float
+        Largest element size, m.
+    refine : sequence of (point, size)
+        As for `read_mesh`.
+    gdim : 3 or 2
+        2 puts a bar or a plate into the plane: plane frames and plane stress.
+    comm : MPI communicator that shares the mesh
+
+    Returns
+    -------
+    Mesh
+        Its sides are the groups "-x", "+x", "-y", …; all edges of a plate are "rim".
+    """
+    sides = array("lengths", lengths, None)
+    if sides.ndim != 1 or len(sides) not in KINDS:
+        raise InputError(f"lengths must be one to three, as (0.2, 0.1); got {shown(lengths)}.")
+    choice("gdim", gdim, (2, 3))
+    name, body, groups = KINDS[len(sides)]
+    own = body.format(*(positive("a length", float(side), "m") for side in sides))
+    last, outside = GROUPS[len(sides)], GROUPS[len(sides) - 1]
+    lines = ['SetFactory("OpenCASCADE");', own, f'Physical {last}("{name}") = {{1}};']
+    lines += [f'Physical {outside}("{side}") = {{{them}}};' for side, them in groups.items()]
+    with TemporaryDirectory() as folder:
+        script = Path(folder, f"{name}.geo")
+        script.write_text("\n".join(lines) + "\n", encoding="ascii")
+        made = read_mesh(script, size, gdim, order=1, refine=refine, comm=comm)
+    return replace(made, name=name)

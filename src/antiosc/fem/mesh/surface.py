@@ -1,7 +1,6 @@
-"""The faces of a part at which impacts are possible: the outer facets of a solid, the cells of a
-shell.
+"""Points on a mesh: of its groups with weights, on its outer faces, and the closest to others.
 
-Both are treated in the same way.
+The faces at which impacts are possible are the outer facets of a solid and the cells of a sheet.
 """
 
 from __future__ import annotations
@@ -9,13 +8,318 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import cached_property
 
+import basix
 import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh.entities import Entities
-from antiosc.fem.mesh.mesh import Mesh, clamped, excess, near, projected
+from antiosc.base.errors import InputError
+from antiosc.fem.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
+
+#: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
+DEGREE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Weighted points in cells of a mesh, n of them."""
+
+    entity: IntArray  # (n,) number of the entity of each
+    #: cell, X: (n,) cell and (n, tdim) reference coordinates in it
+    cell: IntArray
+    X: Array
+    x: Array  # (n, 3) coordinates [m]
+    weight: Array  # (n,) [m, m² or m³; 1 for points]
+
+
+def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
+    """(dimension, entities of this rank) of the largest dimension in a group, on all ranks."""
+    found = mesh.group(group)
+    dim = mesh.comm.allreduce(max((d for d in found if len(found[d])), default=-1), op=MPI.MAX)
+    if dim < 0:
+        raise InputError(f"the group {group!r} of {mesh.name} is empty.")
+    return dim, np.asarray(found.get(dim, np.zeros(0, dtype=np.int32)))
+
+
+def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
+    """(a cell at each entity, the number of the entity in this cell)."""
+    topology = mesh.dolfinx.topology
+    if dim == mesh.tdim:
+        return np.asarray(entities), np.zeros(len(entities), dtype=int)
+    topology.create_entities(dim)
+    topology.create_connectivity(dim, mesh.tdim)
+    to_cell = topology.connectivity(dim, mesh.tdim)
+    cells = np.asarray(to_cell.array)[np.asarray(to_cell.offsets)[entities]]
+    own = compat.cell_entities(mesh.dolfinx, dim)[cells]
+    return cells, np.asarray((own == np.asarray(entities)[:, None]).argmax(axis=1))
+
+
+def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
+    """Origin (n, tdim) and axes (n, tdim, dim) of entities of cells in the reference cell."""
+    if dim == mesh.tdim:
+        count = len(number)
+        return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
+    kind = getattr(basix.CellType, mesh.cell)
+    corners, entities = np.asarray(basix.geometry(kind)), basix.topology(kind)[dim]
+    origin = np.array([corners[e[0]] for e in entities])
+    axes = np.array([(corners[e[1 : dim + 1]] - corners[e[0]]).T for e in entities])
+    return origin[number], axes.reshape(len(entities), mesh.tdim, dim)[number]
+
+
+class Entities:
+    """Entities of one dimension of a mesh, F of them.
+
+    A point of one has coordinates ξ in the reference entity and X = origin + axes ξ in the
+    reference cell.
+
+    Attributes
+    ----------
+    cells : (F,) a cell at each.
+    vertices : (F, v) numbers of the geometry nodes at their vertices.
+    corners : (F, v, 3) vertices [m].
+    middle : (F, dim) coordinates ξ of their middles.
+    """
+
+    def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
+        self.mesh, self.dim = mesh, dim
+        self.cells, number = cells_at(mesh, dim, entities)
+        self._origin, self._axes = frames(mesh, dim, number)
+        self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[entities]
+        self.corners = mesh.dolfinx.geometry.x[self.vertices]
+        self.simplex = self.corners.shape[1] == dim + 1
+        self.affine = mesh.geometry.affine
+        self.middle = np.full((len(self), dim), 1 / (dim + 1) if self.simplex else 0.5)
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    @cached_property
+    def centres(self) -> Array:
+        """Middles of the vertices (F, 3) [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @cached_property
+    def radii(self) -> Array:
+        """Radius (F,) of a ball around the middle that holds the entity [m]."""
+        away = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
+        return np.asarray(away.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
+
+    def reference(self, face: IntArray, xi: Array) -> Array:
+        """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of entities (n,)."""
+        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
+
+    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
+        """(points (n, 3) [m], derivatives (n, 3, dim)) at ξ in entities."""
+        x, J = self.mesh.geometry.at(self.cells[face], self.reference(face, xi))
+        return x, np.einsum("nxt,ntd->nxd", J, self._axes[face])
+
+
+def shape(mesh: Mesh, dim: int) -> str:
+    """Shape of the entities of a dimension: "point", "interval", "triangle", …"""
+    if dim == mesh.tdim:
+        return mesh.cell
+    if dim < 2:
+        return ("point", "interval")[dim]
+    return "triangle" if mesh.geometry.simplex else "quadrilateral"
+
+
+def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrature:
+    """A rule on entities of a mesh: exact for polynomials of `degree` on straight simplices."""
+    cells, number = cells_at(mesh, dim, entities)
+    origin, axes = frames(mesh, dim, number)
+    if dim == 0:
+        xi, weights = np.zeros((1, 0)), np.ones(1)
+    else:
+        xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
+    many, count = len(entities), len(weights)
+    X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
+    cell = np.repeat(cells, count)
+    X = X.reshape(many * count, -1)
+    x, J = mesh.geometry.at(cell, X)
+    area = np.ones(many * count)
+    if dim:
+        J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
+        area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
+    return Quadrature(
+        np.repeat(np.arange(many), count),
+        cell,
+        X,
+        x,
+        area * np.tile(weights, many),
+    )
+
+
+def centre(mesh: Mesh, group: str) -> Array:
+    """Centroid (3,) of the entities of the largest dimension in a group [m]; of all ranks."""
+    dim, entities = largest(mesh, group)
+    mesh.dolfinx.topology.create_entities(dim)
+    entities = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
+    points = quadrature(mesh, dim, entities, DEGREE)
+    total = mesh.comm.allreduce(points.weight.sum())
+    return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
+
+
+#: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
+OUTSIDE_CELL = 1e-9
+
+
+@dataclass(frozen=True)
+class ClosestPoint:
+    """The point of the structure closest to a given one."""
+
+    #: rank that owns the cell, and the cell's number there
+    rank: int
+    cell: int
+    #: reference coordinates (tdim,) in the cell
+    X: Array
+    #: the closest point itself (3,), m
+    x: Array
+    #: its distance to the given point, m
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """The same for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
+
+    rank: IntArray
+    cell: IntArray
+    X: Array
+    x: Array
+    distance: Array
+
+    def __len__(self) -> int:
+        return len(self.rank)
+
+    def __getitem__(self, i: int) -> ClosestPoint:
+        return ClosestPoint(
+            int(self.rank[i]), int(self.cell[i]), self.X[i], self.x[i], float(self.distance[i])
+        )
+
+
+def closest(mesh: Mesh, point: Array) -> ClosestPoint:
+    """The closest point of the mesh, the same answer on every rank; `point` has shape (3,)."""
+    return closest_many(mesh, np.asarray(point)[None])[0]
+
+
+def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
+    """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
+
+    Points inside cells are found together; the others one by one, cell by cell.
+    """
+    cell, X, distance = _inside(mesh, points)
+    found = np.array(mesh.comm.allgather(np.isfinite(distance)))
+    x = points.copy()
+    for i in np.flatnonzero(~found.any(axis=0)):
+        nearest = _closest_here(mesh, points[i])
+        if nearest is not None:
+            cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
+    rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
+    mine = rank == mesh.comm.rank
+    own = [np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)]
+    cell, X, x, distance = (mesh.comm.allreduce(a) for a in own)
+    return ClosestPoints(rank, cell, X, x, distance)
+
+
+def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
+    """Largest distance in m between two nodes of the cell with the closest point, on all ranks."""
+    size = 0.0
+    if mesh.comm.rank == nearest.rank:
+        x = mesh.geometry.nodes[nearest.cell]
+        size = float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+    return float(mesh.comm.bcast(size, root=nearest.rank))
+
+
+def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
+    """(cell, reference coordinates, distance) of points inside cells of this rank; inf elsewhere.
+
+    Of several cells that share the point the first is taken.
+    """
+    cell, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
+    X = np.zeros((len(points), mesh.tdim))
+    low, high = mesh.boxes
+    if not len(low):
+        return cell, X, distance
+    reach = 0.5 * np.linalg.norm(high - low, axis=1)
+    item, point = near((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
+    geometry = mesh.geometry
+    margin = OUTSIDE_CELL * reach[item, None]
+    boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
+    item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
+    start = np.tile(geometry.centre(), (len(item), 1))
+    xi = projected(
+        lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
+    )
+    off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
+    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
+    item, point, xi, off = item[holds], point[holds], xi[holds], off[holds]
+    order = np.lexsort((-item, point))  # the first cell is written last
+    cell[point[order]], X[point[order]] = item[order], xi[order]
+    distance[point[order]] = off[order]
+    return cell, X, distance
+
+
+def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
+    """Cells in the order of the distance to their boxes, until no box can hold a closer point."""
+    n_cells = compat.cell_map(mesh.dolfinx).size_local
+    if not n_cells:
+        return None
+    low, high = mesh.boxes
+    bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
+    best: ClosestPoint | None = None
+    for cell in np.argsort(bound, kind="stable"):
+        if best is not None and bound[cell] >= best.distance:
+            break
+        nearest = _closest_in(mesh, int(cell), point)
+        if best is None or nearest.distance < best.distance:
+            best = nearest
+    return best
+
+
+def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
+    """The closest point of one cell: the foot of the perpendicular, or a point of its boundary."""
+    geometry = mesh.geometry
+    scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
+    one = np.array([cell])
+
+    def at(X: Array) -> tuple[Array, Array]:
+        return geometry.at(one, X.reshape(1, -1))
+
+    middle = geometry.centre()
+    X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)
+    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= OUTSIDE_CELL:
+        X = clamped(X, geometry.simplex)
+
+        from scipy.optimize import minimize  # loaded where it is used: it takes long
+
+        def objective(X: Array) -> tuple[float, Array]:
+            x, J = at(X)
+            gap = (x[0] - point) / scale
+            return float(gap @ gap), 2 * (gap @ J[0]) / scale
+
+        inside: list[dict[str, object]] = []
+        if geometry.simplex and mesh.tdim > 1:
+            inside = [
+                {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
+            ]
+        starts = [X[0]] if geometry.affine else [X[0], middle]
+        results = [
+            minimize(
+                objective,
+                start,
+                jac=True,
+                method="SLSQP",
+                bounds=[(0, 1)] * mesh.tdim,
+                constraints=inside,
+                options={"ftol": 1e-15, "maxiter": 200},
+            )
+            for start in starts
+        ]
+        X = clamped(min(results, key=lambda r: r.fun).x[None], geometry.simplex)
+    x = at(X)[0][0]
+    return ClosestPoint(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))
+
 
 #: Faces whose normals differ by less than this cosine lie on one side of an edge.
 SAME_FACE = 0.5

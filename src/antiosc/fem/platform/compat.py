@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import dolfinx
 import numpy as np
@@ -51,7 +51,7 @@ def create_mesh(
     import basix.ufl
 
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
-    options: dict[str, Any] = {}
+    options: dict[str, object] = {}
     if joints and comm.size > 1:
         if DOLFINX < (0, 10):
             options["partitioner"] = _all_on_root
@@ -60,8 +60,12 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
 
 
+#: One flat array of vertices for each kind of cell, or a list for each cell.
+_CellsOfRank: TypeAlias = "list[IntArray] | dolfinx.graph.AdjacencyList"
+
+
 def _all_on_root(
-    comm: MPI.Comm, n_parts: int, kinds: Sequence[Any], cells: Any
+    comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: _CellsOfRank
 ) -> dolfinx.graph.AdjacencyList:
     if isinstance(cells, list):  # of vertices, one flat array a kind of cell
         n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
@@ -432,9 +436,17 @@ def quadratic(
         metadata = {**one.metadata(), "quadrature_degree": least}
         return one.reconstruct(integrand=q * one.integrand(), metadata=metadata)
 
+    def equal(a: fem.Function, b: fem.Function) -> bool:
+        same = a.ufl_element() == b.ufl_element() and np.array_equal(a.x.array, b.x.array)
+        return bool(communicator(space.mesh).allreduce(int(not same)) == 0)
+
+    # what equal coefficients are multiplied by is computed once
+    own: dict[fem.Function, fem.Function] = {}
+    for each in dict.fromkeys(each for form in forms for each in form.coefficients()):
+        own[each] = next((c for c in own if equal(c, each)), each)
     form = sum(
-        ufl.Form([of_cells(one) for one in own.integrals()])
-        for own in (ufl.replace(each, dict.fromkeys(each.arguments(), x)) for each in forms)
+        ufl.Form([of_cells(one) for one in changed.integrals()])
+        for changed in (ufl.replace(f, own | dict.fromkeys(f.arguments(), x)) for f in forms)
     )
     compiled, total = _compiled(form, SUMS), 0.0
     for row, weight in zip(with_ghosts(space, block.T).T, weights, strict=True):

@@ -29,7 +29,7 @@ import ffcx
 import ffcx.codegeneration.jit as ffcx_jit
 
 from antiosc.base.errors import InputError, warn
-from antiosc.base.isolation import own_folder, quiet, restored
+from antiosc.base.process import own_folder, quiet, restored
 
 #: Time for which a process waits for another one that compiles the same form, s. A lock ends with
 #: its process, and a form takes a minute of processor time at most; a busy machine gives it little.
@@ -65,7 +65,9 @@ def checked_folder() -> Iterator[None]:
 
 
 @contextmanager
-def _replaced(module: ModuleType, names: set[str], function: Callable[..., Any]) -> Iterator[None]:
+def _replaced(
+    module: ModuleType, names: set[str], function: Callable[..., object]
+) -> Iterator[None]:
     """Replace the functions of these names that a module has."""
     usual = {name: value for name, value in vars(module).items() if name in names}
     vars(module).update(dict.fromkeys(usual, function))
@@ -78,12 +80,12 @@ def _replaced(module: ModuleType, names: set[str], function: Callable[..., Any])
 def _cached(
     folder: Path,
     entries: dict[str, _Entry],
-    usual: Callable[..., tuple[Any, Any]],
+    usual: Callable[..., tuple[object, object]],
     name: str,
     objects: list[str],
     cache_dir: Path,
     timeout: int,
-) -> tuple[Any, Any]:
+) -> tuple[object, object]:
     """FFCx's `get_cached_module`: (None, None), and the entry held, if it has to be compiled."""
     if Path(cache_dir) != folder:  # another thread of the program compiles for itself
         return usual(name, objects, cache_dir, timeout)
@@ -102,11 +104,11 @@ def _cached(
 
 def _compiled(
     entries: dict[str, _Entry],
-    usual: Callable[..., tuple[Any, Any]],
+    usual: Callable[..., tuple[object, object]],
     cache_dir: Path,
     name: str,
     objects: list[str],
-) -> tuple[Any, Any]:
+) -> tuple[object, object]:
     """FFCx's `_load_objects`, of what it has just compiled."""
     found = usual(cache_dir, name, objects)
     if name in entries:
@@ -256,7 +258,7 @@ def _mended() -> Iterator[None]:
         counts = counts[: cell.topological_dimension()]
         return values(points, cell, *head, counts, component)
 
-    def claimed(path: Path, mode: str) -> IO[Any]:
+    def claimed(path: Path, mode: str) -> IO[str]:
         file = open(path, mode)  # noqa: SIM115
         if path.suffix == ".c":
             file.close()

@@ -1,1 +1,119 @@
-"""Strains, stresses and section forces at points of cells, from shapes of displacement."""
+"""Recovery; here where in a thickness or a section a stress is taken, and in which axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.base.stresses import Strengths
+from antiosc.fem.elements import Layer, Section
+
+#: What is said of beams on whose outline a stress is asked.
+NO_OUTLINE = (
+    "a section given by A and I has no outline; give fibre=(y, z), the distances of the point from"
+    " its centroid, or Section(…, outline=[(y, z), …])"
+)
+
+SURFACES = ("top", "bottom", "middle")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point within the thickness or the section; the arguments of `probe`.
+
+    Attributes
+    ----------
+    surface : "top", "bottom" or "middle" of a sheet or of its `layer`, or a direction (3,): the
+        outer surface on this side.
+    layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
+    fibre : (y, z) distances from the centroid of a beam's section along its axes, m, or the number
+        of a point of its outline; None: not given.
+    local : whether tensors are in the local axes, not in those of the mesh.
+    stiffener : group of beams on the edges of a sheet, of which the quantity is asked; None: of the
+        cells.
+    """
+
+    surface: str | tuple[float, ...] = "top"
+    layer: int | None = None
+    fibre: tuple[float, float] | int | None = (0.0, 0.0)
+    local: bool = False
+    stiffener: str | None = None
+
+    def within(self, R: Array) -> Place:
+        """The same place in the axes of a part that an assembly turns by R (3, 3)."""
+        if isinstance(self.surface, str):
+            return self
+        return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
+
+
+def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
+    """The place at each point of the outlines of the sections; none where one has no outline."""
+    sizes = [len(section.outline) for section in sections]
+    return [replace(place, fibre=k) for k in range(max(sizes))] if min(sizes) else []
+
+
+class Origin(NamedTuple):
+    """The strength of the material of some tensors, and their place in a sheet."""
+
+    strength: float | Strengths | None
+    place: Place
+
+
+class NodeTensors(NamedTuple):
+    """Tensors at nodes, on rank 0; a node may have several.
+
+    nodes (S,), components (S, 6, columns), number of each in `origins`.
+    """
+
+    nodes: IntArray
+    columns: Array
+    origin: IntArray
+    origins: list[Origin]
+
+
+def layers_of(material: object) -> Sequence[Layer]:
+    """The layers of a laminate; none of other materials."""
+    layers: Sequence[Layer] = getattr(material, "layers", ())
+    return layers
+
+
+def strength_of(material: object, place: Place) -> float | Strengths | None:
+    """Yield strength of a material, or the strengths of the layer of a laminate; None: unknown."""
+    layers = layers_of(material)
+    if not layers:
+        return getattr(material, "yield_strength", None)
+    strength: Strengths | None = None if place.layer is None else layers[place.layer].strength
+    return strength
+
+
+def place(
+    surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
+) -> Place:
+    """The arguments of `probe` after a check; InputError for others."""
+    if isinstance(surface, str):
+        checks.choice("surface", surface, SURFACES)
+    elif isinstance(surface, Sequence) or hasattr(surface, "shape"):
+        vector = checks.array("surface", surface, (3,))
+        if not np.linalg.norm(vector):
+            raise InputError("surface must not be the zero vector: it is the side of the sheet.")
+        surface = tuple(vector.tolist())
+    else:
+        raise InputError(
+            f"surface must be 'top', 'bottom', 'middle' or a direction (x, y, z); got "
+            f"{checks.shown(surface)}."
+        )
+    if layer is not None:
+        layer = checks.whole("layer", layer, least=0)
+    if fibre is not None:
+        y, z = checks.array("fibre", fibre, (2,)).tolist()
+        fibre = (y, z)
+    local = checks.choice("axes", axes, ("global", "local")) == "local"
+    if stiffener is not None:
+        checks.text("stiffener", stiffener)
+    return Place(surface, layer, fibre, local, stiffener)

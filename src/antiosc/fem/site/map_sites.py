@@ -15,14 +15,13 @@ from antiosc.base.checks import array, coordinates, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.mesh.closest_point import closest_many
-from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.assembly.joint import group_end
+from antiosc.fem.mesh.surface import Faces, closest_many
+from antiosc.fem.site import LEAST_FREE_SHARE
 from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
-from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.fem.structure.placement import in_space
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05

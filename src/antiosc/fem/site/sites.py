@@ -17,10 +17,8 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
-from antiosc.fem.mesh.surface import Contact, Faces
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import warn
+from antiosc.fem.mesh.surface import ClosestPoints, Contact, Faces, closest, closest_many, size_at
+from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Rings of a disc's rule beside those that its cells ask for, and the most there may be by the

@@ -1,1 +1,536 @@
-"""Structures: K and M with supports, attachments and rigid-body modes, from a mesh or given."""
+"""K and M with their supports applied, what is known of their dofs, and null vectors of K.
+
+Inverse iteration finds the null vectors of a singular K as the motions without strain, and the
+shift that makes K factorable from the lowest elastic ω² beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
+from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
+from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
+from antiosc.fem.linalg import Choice, Solver, algebra, solver_for
+from antiosc.fem.linalg.algebra import (
+    by_strains,
+    communicator,
+    dot,
+    force_ratios,
+    frequency,
+    multiply,
+    norm,
+    norms,
+    roots,
+    softness,
+    sum_of,
+)
+from antiosc.io.dof_map import DofMap
+from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.motion import Inertia
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def in_space(point: ArrayLike) -> Array:
+    """Three coordinates of a point of two or three; z = 0 where there are two."""
+    x = np.asarray(point, dtype=float)
+    return np.pad(x, (0, 3 - len(x)))
+
+
+def _checked_point(name: str, value: object) -> tuple[float, ...]:
+    return tuple(in_space(coordinates(name, value)).tolist())
+
+
+def checked_axis(name: str, value: object) -> tuple[float, ...]:
+    """The direction of an axis, or InputError."""
+    axis = array(name, value, (3,))
+    if not np.linalg.norm(axis):
+        raise InputError(f"{name} must not be the zero vector.")
+    return tuple(axis.tolist())
+
+
+@dataclass(frozen=True)
+class Placement(Checked):
+    """A rotation about an axis, then a translation: x → c + R (x − c) + shift.
+
+    Parameters
+    ----------
+    shift : sequence of 2 or 3 floats
+        Translation, m.
+    axis : sequence of 3 floats
+        Direction of the axis of rotation.
+    angle : float
+        Angle of the rotation, rad, positive by the right-hand rule.
+    about : sequence of 2 or 3 floats
+        The point c on the axis of rotation, m.
+    """
+
+    shift: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
+    angle: float = field(default=0.0, metadata=checked_by(number, "rad"))
+    about: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
+
+    @property
+    def rotation(self) -> Array:
+        """R (3, 3), by Rodrigues' formula; exact for quarter turns about a coordinate axis."""
+        unit = np.array(self.axis) / np.linalg.norm(self.axis)
+        cross = skew(unit)
+        sine, cosine = np.sin(self.angle), np.cos(self.angle)
+        R = np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
+        whole = np.round(R)
+        return whole if np.abs(R - whole).max() < 1e-15 else R
+
+    def placed(self, x: Array) -> Array:
+        """Where points (n, 3) of the part lie in the assembly."""
+        about = np.array(self.about)
+        return about + (x - about) @ self.rotation.T + self.shift
+
+    def own(self, x: Array) -> Array:
+        """Coordinates in the part of points (n, 3) of the assembly."""
+        about = np.array(self.about)
+        return about + (x - self.shift - about) @ self.rotation
+
+
+def skew(a: Array) -> Array:
+    """The matrix (3, 3) with skew(a) b = a × b; (n, 3, 3) for vectors (n, 3)."""
+    a = np.asarray(a, dtype=float)
+    zero = np.zeros(a.shape[:-1])
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rigid_motions(points: Array, axes: Array, moves: BoolArray, centre: Array) -> Array:
+    """Unit translations along x, y, z and rotations about `centre` (3,) on n dofs (n, 6).
+
+    `points` and `axes` (n, 3): where each dof is, and its direction; `moves` (n,): whether it is
+    a displacement, or else a rotation.
+    """
+    result = np.zeros((len(points), 6))
+    result[moves, :3] = axes[moves]
+    result[moves, 3:] = np.cross(points[moves] - centre, axes[moves])
+    result[~moves, 3:] = axes[~moves]
+    return result
+
+
+def placement(name: str, given: Placement | Sequence[float] | None) -> Placement:
+    """`given` as a Placement: one itself, or a translation of 2 or 3 numbers."""
+    if given is None:
+        return Placement()
+    if isinstance(given, Placement):
+        return given
+    try:
+        return Placement(shift=given)
+    except InputError as error:
+        raise InputError(
+            f"at[{name!r}] must be a translation (x, y, z) in m or a Placement; got {shown(given)}."
+        ) from error
+
+
+#: Eigenvalues of a projected matrix over the largest that are rounding.
+ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Dissipation:
+    """One term Gᵀ c G of the damping."""
+
+    G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
+    c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
+    tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
+    matrix: Matrix | None = None  # of all dofs, times `factor`
+    factor: float = 1.0
+
+    def projected(self, comm: MPI.Comm, V: Array) -> Array:
+        """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""
+        if self.matrix is None:
+            assert self.c is not None
+            return np.asarray(_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
+        return _root(self.factor * dot(comm, V, multiply(self.matrix, V)))
+
+
+def _root(matrix: Array) -> Array:
+    """L with L'L = the semidefinite matrix."""
+    diagonal = matrix.diagonal()
+    least = max(ROUNDING * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
+    real = values > ROUNDING * values.max(initial=0.0)
+    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
+
+
+def ends(terms: Sequence[Dissipation]) -> Array | None:
+    """Gᵀ (rows of this rank, k) of all functionals: the forces of dashpots and branches."""
+    loads = [np.asarray(one.G.T.toarray()) for one in terms if one.matrix is None]
+    return np.hstack(loads) if loads else None
+
+
+def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
+    """All damping of the motions V (rows of this rank, k)."""
+    none = np.zeros((0, V.shape[1]))
+    found = [(one.projected(comm, V), one.tau) for one in terms]
+    viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
+    return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
+
+
+#: Force or energy of r over that of the entries (`antiosc.fem.linalg.algebra`) below which r counts
+#: as a rigid-body mode; rounding leaves about 1e-16.
+RIGID_FORCE = 1e-11
+#: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
+SHIFT = 0.1
+#: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
+SPANNED = 1e-12
+#: Message for matrices that cannot belong to a structure.
+INDEFINITE = (
+    "K must be positive semidefinite, and no massless dof may move freely: {}; check the supports "
+    "and the signs, that no penalty exceeds 1e8 times the usual entries, and that the load in K "
+    "is below buckling."
+)
+#: Steps of iterative refinement of K's null vectors, each a tenth of the error; inverse iteration
+#: alone stops at the rounding of its solves, 10² to 10⁶ times the rounding of Kr.
+REFINEMENTS = 4
+#: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
+FAR = 0.1
+
+
+def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float, Solver | None]:
+    """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).
+
+    The solver is None for a singular K. `given` is a basis of K's null space, if known.
+    """
+    comm, n = communicator(K), algebra.rows(K)
+    regular = _regular(comm, K) if given is None else None
+    if regular is not None:
+        return np.zeros((n, 0)), 0.0, regular
+    # Block inverse iteration, first far below the top of the spectrum; then again from the
+    # elastic value that it finds, so that the shift sits where the modes are.
+    shift = 1e-7 * frequency(K, M)
+    rng = np.random.default_rng(comm.rank)
+    block = (
+        rng.standard_normal((n, 12))
+        if given is None
+        else np.hstack([given, rng.standard_normal((n, 6))])
+    )
+    values = np.zeros(0)
+    for _ in range(2):
+        factor = _positive(K, shift, M)
+        for _ in range(8):
+            block = orthonormal(comm, M, block)
+            block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
+        block = orthonormal(comm, M, block)
+        values, turn = np.linalg.eigh(dot(comm, block, multiply(K, block)))
+        block = block @ turn
+        zero = np.abs(softness(K, block, multiply(K, block))) < _rigid(K)
+        if zero.all():
+            raise InputError(
+                f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
+            )
+        lowest = float(values[~zero].min())
+        if lowest <= np.finfo(float).eps * values[-1]:
+            raise InputError(INDEFINITE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x"))
+        shift = SHIFT * lowest
+    found = block[:, zero]
+    if given is not None and given.shape[1] != found.shape[1]:
+        raise InputError(
+            f"rigid_modes has {given.shape[1]} columns but K has {found.shape[1]} null vectors."
+        )
+    for _ in range(REFINEMENTS):
+        found = found - factor.solve_block(multiply(K, found))
+    return orthonormal(comm, M, found), shift, None
+
+
+def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
+    """A solver of K; None for a null vector: K does not factor, or a solve blows up along it."""
+    n = algebra.rows(K)
+    try:
+        factor = _solver(K)
+        x = np.random.default_rng(comm.rank).standard_normal(n)
+        for _ in range(3):
+            x = factor.solve_checked(x / norm(comm, x))
+    except AntioscError:
+        return None
+    X = x[:, None]
+    return None if softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3 else factor
+
+
+def _rigid(K: Matrix) -> float:
+    """Share of the entries' energy below which a motion is rigid; by strains it is a square."""
+    return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
+
+
+def _positive(K: Matrix, shift: float, M: Matrix) -> Solver:
+    """A solver of K + shift M; InputError where that is not positive definite."""
+    try:
+        return _solver(sum_of(K, shift, M))
+    except NotConvergedError as error:
+        raise InputError(
+            INDEFINITE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
+        ) from error
+
+
+def _solver(A: Matrix) -> Solver:
+    return solver_for(A, "auto", lambda: np.zeros((algebra.rows(A), 0)))
+
+
+def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
+    """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
+    loads = multiply(M, block)
+    before = np.sqrt(dot(comm, block, loads).diagonal())
+    basis = np.empty(block.shape, order="F")
+    products = np.empty(block.shape, order="F")
+    count = 0
+    for column, load, size in zip(block.T, loads.T, before, strict=True):
+        for _ in range(2):  # twice is enough (Kahan)
+            share = dot(comm, products[:, :count], column)
+            column = column - basis[:, :count] @ share
+        if count:
+            load = multiply(M, column)
+        left = np.sqrt(max(float(dot(comm, column, load)), 0.0))
+        if left > SPANNED * size:
+            basis[:, count], products[:, count] = column / left, load / left
+            count += 1
+    return basis[:, :count]
+
+
+def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
+    """The shift again, from block inverse iteration with a first one.
+
+    The polynomial fields of the first shift do not represent slender members, whose frequencies may
+    be ten times lower.
+    """
+    comm = factor.comm
+    x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
+    blocks = []
+    for _ in range(4):
+        x = factor.solve_block(multiply(M, x))
+        x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
+        blocks.append(x)
+    # a small structure exhausts the blocks: what rounding leaves of them must not be rigid
+    basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
+    if not basis.shape[1]:  # all motions are rigid
+        return float("inf")
+    values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
+    # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
+    softest = basis @ turn[:, :1]
+    cancelled = 0.0 if by_strains(K) else norms(comm, roots(K)[:, None] * softest)[0] ** 2
+    rounding = np.finfo(float).eps * (cancelled + values[-1])
+    if values[0] <= rounding:
+        raise AccuracyError(
+            f"the lowest elastic frequency is hidden by rounding, ω² = {values[0]:.1e} ± "
+            f"{rounding:.1e} rad²/s²: some part is attached by a hinge, a single common point or "
+            "line (join it along a face), or is too slender for double precision (use fewer "
+            "elements)."
+        )
+    return SHIFT * float(values[0])
+
+
+#: Most times that the shift of a free body is brought closer to its first elastic ω².
+CLOSER = 6
+
+
+class Plausibility(TypedDict, total=False):
+    """What the extent of linear theory follows from.
+
+    doubts : sentences on what is implausible of a part; wave_speed : the fastest along bars [m/s];
+    thickness : the least of sheets [m], unless they are held along one line alone.
+    """
+
+    doubts: list[str]
+    wave_speed: float
+    thickness: float
+
+
+@dataclass(eq=False)
+class StructureMatrices:
+    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest."""
+
+    #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
+    K: Matrix
+    M: Matrix
+    fixed: IntArray  # dofs of this rank that the supports hold; of a mesh, ghosts included
+    #: M-orthonormal rigid-body modes that the supports leave (rows of this rank, r)
+    rigid_modes: Array
+    #: first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes
+    first_shift: float
+    solver: Choice = "auto"
+    C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
+
+    #: whether they are of a mesh, or of several that are joined
+    meshed: ClassVar[bool] = False
+    assembled: ClassVar[bool] = False
+    #: whether the node and direction of each row are known
+    nodal: ClassVar[bool] = False
+
+    @property
+    def lossy(self) -> bool:
+        """Whether a material has a loss factor."""
+        return False
+
+    @property
+    def plausibility(self) -> Plausibility:
+        """What an extraction hands on for the plausibility of blows."""
+        return {}
+
+    @property
+    def located(self) -> bool:
+        """Whether they are given matrices with coordinates of their nodes."""
+        return False
+
+    @property
+    def rigid_motions(self) -> Array:
+        """Rigid-body motions of the unsupported body (rows of this rank, r), where they are known.
+
+        The multigrid starts from them.
+        """
+        return np.zeros((algebra.rows(self.K), 0))
+
+    def factored(self) -> tuple[Solver, float]:
+        """(solver of K + sM, s): from the first shift on, until s fits the first elastic ω²."""
+        shift = self.first_shift
+        factor = self._solver_of(shift)
+        for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
+            better = closer_shift(factor, self.K, self.M, self.rigid_modes)
+            if better >= FAR * shift:
+                break
+            shift = better
+            del factor  # there may be no room for two
+            factor = self._solver_of(shift)
+        return factor, shift
+
+    def _solver_of(self, shift: float) -> Solver:
+        A = algebra.sum_of(self.K, shift, self.M)
+        algebra.free_when_dropped(A)
+        return solver_for(A, self.solver, lambda: self.rigid_motions)
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        raise InputError(
+            "the total mass is not known from matrices alone; build the Structure from a mesh."
+        )
+
+    @property
+    def dimensions(self) -> Box:
+        """Length, width and thickness of the part, m.
+
+        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
+        thickness are those of the rectangle with its section's A and I.
+        """
+        raise InputError("matrices have no dimensions: give length, width and thickness.")
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
+        raise InputError("matrices have no material: give E, nu and rho.")
+
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None for matrices, which do not tell where e points.
+        """
+        array("direction", direction, (3,))
+        return None
+
+    @property
+    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
+        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
+
+        With them any shape's momentum is its product with M r. None for matrices, which have no
+        coordinates, and where no rigid-body mode is left.
+        """
+        return None
+
+    def dissipation(self) -> list[Dissipation]:
+        """Dashpots, Maxwell branches and layers that relax."""
+        return [] if self.C is None else [Dissipation(matrix=self.C)]
+
+    def loss_stiffness(self, V: Array) -> Array | None:
+        """Σ η VᵀKV (k, k) of the materials, for V (rows of this rank, k); None without losses."""
+        return None
+
+    def describe(self, dofs: int) -> str:
+        """One line: what was modelled and with how many dofs."""
+        return f"given matrices, {dofs} dofs"
+
+
+#: Digits of coordinates in a file, as a share of the part's size: motions are rigid up to them.
+FILE_DIGITS = 1e-4
+
+
+@dataclass(eq=False)
+class NodalMatrices(StructureMatrices):
+    """K and M of another program with the node and direction of each row."""
+
+    map: DofMap = field(kw_only=True)
+
+    nodal: ClassVar[bool] = True
+
+    @property
+    def located(self) -> bool:
+        return self.map.located
+
+    def nodes(self) -> tuple[Array, IntArray]:
+        """Points (P, 3) of the nodes with coordinates, and the rows (P, 3) of x, y, z there.
+
+        A row is -1 where the displacement is not among the dofs.
+        """
+        known = np.isfinite(self.map.points).all(axis=1)
+        _, first, index = np.unique(self.map.node[known], return_index=True, return_inverse=True)
+        own = np.flatnonzero(known)
+        rows = np.full((len(first), 3), -1)
+        for axis in range(3):
+            along = self.map.component[own] == axis + 1
+            rows[index.ravel()[along], axis] = own[along]
+        return self.map.points[own[first]], rows
+
+    @cached_property
+    def _motions(self) -> tuple[Array, Array] | None:
+        """(point, motions): reference point (3,) and six rigid motions (rows, 6).
+
+        None if a row is not placed or no translation is a null vector of K: then supports have
+        taken rows away, or coordinates do not fit.
+        """
+        component, points = self.map.component, self.map.points
+        moving = (component >= 1) & (component <= 6)
+        if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
+            return None
+        point = (points.min(axis=0) + points.max(axis=0)) / 2
+        motions = rigid_motions(points, np.eye(3)[(component - 1) % 3], component <= 3, point)
+        there = motions.any(axis=0)
+        forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
+        limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
+        return (point, motions) if (forces < limits).all() else None
+
+    @property
+    def mass(self) -> float:
+        known = self.rigid_inertia
+        if known is None:
+            raise InputError(
+                "the total mass is known only of free bodies with coordinates: matrices lack "
+                "the mass of fixed dofs."
+            )
+        return known[0].mass
+
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        direction = array("direction", direction, (3,))
+        known = self.rigid_inertia
+        return None if known is None else np.asarray(known[1][:, :3] @ direction)
+
+    @cached_property
+    def rigid_inertia(self) -> tuple[Inertia, Array] | None:  # type: ignore[override]
+        if self._motions is None:
+            return None
+        point, motions = self._motions
+        loads = multiply(self.M, motions)
+        S = motions.T @ loads
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
+
+    def describe(self, dofs: int) -> str:
+        return f"given matrices, {len(np.unique(self.map.node))} nodes, {dofs} dofs"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Complex, Real
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 import scipy.sparse
@@ -20,14 +20,11 @@ from antiosc import fem
 from antiosc.base._types import Array, BoolArray, IntArray, Matrix
 from antiosc.base.checks import LARGEST, SMALLEST, array
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg import Solver, algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
-from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.platform.fingerprint import of_petsc
-from antiosc.fem.platform.mpi import agree, agreed, alike
-from antiosc.fem.structure import null_space
-from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
-from antiosc.io.matrices.dof_map import DofMap, rows_of
+from antiosc.fem.platform import agree, agreed, alike, of_petsc
+from antiosc.fem.structure import NodalMatrices, StructureMatrices, of_matrices
+from antiosc.io.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -95,7 +92,7 @@ def _check_square(name: str, shape: tuple[int, int]) -> None:
 def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     sparse = scipy.sparse.issparse(matrix)
     try:
-        entries: Any = matrix if sparse else np.asarray(matrix)
+        entries: Matrix = matrix if sparse else np.asarray(matrix)
     except Exception:  # rows of different lengths, or objects that are no arrays at all
         entries = np.zeros(())
     if not sparse and entries.ndim == 0:
@@ -115,7 +112,7 @@ def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     return own
 
 
-def _real(name: str, entries: Any) -> Any:
+def _real(name: str, entries: Matrix) -> Matrix:
     """Entries of other types as floats, if each is a real number."""
     values = entries.data if scipy.sparse.issparse(entries) else entries
     kinds = [Complex] if values.dtype.kind == "c" else {type(v) for v in np.ravel(values)}
@@ -169,7 +166,7 @@ def matrices_of_pair(
     given = None
     if rigid_modes is not None:
         given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
-    modes, shift, factor = null_space.of_matrices(K, M, given)
+    modes, shift, factor = of_matrices(K, M, given)
     parts = K, M, fixed, modes, shift
     if C is not None:
         C = _damping(C, K, fixed)

@@ -1,11 +1,11 @@
-"""`MeshedStructure`: K, M, mesh and weak form of a part; `Member`: the part in an assembly."""
+"""`MeshedStructure`: K, M, mesh and weak form of a part, and how they are assembled."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -13,24 +13,45 @@ import scipy.sparse.csgraph
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc.base import plausible
 from antiosc.base._types import Array, Box, IntArray
-from antiosc.base.checks import array, shown
+from antiosc.base.checks import array, several, shown, whole
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure, restricted
+from antiosc.base.progress import doing
+from antiosc.fem.elements.beam import Beam
+from antiosc.fem.elements.weak_form import (
+    Family,
+    Kind,
+    Material,
+    Parts,
+    WeakForm,
+    measure,
+    restricted,
+)
+from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
-from antiosc.fem.mesh.entities import DEGREE, Quadrature, largest, quadrature
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import bounds
-from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.dissipation import Dissipation
-from antiosc.fem.structure.matrices import Plausibility, StructureMatrices
-from antiosc.fem.structure.placement import Placement
-from antiosc.fem.structure.rigid_body_modes import about
-from antiosc.fem.structure.stiffeners import Stiffener
-from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group
+from antiosc.fem.linalg.solver_choice import attach
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import (
+    DEGREE,
+    ClosestPoints,
+    Faces,
+    Quadrature,
+    closest_many,
+    largest,
+    quadrature,
+)
+from antiosc.fem.platform import bounds, compat, warn
+from antiosc.fem.structure import Dissipation, Placement, Plausibility, StructureMatrices, support
+from antiosc.fem.structure.attachments import (
+    Attachment,
+    Matrices,
+    Stiffener,
+    add_at_points,
+    add_beams,
+    attachments_of,
+)
+from antiosc.fem.structure.support import NO_DOFS, Support, about, dofs_of_group, fixed_dofs
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
@@ -190,7 +211,7 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        return rigid_body_modes.motions(self.form, self.K)
+        return support.motions(self.form, self.K)
 
     @property
     def mass(self) -> float:
@@ -227,7 +248,7 @@ class MeshedStructure(StructureMatrices):
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         point = (low + high) / 2
-        motions = rigid_body_modes.about(self.form, point)
+        motions = support.about(self.form, point)
         loads = self.inertial_loads(motions)
         S = dot(self.comm, motions, loads)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
@@ -275,7 +296,7 @@ class MeshedStructure(StructureMatrices):
         ]
 
     @cached_property
-    def _losses(self) -> list[tuple[Any, PETSc.Mat]]:
+    def _losses(self) -> list[tuple[Material, PETSc.Mat]]:
         return self._stiffnesses("loss")
 
     def loss_stiffness(self, V: Array) -> Array | None:
@@ -284,7 +305,7 @@ class MeshedStructure(StructureMatrices):
         own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
         return np.asarray(sum(own))
 
-    def _stiffnesses(self, name: str) -> list[tuple[Any, PETSc.Mat]]:
+    def _stiffnesses(self, name: str) -> list[tuple[Material, PETSc.Mat]]:
         """(material, its share of K) of the materials in which `name` is set."""
         found = []
         for material, cells in self.parts:
@@ -320,3 +341,203 @@ def alone(stiffener: Stiffener) -> MeshedStructure:
         attached_inertia=np.zeros((rows, 3)),
         again=lambda _: alone(stiffener),
     )
+
+
+#: Deviation from a line of points that lie on it, over the size of the part.
+ON_LINE = 1e-6
+
+
+def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
+    """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
+    if not isinstance(material, Mapping) or mesh.tdim != 2:
+        return material, []
+    beams = {name: one for name, one in material.items() if isinstance(one, Beam)}
+    if not beams:
+        return material, []
+    cells = {name: one for name, one in material.items() if name not in beams}
+    if not cells or not all(_family(one).kind.sheet for one in cells.values()):
+        raise InputError(
+            f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
+            f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
+        )
+    found = []
+    for name, beam in beams.items():
+        edges = mesh.group(name).get(1)
+        if edges is None:
+            raise InputError(
+                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
+                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
+            )
+        found.append((name, beam, edges))
+    return cells, found
+
+
+def parts_of(mesh: Mesh, material: object) -> Parts:
+    """[(material, cells of this rank)], each cell once."""
+    imap = compat.cell_map(mesh.dolfinx)
+    n_cells = imap.size_local + imap.num_ghosts
+    if not isinstance(material, Mapping):
+        return [(_family(material), np.arange(n_cells, dtype=np.int32))]
+    if not material:
+        raise InputError("material is an empty dict: give {group name: material}.")
+    times = np.zeros(n_cells, dtype=int)
+    parts: list[tuple[Family, IntArray]] = []
+    for name, given in material.items():
+        one = _family(given)
+        cells = mesh.group(name).get(mesh.tdim)
+        if cells is None:
+            raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
+        times[cells] += 1
+        parts.append((one, cells))
+    if len({one.kind for one, _ in parts}) > 1:
+        raise InputError(
+            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
+            "and Laminate."
+        )
+    none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
+    twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
+    if none or twice:
+        raise InputError(
+            f"every cell needs one material: of {mesh.n_cells} cells {none} have none and "
+            f"{twice} more than one; the groups named are {', '.join(map(repr, material))}."
+        )
+    return parts
+
+
+def _family(material: object) -> Family:
+    """`material`, or InputError for anything else."""
+    if isinstance(material, type) or not isinstance(material, Family):
+        raise InputError(
+            "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
+            f"{type(material).__name__}."
+        )
+    return material
+
+
+def assembled(
+    mesh: Mesh,
+    material: Family | Mapping[str, Family],
+    supports: Sequence[Support],
+    *,
+    order: int,
+    attached: Sequence[Attachment],
+    solver: Choice,
+) -> MeshedStructure:
+    """The structure of a mesh; parameters and errors are those of `Structure`."""
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
+    order = whole("order", order)
+    if order not in (1, 2):
+        raise InputError(f"order must be 1 or 2; got {order}.")
+    checked_choice(solver)
+    held = several("supports", supports, Support, "Support(where, fix)")
+    carried = attachments_of(attached)
+    cells, beams = divided(mesh, material)
+    parts = parts_of(mesh, cells)
+    stiffeners = [beam for _, beam, _ in beams]
+    materials = [*(one for one, _ in parts), *stiffeners]
+    doubts = plausible.tell(
+        [
+            plausible.of_part(mesh.extent(), mesh.stated, mesh.tdim == 1),
+            *map(plausible.of_material, materials),
+            *(_of_section(one, mesh.extent()) for one in materials),
+        ]
+    )
+    form = parts[0][0].weak_form(mesh, parts, order)
+    conditions = fixed_dofs(mesh, form, held)
+    with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
+        K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
+        M = compat.assemble(form.mass, form.space, conditions, 0.0)
+    fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
+    free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
+    if mesh.comm.allreduce(free) == 0:
+        raise InputError("the supports fix every dof of the structure: nothing can move.")
+    mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
+    # What is added to K, apart where K is taken by its strains.
+    rest = K
+    if form.strains is not None:
+        rest = K.duplicate()
+        rest.zeroEntries()
+    to = Matrices(mesh, form, rest, M, fixed)
+    on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
+    added = [one for one, _ in on_edges.values()]
+    added += [add_at_points(to, one) for one in carried]
+    if form.strains is not None:
+        strains, degree = form.strains
+        S = compat.strain_matrix(strains, degree, form.space, conditions)
+        _take_by_strains(K, S, rest, fixed)
+    mass += sum(one.mass for one in added)
+    attached_inertia = sum(
+        (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
+    )
+    springs = np.column_stack([attached_inertia[:, :0], *(one.springs for one in added)])
+    modes, shift = support.of_mesh(form, fixed, K, M, springs)
+    if conditions and modes.shape[1]:
+        motions = support.described(mesh, form, modes)
+        warn(
+            mesh.comm,
+            f"the supports leave the structure free to move as a rigid body: {motions}; hold "
+            "that too unless it is intended.",
+        )
+    given = dict(material) if isinstance(material, Mapping) else material
+
+    def again(copy: Mesh, supports: Sequence[Support] = held) -> MeshedStructure:
+        return assembled(copy, given, supports, order=order, attached=carried, solver=solver)
+
+    return MeshedStructure(
+        K,
+        M,
+        fixed,
+        modes,
+        shift,
+        solver,
+        mesh=mesh,
+        form=form,
+        parts=parts,
+        total_mass=mass,
+        attached_inertia=attached_inertia,
+        again=again,
+        supports=held,
+        stiffeners={name: lines for name, (_, lines) in on_edges.items()},
+        dampers=[damper for one in added for damper in one.dampers],
+        conditions=conditions,
+        doubts=doubts,
+        thickness=_stretched(mesh, form, fixed, [one for one, _ in parts]),
+    )
+
+
+def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
+    """Add `rest` to K, and let products with K be taken by S, its strains."""
+    K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    first, last = rest.getOwnershipRange()
+    for dof in fixed[fixed < last - first]:
+        rest.setValue(first + dof, first + dof, 1.0)
+    rest.assemble()
+    attach(K, S, rest)
+
+
+def _stretched(
+    mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
+) -> float | None:
+    """The least thickness [m] of a sheet, None where it is held at points of one line alone.
+
+    Such a sheet bends as a cantilever does: large deflections hardly stretch it.
+    """
+    if not materials[0].kind.sheet:
+        return None
+    nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
+    x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
+    spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
+    if spread[1:].sum() <= ON_LINE * mesh.extent():
+        return None
+    return float(min(one.section.thickness for one in materials))
+
+
+def _of_section(material: Family, extent: float) -> str:
+    """What is implausible of the size of a section; "" for nothing."""
+    section = getattr(material, "section", None)
+    thickness = getattr(section, "thickness", None)
+    if thickness is not None:
+        return plausible.of_thickness(thickness, extent)
+    area = getattr(section, "A", 0.0)
+    return plausible.of_thickness(float(np.sqrt(area)), extent, "beam")

@@ -10,33 +10,40 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 from numpy.typing import ArrayLike
 
 import antiosc
 from antiosc.base._types import Array, Box, Matrix
-from antiosc.base.brief import Brief
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
-from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.solver import Choice, Solver
-from antiosc.fem.platform.mpi import ALONE, collective
+from antiosc.base.texts import Brief
+from antiosc.fem.linalg import Choice, Solver, algebra
+from antiosc.fem.platform import ALONE, collective
+from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
-from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.io.matrices.dof_map import DofMap, dof_map
-from antiosc.io.matrices.reading import read_pair
+from antiosc.io.dof_map import DofMap, dof_map
+from antiosc.io.matrices import read_pair
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc.fem.elements.weak_form import Family
-    from antiosc.fem.mesh.mesh import Mesh
+    from antiosc.fem.mesh import Mesh
     from antiosc.fem.structure.attachments import Attachment
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
+
+
+class Options(TypedDict):
+    """Arguments of a `Structure` of a mesh beside its material and its supports."""
+
+    order: int
+    attached: Sequence[Attachment]
+    solver: Choice
 
 
 class Structure(Brief):
@@ -97,7 +104,7 @@ class Structure(Brief):
     seconds: dict[str, float]
     supports: tuple[Support, ...] = ()
     #: mesh, material and options of a structure of one mesh
-    made_of: tuple[Mesh, Any, dict[str, Any]] | None = None
+    made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
 
@@ -115,8 +122,8 @@ class Structure(Brief):
         """Assemble the structure of a mesh."""
         started = time.perf_counter()
         with finite_element_packages():
-            from antiosc.fem.structure.of_mesh import assembled
-        options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
+            from antiosc.fem.structure.meshed import assembled
+        options: Options = {"order": order, "attached": attached, "solver": solver}
         made = assembled(mesh, material, supports, **options)
         self._hold(made, started)
         self.supports = tuple(made.supports)
@@ -308,7 +315,7 @@ class Structure(Brief):
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
 
     def __getattr__(self, name: str) -> Any:
-        """Attributes of the matrices: those of a mesh have `mesh`, `form` and `parts`, too."""
+        """Other attributes of the matrices: those of a mesh have `parts` and `layout`, too."""
         if name == "matrices" or name.startswith("__"):
             raise AttributeError(name)
         try:

@@ -1,23 +1,38 @@
-"""`Support`: displacement components that are fixed, as dofs."""
+"""`Support`: displacement components that are fixed; rigid-body motions that remain.
+
+On a mesh the rigid-body motions and the shift of a free body come from polynomial displacement
+fields (with half their curl as the rotations of beams and shells): the rigid motions among them
+that vanish on the fixed dofs are exact null vectors of K, and the lowest Rayleigh–Ritz value of the
+quadratic ones is of the order of the first elastic ω², from which the shift is taken.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import InitVar, dataclass
 from functools import partial
 
 import dolfinx
 import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.brief import Given
 from antiosc.base.checks import coordinates, in_words, nonnegative, shown, store
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.texts import Given
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.platform import compat
-from antiosc.fem.platform.mpi import agreed, bounds
-from antiosc.fem.structure.placement import in_space
+from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import agreed, bounds, compat
+from antiosc.fem.structure import (
+    RIGID_FORCE,
+    SHIFT,
+    Placement,
+    in_space,
+    orthonormal,
+    rigid_motions,
+)
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -226,3 +241,253 @@ def _pair(name: str, given: object, form: str) -> tuple[object, object]:
     if not isinstance(given, list | tuple) or len(given) != 2:
         raise InputError(f"{name} must be a pair {form}; got {shown(given)}.")
     return given[0], given[1]
+
+
+#: where a body stands that was not moved
+HERE = Placement()
+#: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
+Field = Callable[[Array], tuple[Array, Array]]
+
+#: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
+VANISHING = 1e-13
+#: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
+STRAINING_SHARE = 1e-9
+#: Share of the largest of some eigenvalues below which rounding makes them up.
+DROWNED = 1e-14
+
+
+def of_mesh(
+    form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
+) -> tuple[Array, float]:
+    """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²).
+
+    `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs hold.
+    """
+    comm: MPI.Comm = K.getComm().tompi4py()
+    fields, n_rigid = _fields(form, comm)
+    motions = _vanishing(comm, fields[:, :n_rigid], fixed, springs)
+    motions = orthonormal(comm, M, motions)
+    if not motions.shape[1]:
+        return motions, 0.0
+    left = force_ratios(K, motions, multiply(K, motions)).max()
+    if left > RIGID_FORCE:
+        raise AccuracyError(
+            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} (expected from "
+            "rounding: 1e-16); the mesh or the element order cannot represent rigid motions, or a "
+            "spring is so stiff that it should be a Support."
+        )
+    fields = _vanishing(comm, fields, fixed, springs)
+    return motions, SHIFT * first_elastic(comm, K, M, fields, motions)
+
+
+def motions(form: WeakForm, K: PETSc.Mat) -> Array:
+    """Rigid-body motions of the unsupported body (rows of this rank, r)."""
+    fields, rigid_count = _fields(form, K.getComm().tompi4py())
+    return fields[:, :rigid_count]
+
+
+def about(form: WeakForm, point: Array, at: Placement = HERE) -> Array:
+    """The six rigid motions of the unsupported body that stands `at` its place (dofs, 6).
+
+    Unit translations along x, y and z, unit rotations about the axes through `point` (3,) [m]; a
+    plane structure has zeros where it cannot move. Ghosts included.
+    """
+    x = at.placed(form.space.tabulate_dof_coordinates())
+    names = list(form.components)  # in the order of the dofs of a node
+    axes = at.rotation.T[["xyz".index(name[-1]) for name in names]]
+    moves = np.array([len(name) == 1 for name in names])
+    nodes = np.repeat(x, len(names), axis=0)
+    result = rigid_motions(nodes, np.tile(axes, (len(x), 1)), np.tile(moves, len(x)), point)
+    if "z" not in form.components:
+        result[:, [2, 3, 4]] = 0.0
+    return result[: compat.local_size(form.space)]
+
+
+def on_dofs(
+    form: WeakForm,
+    field: Field,
+    centre: Array,
+    size: float,
+    at: Placement = HERE,
+) -> Array:
+    """A field of the coordinates (x − centre)/size on the dofs of this rank (rows,)."""
+    x, block = at.placed(form.space.tabulate_dof_coordinates()), form.space.dofmap.index_map_bs
+    displacement, rotation = field((x - centre) / size)
+    column = np.zeros(len(x) * block)
+    for name, (component,) in form.components.items():
+        axis = at.rotation[:, "xyz".index(name[-1])]
+        # the displacement was given per unit of the scaled coordinates
+        column[component::block] = axis @ (rotation if name[0] == "r" else displacement)
+        if name[0] == "r":
+            column[component::block] /= size
+    return column[: compat.local_size(form.space)]
+
+
+def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
+    """The combinations of the columns that are zero on the fixed dofs and stretch no spring."""
+    scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
+    fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
+    owned = fixed[fixed < len(fields)]
+    at_fixed = fields[owned]
+    stretch = dot(comm, springs, fields)
+    gram = comm.allreduce(at_fixed.T @ at_fixed) + stretch.T @ stretch
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    combinations = (vectors / scale[:, None])[:, values < VANISHING]
+    result = fields @ combinations
+    result[owned] = 0.0
+    return result
+
+
+def first_elastic(
+    comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
+) -> float:
+    """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
+    elastic = fields - motions @ dot(comm, motions, multiply(M, fields))
+    before, after = (comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (fields, elastic))
+    # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
+    basis = orthonormal(comm, M, elastic[:, after > STRAINING_SHARE**2 * before])
+    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
+    if not len(values):
+        return frequency(K, M)
+    # Below the rounding of the largest nothing is told: `closer_shift` comes after.
+    return float(max(values[0], DROWNED * values[-1]))
+
+
+def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
+    """(polynomial fields on the dofs of this rank (rows, k), how many of them are rigid)."""
+    low, high = bounds(comm, form.space.tabulate_dof_coordinates())
+    every = list(polynomials(3 if "z" in form.components else 2))
+    size = float((high - low).max())
+    columns = [on_dofs(form, field, (low + high) / 2, size) for _, field in every]
+    return np.column_stack(columns), sum(rigid for rigid, _ in every)
+
+
+def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
+    """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then the others."""
+    axes = range(dim)
+    for i in axes:
+        yield True, _field(i, ())
+    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (2, 0)]:
+        yield True, _difference(_field(i, (j,)), _field(j, (i,)))
+    for i in axes:
+        for j in axes:
+            yield False, _field(i, (j,))
+            for k in range(j, dim):
+                yield False, _field(i, (j, k))
+
+
+def _field(component: int, powers: tuple[int, ...]) -> Field:
+    """u_component = Π s_j over `powers`, and half its curl."""
+
+    def value(s: Array) -> tuple[Array, Array]:
+        displacement, rotation = np.zeros((3, len(s))), np.zeros((3, len(s)))
+        displacement[component] = np.prod(s[:, list(powers)], axis=1)
+        for axis in range(3):
+            if axis == component or axis not in powers:
+                continue
+            rest = list(powers)
+            rest.remove(axis)
+            slope = powers.count(axis) * np.prod(s[:, rest], axis=1)
+            # curl of u e_c: component k gets ε_{k,axis,c} ∂u/∂axis
+            k = 3 - axis - component
+            sign = 1.0 if (k, axis, component) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+            rotation[k] += 0.5 * sign * slope
+        return displacement, rotation
+
+    return value
+
+
+def _difference(a: Field, b: Field) -> Field:
+    def value(s: Array) -> tuple[Array, Array]:
+        (u, r), (v, q) = a(s), b(s)
+        return u - v, r - q
+
+    return value
+
+
+# -- What rigid-body modes are in words.
+
+
+#: Share of a motion below which a part of it is rounding.
+MOTION_ROUNDING = 1e-6
+
+
+def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
+    """The motions spanned by rigid-body modes (rows of this rank, r): "translation along x, …".
+
+    Collective: every rank gets the same text.
+    """
+    low, high = bounds(mesh.comm, mesh.dolfinx.geometry.x)
+    centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    unit = about(form, centre)
+    unit[:, 3:] /= size
+    # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions
+    motions = np.linalg.pinv(dot(mesh.comm, unit, unit)) @ dot(mesh.comm, unit, modes)
+    return of_body(motions / np.linalg.norm(motions, axis=0), centre, size)
+
+
+def of_body(motions: Array, centre: Array, size: float) -> str:
+    """The motions (6, m) of a body in words.
+
+    Their coefficients are of unit translations along x, y, z and of rotations about axes through
+    `centre` (3,), scaled by 1/`size` [m].
+    """
+    moves, rotations = _divided(motions)
+    words = [f"translation along {_name(move)}" for move in moves]
+    for velocity, spin in rotations:
+        words.append(_turn(velocity, spin, moves, centre, size))
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
+    """Translations (t, 3), and motions that turn as (velocity of the centre, spin) pairs."""
+    _, values, right = np.linalg.svd(motions[3:])
+    turning = int(np.sum(values > MOTION_ROUNDING))
+    moves = _reduced((motions @ right[turning:].T)[:3].T)
+    moves = moves[moves.any(axis=1)]
+    turning_ones = (motions @ right[:turning].T).T
+    # spins in echelon form, so that axes of the mesh show where they are among them
+    order = _reduced(turning_ones[:, [3, 4, 5, 0, 1, 2]], columns=3)
+    keep = np.eye(3) if not len(moves) else np.eye(3) - np.linalg.pinv(moves) @ moves
+    return moves, [(keep @ row[3:], row[:3]) for row in order]
+
+
+def _reduced(rows: Array, columns: int | None = None) -> Array:
+    """The reduced echelon form of independent rows, pivots among the first `columns`."""
+    rows = np.array(rows, dtype=float)
+    row = 0
+    for column in range(rows.shape[1] if columns is None else columns):
+        if row == len(rows):
+            break
+        pivot = row + int(np.argmax(np.abs(rows[row:, column])))
+        if abs(rows[pivot, column]) <= MOTION_ROUNDING * np.abs(rows[row:]).max():
+            continue
+        rows[[row, pivot]] = rows[[pivot, row]]
+        rows[row] /= rows[row, column]
+        others = np.arange(len(rows)) != row
+        rows[others] -= np.outer(rows[others, column], rows[row])
+        row += 1
+    return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)
+
+
+def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
+    """One motion that rotates; `spin` in units of 1/size."""
+    axis = spin / np.linalg.norm(spin)
+    along = float(velocity @ axis)
+    words = f"rotation about {_name(axis)}"
+    if abs(along) > MOTION_ROUNDING * np.linalg.norm(velocity) and abs(along) > MOTION_ROUNDING:
+        words = f"a screw motion along {_name(axis)}"
+    if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), MOTION_ROUNDING) == 2:
+        return words  # with these translations the axis may lie anywhere
+    through = centre + size * np.cross(spin, velocity) / float(spin @ spin)
+    through = np.where(np.abs(through) > MOTION_ROUNDING * size, through, 0.0)
+    return f"{words} through ({', '.join(f'{c:.4g}' for c in through)}) m"
+
+
+def _name(direction: Array) -> str:
+    """x, y or z, or the direction in numbers."""
+    unit = direction / np.linalg.norm(direction)
+    largest = int(np.argmax(np.abs(unit)))
+    if abs(unit[largest]) > 1 - MOTION_ROUNDING:
+        return "xyz"[largest]
+    return "(" + ", ".join(f"{c:.3g}" for c in np.round(unit, 6) + 0.0) + ")"

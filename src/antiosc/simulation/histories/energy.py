@@ -9,13 +9,13 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
+from antiosc.base.texts import Brief
 from antiosc.contact import ContactLaw, State
 from antiosc.contact.base import Compiled, is_compiled
+from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import Kept
-from antiosc.simulation.problem.assembly import Assembly
-from antiosc.simulation.problem.scene_states import blocks, node_states, part_of, starts, touches
+from antiosc.simulation.states import blocks, node_states, part_of, starts, touches
 
 
 @dataclass(frozen=True, eq=False, repr=False)

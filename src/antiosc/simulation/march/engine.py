@@ -11,7 +11,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import march, memory
+from antiosc.base import march, process
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, State
 from antiosc.contact.base import is_compiled
@@ -36,7 +36,7 @@ class Run:
     ----------
     time : (2 n + 1,); force, depth : (2 n + 1, m).
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
-        kept. `antiosc.simulation.problem.scene_states` finds those in between.
+        kept. `antiosc.simulation.states` finds those in between.
     events : (., 4) time, contact, branch that begins, closing speed.
     exits : (., 13) `aom_exit`: where a contact goes over to another branch, as gradients need it;
         kept with the states.
@@ -124,7 +124,7 @@ class Buffers:
         if keep and self.arrays and r.n_states >= most - 2:
             self.thin()
         need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, most)
-        memory.require(need, f"a run of {p} contacts", SHORTER)
+        process.require(need, f"a run of {p} contacts", SHORTER)
         arrays = (
             np.empty(nodes),
             np.empty((nodes, m)),
@@ -189,7 +189,7 @@ class Space:
         self.shape = system.n_contacts, system.n_rows, system.n_modes
         p, _, modes = self.shape
         size = march.library.aom_memory_size(byref(system))
-        memory.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
+        process.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.stepper = c_void_p()
         self.records = _RECORDS()

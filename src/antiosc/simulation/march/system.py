@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw, State
-from antiosc.models.first_order import SideBySide
+from antiosc.models.damping import SideBySide
 from antiosc.simulation.march.laws import packed, raise_error
 
 Array = NDArray[np.float64]

@@ -2,24 +2,259 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
 from math import hypot, inf, sqrt
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks, plausible
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.plausible import FASTEST_WAVE
-from antiosc.base.threads import one_thread
-from antiosc.simulation.sweep import check_executor
-from antiosc.studies.drops.body import MODES, free_body
+from antiosc.base.process import one_thread
+from antiosc.base.progress import counting
+from antiosc.base.texts import Brief, Given
+from antiosc.models.motion import unit_vector
+from antiosc.simulation.batch import check_executor
+from antiosc.studies.chance.monte_carlo import made, sample_of
+from antiosc.studies.chance.sample import Quantile, quantile
+from antiosc.studies.drops.body import MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
-from antiosc.studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc.studies.drops.fall import Fall, fall_of
+from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Floor, Setting, as_floor
-from antiosc.studies.drops.orientation import orientation
+
+#: Number of faces that an edge and a corner belong to.
+FACES = {"face": 1, "edge": 2, "corner": 3}
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def orientation(
+    body: FreeBody,
+    tilt: Sequence[float],
+    face: str | None,
+    edge: str | None,
+    corner: str | None,
+    toward: Sequence[float] | None,
+) -> Array:
+    """R (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
+    given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
+    asked = {name: value for name, value in given.items() if value is not None}
+    if len(asked) > 1:
+        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
+    R = np.eye(3)
+    for name, value in asked.items():
+        down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
+        R = onto(down, DOWN)
+    angles = checks.array("tilt", tilt, None)
+    if angles.shape != (3,):
+        shown = checks.shown(tilt)
+        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
+    return tilted(angles) @ R
+
+
+def tilted(angles: Array) -> Array:
+    """Rotation (3, 3) by angles (3,) [degree] about fixed x, then y, then z."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
+
+
+def onto(direction: Array, other: Array) -> Array:
+    """The smallest rotation (3, 3) of one unit vector onto another."""
+    middle = direction + other
+    if middle @ middle < 1e-12:  # half a turn about an axis across
+        axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
+    turn = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
+    return np.asarray(np.eye(3) + turn)
+
+
+def _named(body: FreeBody, kind: str, name: Any) -> Array:
+    """The unit direction in the body that points down where a face, edge or corner is lowest."""
+    checks.text(kind, name)
+    found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
+    if not len(name) / 2 == len(found) == FACES[kind]:
+        if kind == "face" and body.structure is not None:
+            return _group(body, name)
+        example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
+        raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
+    signs = np.array([found.get(axis, 0.0) for axis in "xyz"])
+    if kind == "face":
+        return signs
+    # next to the corner of the box may be none of the part: the point that lies farthest along it
+    at = body.points[np.argmax(body.points @ signs)]
+    if kind == "edge":
+        low, high = body.points.min(axis=0), body.points.max(axis=0)
+        at = np.where(signs > 0, high, low) * (signs != 0)
+    return np.asarray(at / np.linalg.norm(at))
+
+
+def _group(body: FreeBody, name: str) -> Array:
+    """The mean outward normal of a group of faces."""
+    from antiosc.fem.site.map_sites import surface
+    from antiosc.fem.structure.structure import on_mesh
+
+    assert body.structure is not None
+    part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')
+    normal = surface(part, name).normals.sum(axis=0)
+    size = float(np.linalg.norm(normal))
+    if size < 1e-9:
+        raise InputError(f"the normals of the faces {name!r} have no mean: give toward=(...).")
+    return np.asarray(normal / size)
+
+
+#: Falls that one call of an executor computes.
+AT_ONCE = 20
+#: What is kept of each impact.
+QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
+
+
+@dataclass(frozen=True)
+class Tilts(Given):
+    """What varies in an ensemble of falls.
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation of the tilt about each of the two horizontal axes [degree]; inf: any
+        orientation, all equally probable.
+    height : float
+        Standard deviation of the height over the height.
+    friction : float
+        Standard deviation of the coefficient of friction; draws below 0 are 0.
+    spin : float
+        Standard deviation of the spin about each axis [rad/s].
+    """
+
+    sigma: float = 0.0
+    height: float = 0.0
+    friction: float = 0.0
+    spin: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("height", "friction", "spin"):
+            checks.store(self, **{name: checks.nonnegative(name, getattr(self, name))})
+        if not checks.rigid(self.sigma):
+            checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
+        if not any((self.sigma, self.height, self.friction, self.spin)):
+            raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drops(Brief):
+    """The falls of an ensemble.
+
+    Attributes
+    ----------
+    values : name -> (n, k) of each fall and its impacts, NaN beyond its last: "peak_force" [N],
+        "impulse" [N s], "contact_time" [s], "lost" [J].
+    orientations : (n, 3, 3) at the start.
+    impacts : (n,) numbers of impacts.
+    failed : message of each fall that failed, by its number.
+    """
+
+    values: dict[str, Array]
+    orientations: Array
+    impacts: Array
+    failed: dict[int, str]
+
+    def __len__(self) -> int:
+        return len(self.impacts)
+
+    def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
+        """(n,) largest value of each fall, or its value in one impact (from 0)."""
+        checks.choice("quantity", quantity, tuple(self.values))
+        table = self.values[quantity]
+        if impact is not None:
+            most = table.shape[1] - 1
+            return table[:, checks.whole("impact", impact, least=0, most=most)]
+        return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
+
+    def quantile(
+        self,
+        quantity: str,
+        q: float,
+        impact: int | None = None,
+        confidence: float = 0.95,
+    ) -> Quantile:
+        """The quantile q of the falls' largest values, with the bar of its sampling.
+
+        The bar is that between order statistics, for any distribution (binomial).
+        """
+        found = self.largest(quantity, impact)
+        found = found[np.isfinite(found)]
+        if not len(found):
+            raise InputError("no fall has such an impact.")
+        return quantile(found, q, confidence)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
+        return [
+            ("falls", f"{len(self)}, {len(self.failed)} of them failed"),
+            ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
+        ]
+
+
+def tumbles(
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    ensemble: Tilts,
+    n: int,
+    seed: int,
+    executor: Executor | None,
+) -> Drops:
+    """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
+    seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
+    drawn = partial(_drawn, body.alone(), start, setting, ensemble)
+    parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
+    found: dict[int, list[Any]] = {}
+    with counting("falls", n) as ready:
+        for k, rows in made(partial(_tumble, drawn), parts, executor):
+            found[k] = rows
+            ready(sum(map(len, found.values())))
+    sample = sample_of("falls", {}, [row for k in sorted(found) for row in found[k]])
+    table = {
+        name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
+        for name in QUANTITIES
+    }
+    count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
+    return Drops(table, np.array([drawn(s)[1].R for s in seeds]), count, sample.failed)
+
+
+def _drawn(
+    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: Any
+) -> tuple[FreeBody, State, Setting]:
+    """The body, the start and the setting of one fall."""
+    rng = np.random.default_rng(seed)
+    if np.isinf(tilts.sigma):
+        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+    else:
+        R = turned(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)) @ start.R
+    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
+    own = replace(setting, height=height, floor=floor)
+    return body, hung(body, own, R, spin, start.velocity), own
+
+
+def _tumble(drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: Any) -> dict[str, float]:
+    """The values of the impacts of one fall, by name and number."""
+    impacts = fall_of(*drawn(seed)).impacts
+    return {
+        f"{name} {k}": float(getattr(one, name))
+        for name in QUANTITIES
+        for k, one in enumerate(impacts)
+    }
+
 
 #: Of the floor [m/s^2].
 GRAVITY = 9.81

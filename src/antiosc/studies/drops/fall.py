@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import pi, sqrt, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -14,23 +15,54 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.brief import Brief
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.base.texts import Brief
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.contact_scene import BODY, LIMITS
-from antiosc.studies.drops.course import course, hung
-from antiosc.studies.drops.episode import Episode
-from antiosc.studies.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
-from antiosc.studies.drops.flight import Flight, State, ringing
+from antiosc.studies.drops.course import Impacts, Peak, contact_yield, course, hung, impact_of
+from antiosc.studies.drops.episode import BODY, LIMITS, Episode
+from antiosc.studies.drops.flight import Flight, State, ringing, turned
 from antiosc.studies.drops.floor import Setting, SoftLayer
-from antiosc.studies.drops.impacts import Impacts, Peak, impact_of
-from antiosc.studies.drops.rotation import turned
-from antiosc.studies.drops.yielding import contact_yield
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+#: Name -> class [Hz].
+CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
+#: Corner of one pass over the class, and least sampling rate over the class (SAE J211-1).
+CORNER, LEAST_RATE = 2.0775, 10.0
+#: What a filter remembers is over after this many periods of its class.
+MEMORY = 2.0
+
+
+def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
+    """The signal (n,) or (n, k), sampled at equal steps [s], through a channel frequency class.
+
+    Raises
+    ------
+    InputError
+        An unknown class, or a rate below ten times the class.
+    """
+    step = checks.positive("step", step, "s")
+    checks.choice("filter", name, tuple(CLASSES))
+    x, cfc = checks.array("signal", signal, None), CLASSES[name]
+    if x.ndim not in (1, 2):
+        raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
+    if step * cfc * LEAST_RATE > 1:
+        raise InputError(
+            f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."
+        )
+    from scipy.signal import lfilter  # which takes long to load
+
+    wa = tan(pi * CORNER * cfc * step)
+    whole = 1 + sqrt(2) * wa + wa * wa
+    b = np.array([1.0, 2.0, 1.0]) * wa * wa / whole
+    a = np.array([1.0, 2 * (wa * wa - 1) / whole, (1 - sqrt(2) * wa + wa * wa) / whole])
+    forward = lfilter(b, a, x, axis=0)
+    return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
+
 
 #: Samples of a period of the highest mode, and most samples of a signal.
 SAMPLES, MOST = 12, 200_000
@@ -196,8 +228,7 @@ class Fall(Brief):
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
         from antiosc.fem.fields import source
-        from antiosc.fem.site.named_points import point_of
-        from antiosc.fem.site.site import Reach
+        from antiosc.fem.site import Reach, point_of
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

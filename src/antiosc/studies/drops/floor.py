@@ -12,16 +12,15 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Given
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.base.texts import Given
 from antiosc.contact import ContactLaw, Gonthier, Hertz, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.first_order import SideBySide
-from antiosc.models.modal import ModalBody
+from antiosc.models.damping import SideBySide
+from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.models.motion import ModalState
-from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.bodies.impactors import Sphere
+from antiosc.simulation.bodies import Sphere
 
 #: (E [Pa], nu) of what is rigid.
 RIGID = (inf, 0.3)
@@ -318,7 +317,7 @@ def _vertex(
     part: Any, x: Array, radius: float | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Principal radii, and (E, nu), of the vertex of a part next to a point."""
-    from antiosc.studies.drops.skin import CORNER, skin_of
+    from antiosc.studies.drops.body import CORNER, skin_of
 
     skin = skin_of(part)
     k = int(np.argmin(np.linalg.norm(skin.points - x, axis=1)))

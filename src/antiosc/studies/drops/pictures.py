@@ -11,12 +11,12 @@ import numpy as np
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.charts.figures import finished, new_figure
-from antiosc.base.charts.surfaces import LIGHT
+from antiosc.base.charts import finished, new_figure
 from antiosc.base.errors import InputError
+from antiosc.base.surfaces import LIGHT
+from antiosc.studies.drops.body import skin_of
 from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import State
-from antiosc.studies.drops.skin import skin_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,11 +1,19 @@
-"""The change of a goal between two sets of bodies, to first order."""
+"""From derivatives by the numbers of the march to those by bodies.
+
+By the parameters that a body was given; by the bodies themselves, the change of a goal between two
+sets of them to first order. Where damping couples the modes, the march gives the derivatives by its
+first-order modes (`antiosc.models.damping`), and these are found anew at a small change of each
+parameter: differences of the modes, not of runs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from ctypes import addressof
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,17 +22,21 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.simulation.errors.error_budget import SAFETY
-from antiosc.simulation.errors.truncation import TRUNCATION_SAFETY, softest
-from antiosc.simulation.histories.history import History
+from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.modal import Damping, ModalBody
+from antiosc.models.motion import Motion
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
+from antiosc.simulation.error_budget import SAFETY
+from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.problem.assembly import Assembly, assemble
-from antiosc.simulation.problem.impacts import Impact
-from antiosc.simulation.problem.two_bodies import pose
-from antiosc.studies.gradients.coupled import changed_coupled
-from antiosc.studies.gradients.goals import Seeds
-from antiosc.studies.gradients.recorded import Recorded
+from antiosc.simulation.march.system import System
+from antiosc.simulation.states import marched_states
+from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
+from antiosc.simulation.two_bodies import Impact, pose
+from antiosc.studies.gradients.goals import Recorded, Seeds
 
+Values = dict[str, Any]
 #: Relative error of the forces of the runs that are compared, over that of the run; the least.
 FINER, LEAST = 0.1, 1e-7
 #: Share of the anti-oscillators without which a run shows what truncation changes.
@@ -33,9 +45,167 @@ FEWER = 0.25
 CLOSE = 1e-2
 #: What the modes of a group have that turns with them.
 TURNING = ("beta", "loads", "q", "v", "B")
-
 #: A run, a goal and its derivatives by all numbers of the march.
 Taken = tuple[Recorded, Seeds, Slopes]
+#: Relative changes of a parameter on either side: the first in which no modes turn into others.
+STEPS = (1e-4, 1e-5, 1e-6)
+#: Relative change of a mode above which it is another one.
+OTHER = 1e-2
+#: Share of the largest below which a mode of other size is none to tell by.
+VISIBLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ByModes:
+    """Derivatives by the modes of one body, and the modes' loads and start.
+
+    square, decay, load, start (J,); site (J,) by the displacement of its one site, r by its
+    residual compliance. `v`, `g` (J,): modal velocities at the start and loads.
+    """
+
+    square: Array
+    decay: Array
+    site: Array
+    r: float
+    load: Array
+    start: Array
+    v: Array
+    g: Array
+
+
+def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
+    """Derivatives by the parameters of a body of one site; {} for a foreign one.
+
+    `closing`: the speed [m/s] at the start with which the body closes its contact.
+    """
+    found: Values = {}
+    if isinstance(body, Impactor):
+        found = by_body(body.body, modes, by, closing)
+        found.pop("initial_velocity", None)
+    elif isinstance(body, RigidMass | Sphere):
+        mass = body.mass
+        found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ modes.b) / (2 * mass)
+    elif isinstance(body, AntiOscillators):
+        found = by_model(body, modes, by_matrices(body, modes, by))
+    else:
+        return {}
+    velocity = getattr(body, "velocity", 0.0)
+    name = "velocity" if isinstance(body, RigidMass | Sphere | Impactor) else "initial_velocity"
+    if isinstance(velocity, Motion):
+        return found
+    speed = velocity or closing
+    if speed:
+        found[name] = float(by.start @ by.v) / speed
+    return found
+
+
+class ByMatrices(NamedTuple):
+    """Derivatives by the model's matrices K and M in its own coordinates, symmetric (C, C)."""
+
+    K: Array
+    M: Array
+
+
+def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatrices:
+    """Derivatives by the matrices of a model of one site, coordinates lambda.
+
+    The modes solve K phi = x M phi, phi' M phi = 1. With a massless site (m0 = 0) the site follows
+    the others, and its compliance r is the mode without inertia.
+    """
+    hidden = model.hidden_count
+    assert modes.shape is not None
+    phi = modes.shape[: model.n + 1, hidden:]
+    x = modes.omega[hidden:] ** 2
+    square, site, load, start, v, g, decay = (
+        each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
+    )
+    if isinstance(model.damping, Damping):
+        square = square + decay * _decay_slopes(model, modes.omega)[hidden:]
+    rigid = (x == 0) & (phi[0] != 0)
+    moving = modes.inertia is not None
+    if (
+        not moving and rigid.any() and v.any()
+    ):  # V b/(b b) of the one rigid mode that moves the site
+        site = site.copy()
+        site[rigid] -= start[rigid] * v[rigid] / phi[0, rigid]
+    # loads and starts are phi' p with a given p: what the participations say; phi' M phi = 1
+    first, coupling = site.copy(), np.outer(phi[0], site)  # coupling of mode k into mode j
+    for slope, value in ((load, g), (start, v))[: 1 + moving]:
+        if value.any():
+            coupling += np.outer(value, slope)
+            first += model.m0 * float(phi[0] @ value) * slope
+    apart = x - x[:, None]
+    apart.flat[:: x.size + 1] = 1.0
+    within = coupling / apart
+    within.flat[:: x.size + 1] = square
+    K = phi @ within @ phi.T
+    M = -phi @ (within * x + np.diag(coupling.diagonal() / 2)) @ phi.T
+    K[0] -= modes.r * (phi @ first)
+    K[0, 0] -= modes.r**2 * by.r
+    M[0] += modes.r * (phi @ (x * first))
+    return ByMatrices((K + K.T) / 2, (M + M.T) / 2)
+
+
+def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values:
+    """Derivatives by m0, k0, m and omega of a model of one site.
+
+    With a massless site there is no derivative by m0: None.
+    """
+    springs = by.K[0, 0] + by.K.diagonal()[1:] - 2 * by.K[0, 1:]
+    return {
+        "m0": None if modes.r > 0 else float(by.M[0, 0]),
+        "k0": float(by.K[0, 0]),
+        "m": by.M.diagonal()[1:] + model.omega**2 * springs,
+        "omega": 2 * model.omega * model.m * springs,
+    }
+
+
+def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
+    """Derivatives (J,) of the decays of free modes by their omega^2."""
+    d = model.damping
+    assert isinstance(d, Damping)
+    ratio = d.decay(omega) - d.alpha / 2 - d.beta * omega**2 / 2  # ratio_j omega_j
+    slope = np.divide(ratio, 2 * omega**2, out=np.zeros_like(omega), where=omega > 0)
+    return np.asarray(slope + d.beta / 2)
+
+
+def through_start(s: System, by: Slopes, settled: bool) -> None:
+    """From derivatives by the forces at the start, and by a state of rest, to those by the rest.
+
+    The forces are F = law(beta q - gap - R F). With preload (`settled`) q is the equilibrium,
+    omega^2 q = load - beta' F.
+    """
+    p = len(s.laws)
+    beta, R, F = s.beta[:p], s.R[:p, :p], s.pressed
+    depth = beta @ s.q - s.offsets[0, :p] - R @ F
+    each = [_slopes(law, float(d)) for law, d in zip(s.laws, depth, strict=True)]
+    stiffness = np.array([slope for slope, _ in each])
+    held = np.linalg.solve(np.eye(p) + stiffness[:, None] * R, np.diag(stiffness))  # dF/d(beta q)
+    by_force = by.pressed.copy()
+    if settled:
+        H = np.diag(s.omega**2) + beta.T @ held @ beta
+        scale = 1 / np.sqrt(np.where(H.diagonal() > 0, H.diagonal(), 1.0))
+        wanted = scale * (by.q + beta.T @ held @ by_force)
+        mu = scale * np.linalg.lstsq(scale[:, None] * H * scale, wanted, rcond=None)[0]
+        by.loads[0] += mu
+        by.square -= mu * s.q
+        by.beta[:p] -= np.outer(F, mu)
+        by.q[:] = 0.0
+        by_force -= beta @ mu
+    push = held @ by_force
+    by.beta[:p] += np.outer(push, s.q)
+    by.offsets[0, :p] -= push
+    by.residual[:p, :p] -= np.outer(push, F)
+    by_law = np.linalg.solve(np.eye(p) + R * stiffness, by_force)
+    by.laws += by_law[:, None] * np.array([slopes for _, slopes in each])
+    by.pressed[:] = 0.0
+
+
+def _slopes(law: Any, depth: float) -> tuple[float, Array]:
+    """Derivatives of the force of a new contact at rest, by indentation and by parameters."""
+    by_parameters = np.zeros(march.LAW_SLOPES)
+    march.library.aom_law_slopes(addressof(law.kernel[0]), depth, march.address(by_parameters))
+    return float(law.tangent(depth, 0.0, law.touch(0.0))[0]), by_parameters
 
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
@@ -167,7 +337,7 @@ def compared_runs(
     """Runs beside which a gradient shows its errors, and what each makes of the model.
 
     Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
-    may have (`antiosc.simulation.errors.truncation`), and the model corrected for its mesh.
+    may have (`antiosc.simulation.truncation`), and the model corrected for its mesh.
     """
     budget = hit.budget if isinstance(hit, History) else None
     model = hit.assembly.scene.bodies.get("structure") if budget is not None else None
@@ -204,3 +374,137 @@ def bar(values: Sequence[Any]) -> Any:
     )
     total = abs(finer - base) + np.maximum(less, soft) + mesh
     return total if np.ndim(total) else float(total)
+
+
+def first_order_weights(found: Recorded, weights: Array) -> Array:
+    """Weights (n, 2 I + m) of readings in the modes of the march, from those (n, 2 J + m)."""
+    first, J = found.system.first, found.system.omega.size
+    if first is None:
+        return weights
+    return np.hstack([first.seen(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]])
+
+
+def by_coupled(
+    found: Recorded,
+    by: Slopes,
+    name: str,
+    closing: float,
+    change: Callable[[AntiOscillators, AntiOscillators], float],
+) -> Values:
+    """Derivatives by the parameters of a model of one site; its damping matrix stays.
+
+    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range,
+    and where two poles nearly fall together.
+    `change` of the goal from one model to another; `closing` as in `by_body`.
+    """
+    model = found.parts[name].body
+    if not isinstance(model, AntiOscillators) or model.sites or found.driven:
+        return {}
+    result: Values = {"m0": None, "k0": None, "m": np.zeros(model.n), "omega": np.zeros(model.n)}
+    for key, place in _parameters(model):
+        slope = _slope(model, key, place, change)
+        if place is None or slope is None:
+            result[key] = slope
+        elif result[key] is not None:
+            result[key][place] = slope
+    at, s = found.places[name], found.system.marched
+    if closing and not found.system.q[found.parts[name].span].any():
+        result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
+    return result
+
+
+def _parameters(model: AntiOscillators) -> Iterator[tuple[str, int | None]]:
+    """Name and place in its array of each parameter."""
+    yield from ((name, None) for name in ("m0", "k0") if getattr(model, name) > 0)
+    yield from ((name, i) for name in ("m", "omega") for i in range(model.n))
+    yield "damping", None
+
+
+def _slope(
+    model: AntiOscillators,
+    name: str,
+    place: int | None,
+    change: Callable[[AntiOscillators, AntiOscillators], float],
+) -> float | None:
+    """The derivative by a parameter; None where two modes turn into each other at once."""
+    given = getattr(model, name)
+    size = 1.0 if name == "damping" else float(given if place is None else given[place])
+    for step in STEPS:
+        with suppress(NotDifferentiableError):
+            ends = (_changed(model, name, place, by) for by in (-step, step))
+            return change(*ends) / (2 * step * size)
+    return None
+
+
+def _changed(model: AntiOscillators, name: str, place: int | None, by: float) -> AntiOscillators:
+    """The model with another value of a parameter, relatively."""
+    given: Any = getattr(model, name)
+    if isinstance(given, DampingMatrix):
+        root = np.sqrt(1 + by)
+        scaled = of_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
+        return replace(model, damping=scaled)
+    share = 1.0 if place is None else np.eye(model.n)[place]
+    changes: dict[str, Any] = {name: given * (1 + by * share)}
+    return replace(model, **changes)
+
+
+def changed_coupled(
+    found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
+) -> float:
+    """Change of the goal by the modes of one set of bodies to another, to first order."""
+    here = _of_march(found)
+    one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
+    change = {n: other[n] - one[n] for n in one}
+    squares = (other["omega"] ** 2 - one["omega"] ** 2)[0]
+    total = float(by.square @ squares + by.decay @ change["decay"][0])
+    total += float(np.sum(np.hstack([by.beta, by.gamma]) * change["beta"]))
+    total += float(np.sum(by.loads * change["loads"]))
+    total += float(np.append(by.q, by.v) @ change["state"][0])
+    for (step, u, _), _, own in wanted.readings:
+        since = u * float(found.edges[step + 1] - found.edges[step])
+        at = np.array([step]), np.array([since])
+        state = np.hstack(marched_states(found.run, found.system, *at))[0]
+        moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
+        total += float(np.sum(own * moved))
+    return total
+
+
+def _of_march(bodies: Assembly | Recorded) -> dict[str, Array]:
+    """What the march takes of the modes, and how these move the sites, rows (n, I) or (n, 2 I)."""
+    s, first = bodies.system.marched, bodies.system.first
+    assert first is not None
+    assert s.gamma is not None
+    zero = np.zeros(bodies.B.T.shape)
+    return {
+        "omega": s.omega[None], "decay": s.decay[None], "beta": np.hstack([s.beta, s.gamma]),
+        "loads": s.loads, "state": np.append(s.q, s.v)[None],
+        "B": first.seen(bodies.B.T, zero), "V": first.seen(zero, bodies.B.T),
+        "rigid": first.seen(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
+    }  # fmt: skip
+
+
+def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
+    """The others with the signs of the modes here; NotDifferentiableError for other modes."""
+    size = one["omega"].size
+    if any(one[n].shape != other[n].shape for n in one):
+        raise NotDifferentiableError(
+            "the number of modes of the damped bodies changes with a parameter: change its damping"
+            " by a per cent."
+        )
+    seen = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
+    scale = np.stack([np.ones(size), one["omega"][0]])  # of a and of b
+    turn = np.where(np.sum(seen[0] * seen[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
+    for n in ("B", "V", "rigid", "beta", "loads", "state"):
+        other[n] = (other[n].reshape(-1, 2, size) * turn).reshape(other[n].shape)
+    pairs = [(one[n], other[n]) for n in ("omega", "decay")]
+    pairs.append((one["B"][:, :size], other["B"][:, :size]))
+    for a, b in pairs:
+        off = np.abs(b - a) / np.maximum(
+            np.abs(a).max(axis=0), VISIBLE * np.abs(a).max(initial=1e-300)
+        )
+        if off.max(initial=0.0) > OTHER:
+            raise NotDifferentiableError(
+                "two poles of the damped bodies nearly fall together: their modes turn into each"
+                " other within a small change; change the damping by a per cent."
+            )
+    return other

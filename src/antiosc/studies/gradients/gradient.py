@@ -12,19 +12,28 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief, short
 from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.base.texts import Brief, short
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
-from antiosc.studies.gradients.at_rest import through_start
-from antiosc.studies.gradients.changes import Taken, as_it_is, bar, changed_model, compared_runs
-from antiosc.studies.gradients.coupled import by_coupled, first_order_weights
-from antiosc.studies.gradients.goals import Sampled, Seeds, seeds
-from antiosc.studies.gradients.parameters import ByModes, Values, by_body, by_matrices
-from antiosc.studies.gradients.recorded import Part, Recorded, recorded
+from antiosc.studies.gradients.changes import (
+    ByModes,
+    Taken,
+    Values,
+    as_it_is,
+    bar,
+    by_body,
+    by_coupled,
+    by_matrices,
+    changed_model,
+    compared_runs,
+    first_order_weights,
+    through_start,
+)
+from antiosc.studies.gradients.goals import Part, Recorded, Sampled, Seeds, recorded, seeds
 
 if TYPE_CHECKING:
     from antiosc.studies.gradients.of_part import Chain

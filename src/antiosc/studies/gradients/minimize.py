@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
 from antiosc.base.errors import InputError
-from antiosc.simulation.histories.history import History
-from antiosc.simulation.problem.two_bodies import pose
-from antiosc.simulation.simulate import simulate
+from antiosc.base.texts import Brief
+from antiosc.simulation.histories import History
+from antiosc.simulation.scene import simulate
+from antiosc.simulation.two_bodies import pose
 from antiosc.studies.gradients.changes import changed
 from antiosc.studies.gradients.goals import GOALS, Sampled
 from antiosc.studies.gradients.gradient import derived

@@ -3,30 +3,47 @@
 The matrices of the model are those of the part on its shapes V, K_red = V'KV and M_red = V'MV.
 With the shapes held, a parameter p of the part changes them by V'(dK/dp)V and V'(dM/dp)V, to first
 order in the error of the shapes: no solve, and products with two assembled matrices a parameter.
+
+`design_map`: the same cell by cell. A cell's share in V'(dK/dp)V is an energy of its own. The
+derivatives by K_red are a quadratic form of the shapes; in its principal shapes, those with the
+largest shares first, few energies do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Sequence
+import os
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
+import ufl
 
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.fem.extraction.extract import extract
-from antiosc.fem.extraction.site_models import ErrorOption
+from antiosc.base.texts import Brief
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.extraction.extract import ErrorOption, extract
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.site.functionals import functional
-from antiosc.fem.site.site import Site
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.platform import compat
+from antiosc.fem.site import Site, functional
+from antiosc.fem.site.sites import located
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping_matrix import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, along
 from antiosc.models.modal import ModalBody
-from antiosc.studies.gradients.parameters import ByMatrices, ByModes, Values
+from antiosc.results.fields import checked_shapes
+from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values
+from antiosc.studies.gradients.goals import Sampled
+from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 #: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
 #: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
@@ -44,6 +61,13 @@ OF_LAYERS = {"thickness", "angle"}
 
 #: The change of a goal between two parts, to first order.
 Slope = Callable[[Structure, Structure], float]
+#: Units of what a map is by.
+BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
+#: Degree of the quadrature of energies in cells: that of the strains of cubics, with which
+#: those of their motions are off by some 1e-4.
+DEGREE = 4
+#: Share of the principal shapes that are left out, of the sum of all: shares of either sign cancel.
+LEFT_OUT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +177,8 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
             " builds the part, and x."
         )
     mesh, given, options = part.made_of
-    several = isinstance(given, dict)
-    groups = dict(given) if several else {"": given}
+    several = isinstance(given, Mapping)
+    groups = dict(given) if isinstance(given, Mapping) else {"": given}
     found: list[Values] = [{} for _ in to]
     for group, material in groups.items():
         for name, step, made in _varied(material):
@@ -256,3 +280,150 @@ def site_of(model: AntiOscillators) -> Site:
             "the place of the site is not known: let build(x) return the model, extracted there."
         )
     return Site(info.point, info.direction, model.patch_radius, snap=True)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignMap(Brief):
+    """What `design_map` returns.
+
+    Attributes
+    ----------
+    goal : the result; value : of the run; by : the parameter.
+    slopes : (cells of this rank,) derivative by the parameter of each cell alone; NaN for cells
+        whose material does not have it.
+    per_mass : (cells of this rank,) what one kilogram more changes, there [unit of the goal/kg]; by
+        E: what the double modulus of one kilogram changes.
+    meshed : the mesh of the part, and what is on it.
+    """
+
+    goal: str
+    value: float
+    by: str
+    slopes: Array
+    per_mass: Array
+    meshed: MeshedStructure
+
+    def _facts(self) -> list[tuple[str, str]]:
+        lowers = float(np.mean(self.slopes < 0))
+        return [
+            (self.goal, f"{self.value:.6g}"),
+            (f"d/d {self.by}", f"{np.nansum(self.slopes):.6g} of all {self.slopes.size} cells"),
+            ("cells where more lowers it", f"{lowers:.0%}"),
+        ]
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """`per_mass` on the part; all ranks call it.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
+        material lowers the goal, red: it raises it.
+        """
+        from antiosc.base.surfaces import draw_design
+
+        faces, gather = self.meshed.faces, self.meshed.comm.allgather
+        corners = np.concatenate(gather(faces.corners))
+        value = np.concatenate(gather(self.per_mass[faces.cells]))
+        return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
+
+
+def design_map(
+    part: Structure,
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    by: str = "thickness",
+    *,
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+) -> DesignMap:
+    """Where material helps: the derivative of a result by the thickness of every cell.
+
+    By E the compliance of the contact's patch belongs to the cells under the patch.
+
+    Parameters
+    ----------
+    part : Structure
+        Of one mesh, from which the model of the run was extracted.
+    hit, goal, contact, time
+        As of `gradient`.
+    by : "thickness", "E" or "rho"
+        Of the cells' materials; stiffeners of a sheet are left out.
+
+    Raises
+    ------
+    InputError
+        For a part that is not that of the run, or whose materials do not have `by`; and what
+        `gradient` refuses.
+    NotDifferentiableError
+        As of `gradient`.
+    """
+    checks.choice("by", by, tuple(BY))
+    checks.instance("part", part, Structure, "a Structure")
+    meshed = on_mesh(part)
+    found, wanted, slopes = derived(hit, goal, contact, time)
+    name = model_name(found)
+    checked_shapes(part, hit, name, SAME_PART)
+    to = part_chain(found, wanted, slopes, name)
+    own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
+    if not np.isfinite(own).any():
+        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
+    relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
+    for matrix, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):
+        if by != {"stiffness": "rho", "mass": "E"}[matrix]:
+            shares, turn = _principal(by_reduced, reduced)
+            block = turn.T @ to.shapes.T
+            change = _relative(part, meshed, by, matrix)
+            relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
+    if by == "E" and to.by_local:
+        relative += _of_patch(meshed, to, relative.size)
+    size = np.array(own)[meshed.part_of_cells()[: relative.size]]
+    per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
+    return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
+
+
+def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) -> list[ufl.Form]:
+    """Forms whose sum is the change of K or M with the relative change of a parameter, all over."""
+    if by != "thickness":  # to which they are proportional
+        return list(getattr(meshed.form, matrix))
+    assert part.made_of is not None
+    found = []
+    for sign in (1, -1):
+        changed: list[Any] = []
+        for material, cells in meshed.parts:
+            value = values_of(material).get(by)
+            scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
+            changed.append((replace(material, **scaled), cells))
+        form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
+        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
+        found += [factor * each for each in getattr(form, matrix)]
+    return found
+
+
+def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
+    """(cells,) what the compliance of the site's patch, as 1/E, gives to the cells under it."""
+    site = site_of(to.model)
+    point, along = np.array([site.point]), np.array([site.direction], dtype=float)
+    at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
+    assert at.weighted is not None
+    own = at.weighted.cell < cells
+    shares = np.bincount(at.weighted.cell[own], at.weighted.weight[own], cells)
+    return np.asarray(-to.by_local * at.local[0] * shares)
+
+
+def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
+    """Shares (R,) and shapes (C, R) of unit energy whose energies add up to sum(by * change)."""
+    values, vectors = np.linalg.eigh(reduced)
+    kept = values > 1e-14 * values[-1]
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    shares, own = np.linalg.eigh(root.T @ by @ root)
+    order = np.argsort(-np.abs(shares))
+    left = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
+    most = order[: 1 + int(np.argmax(left <= LEFT_OUT))]
+    return shares[most], (vectors[:, kept] / np.sqrt(values[kept])) @ own[:, most]
+
+
+def _masses(meshed: MeshedStructure) -> Array:
+    """Mass [kg] of each cell of this rank."""
+    cell = compat.cellwise(meshed.mesh.dolfinx)
+    q = ufl.TestFunction(cell.function_space)
+    return compat.assemble_functional(
+        meshed.form.density * q * measure(meshed.mesh, 5), cell.function_space
+    )

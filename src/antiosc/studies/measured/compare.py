@@ -14,10 +14,10 @@ from scipy.optimize import minimize_scalar
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.brief import Brief
-from antiosc.base.charts.figures import finished, legend, panels
+from antiosc.base.charts import finished, legend, panels
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
+from antiosc.base.texts import Brief
 from antiosc.studies.measured.reading import table
 
 if TYPE_CHECKING:

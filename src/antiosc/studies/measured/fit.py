@@ -7,6 +7,12 @@
 3. The modes above the band go on as those in it, with the spread of such modes (`expected_tail`):
    the fit is the most probable body. The fits to other noise, and with other tails as probable,
    show what the measurement leaves open.
+
+Vector fitting: the poles of measured receptances (Gustavsen and Semlyen 1999, relaxed 2006).
+
+With s = iw and poles a_j in conjugate pairs, sigma(s) H_m(s) = N_m(s), both of partial fractions
+with these poles; the zeros of sigma are better poles. N has a constant and a term 1/s^2 besides:
+modes above the band, and rigid-body motion.
 """
 
 from __future__ import annotations
@@ -15,22 +21,10 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 
 import numpy as np
+from scipy.signal import find_peaks, savgol_filter
 
 from antiosc.base._types import Array, BoolArray, ComplexArray
-from antiosc.studies.measured.gauss_newton import (
-    FEW_STEPS,
-    LAST_STEPS,
-    MOST_DAMPED,
-    STEPS,
-    Measured,
-    covariance,
-    lifted,
-    noise,
-    refined,
-    residuals,
-    whitened,
-)
-from antiosc.studies.measured.modes import (
+from antiosc.studies.measured.frf import (
     BEYOND,
     TYPICAL,
     Modes,
@@ -41,7 +35,239 @@ from antiosc.studies.measured.modes import (
     factors,
     with_tail,
 )
-from antiosc.studies.measured.poles import poles
+
+#: Rounds of relocation of poles.
+RELOCATED = 8
+#: Height of a peak of the level over its surroundings [nepers] and over the noise.
+PROMINENCE, OVER_NOISE = 0.3, 4.0
+#: Further poles, a share of the number of peaks and at least this many.
+SPARE, LEAST_SPARE = 0.4, 4
+#: Damping ratio of the first poles.
+FIRST_DAMPING = 0.005
+
+
+def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
+    """Poles (n,) above the real axis at the peaks of the mobility, and some between them."""
+    level = np.log(np.sum(np.abs(H) ** 2, axis=1)) / 2 + np.log(w)
+    noise = float(np.median(np.abs(np.diff(level, 2)))) / 1.65 if len(w) > 5 else 0.0
+    if len(w) > 11:
+        level = savgol_filter(level, 5, 2)
+    peaks, _ = find_peaks(level, prominence=max(PROMINENCE, OVER_NOISE * noise))
+    spare = max(LEAST_SPARE, int(SPARE * len(peaks)))
+    at = np.append(w[peaks], np.linspace(w[0], w[-1], spare + 2)[1:-1])
+    return np.sort(at) * (1j - FIRST_DAMPING)
+
+
+def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
+    """Frequencies [rad/s] and damping ratios of the complex poles of H (W, M).
+
+    `weight` (W, M): one over the standard deviation of each value.
+    """
+    top = float(w[-1])
+    found = starting_poles(w, H) / top
+    for _ in range(RELOCATED):
+        found = _relocated(1j * w / top, H, weight, found)
+    found = found[found.imag > 0] * top
+    omega = np.abs(found)
+    order = np.argsort(omega)
+    return omega[order], (-found.real / omega)[order]
+
+
+def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
+    """The zeros of sigma, in the left half-plane; those off the real axis by their upper one."""
+    real = a.imag == 0
+    first, second = 1 / (s[:, None] - a), 1 / (s[:, None] - a.conj())
+    basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
+    ones = np.ones((len(s), 1))
+    own = np.hstack([basis, ones, 1 / s[:, None] ** 2])
+    sigma = np.hstack([basis, ones])
+    rows: list[Array] = []
+    for h, v in zip(H.T, weight.T, strict=True):
+        A = np.hstack([v[:, None] * own, -(v * h)[:, None] * sigma])
+        R: Array = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
+        rows.append(R[own.shape[1] :, own.shape[1] :])
+    scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
+    A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
+    right = np.append(np.zeros(len(A) - 1), scale * len(s))
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    c = np.linalg.lstsq(A / size, right, rcond=None)[0] / size
+    if abs(c[-1]) < 1e-8:
+        c[-1] = 1e-8 if c[-1] >= 0 else -1e-8
+    n, pairs = len(a), np.flatnonzero(~real)
+    # real form of diag(a) - b c': a pair holds the real and imaginary parts of its state
+    state = np.zeros((n + len(pairs), n + len(pairs)))
+    state[np.arange(n), np.arange(n)] = a.real
+    low = n + np.arange(len(pairs))
+    state[low, low] = a.real[pairs]
+    state[pairs, low], state[low, pairs] = a.imag[pairs], -a.imag[pairs]
+    drive = np.append(np.where(real, 1.0, 2.0), np.zeros(len(pairs)))
+    zeros = np.linalg.eigvals(state - np.outer(drive, c[:-1]) / c[-1])
+    zeros = -np.abs(zeros.real) + 1j * zeros.imag
+    flat = np.abs(zeros.imag) < 1e-12 * np.abs(zeros)
+    return np.append(zeros[flat].real + 0j, zeros[~flat & (zeros.imag > 0)])
+
+
+#: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
+#: chi^2 that ends them.
+STEPS, LAST_STEPS, FEW_STEPS, CONVERGED = 8, 40, 8, 0.1
+#: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
+LONGEST = (3.0, 0.1, 1.0)
+#: Slope, squared and over the largest, of a parameter that the measurement does not see.
+FLAT = 1e-28
+#: Eigenvalue of a normal matrix of unit diagonal, over the largest, that rounding makes.
+UNSEEN = 1e-13
+#: Least residual terms at the start of Gauss-Newton over the receptance.
+LIFTED = 1e-3
+#: Least standard deviation over the value that is taken for that of a measurement.
+LEAST_NOISE = 1e-4
+#: Relative variance of a fit without any residual.
+EXACT = 1e-30
+#: Steps of the search for the noise: how many, and their longest and least, in logarithms.
+MOST_SCORES, LONGEST_SCORE, LEAST_SCORE = 40, 1.0, 1e-3
+#: Largest damping ratio of a mode.
+MOST_DAMPED = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], and what is known of noise.
+
+    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power is what
+    was measured, so that its noise may be equal at all frequencies.
+    """
+
+    w: Array
+    H: ComplexArray
+    pairs: Pairs
+    sites: int
+    sigma: Array | None
+    power: int
+
+
+def refined(
+    data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
+) -> tuple[Modes, Array, float]:
+    """The most probable body near `modes`, its normal matrix, and chi^2 over the freedom.
+
+    `shift`: added to all residuals, which are those of another measurement then.
+    """
+    damping, residual = 1e-6, residuals(data, weight, modes) + shift
+    cost = float(residual @ residual)
+    for _ in range(steps):
+        J = _jacobian(data, weight, modes)
+        normal, gradient = J.T @ J, J.T @ residual
+        diagonal = np.diag(normal)
+        size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
+        unit, slope = normal / size / size[:, None], -gradient / size
+        new = np.inf
+        while damping < 1e8 and not new < cost:
+            step = np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size
+            trial = modes.at(modes.values + _within(modes, step, float(data.w[-1]), LONGEST[0]))
+            residual = residuals(data, weight, trial) + shift
+            new = float(residual @ residual)
+            damping *= 1 / 80 if new < cost else 8
+        if not new < cost:
+            break
+        gain, cost, modes, damping = cost - new, new, trial, max(8 * damping, 1e-9)
+        if gain < CONVERGED:
+            break
+    J = _jacobian(data, weight, modes)
+    lines = 2 * data.H.size
+    residual = residuals(data, weight, modes)[:lines]
+    return modes, J.T @ J, float(residual @ residual) / max(lines - sum(modes.sizes), 1)
+
+
+def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
+    """The step, shortened where a mode leaves its neighbourhood, of so many widths of its peak."""
+    seen, count = modes.seen, len(modes.omega)
+    own = modes.zeta[:seen]
+    longest = np.minimum(widths * np.maximum(own, 1e-4), LONGEST[1])
+    step = step.copy()
+    step[:seen] = np.clip(step[:seen], -longest, longest)
+    lowest = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
+    step[seen:count] = np.clip(step[seen:count], lowest, 2 * LONGEST[1])
+    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / own))
+    step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], more)
+    return step
+
+
+def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
+    """Weighted residuals: real parts, imaginary parts, then the tail's."""
+    off = weight * (modes.receptance(data.w, data.pairs) - data.H)
+    return np.append(whitened(off.reshape(-1)), modes.expected())
+
+
+def _jacobian(data: Measured, weight: Array, modes: Modes) -> Array:
+    """Derivatives of the residuals by `values`."""
+    J = modes.jacobian(data.w, data.pairs)
+    J *= weight[:, :, None]
+    return np.vstack((whitened(J.reshape(-1, J.shape[2])), modes.expected_jacobian()))
+
+
+def whitened(values: ComplexArray) -> Array:
+    """Real above imaginary parts; the variance of either is half that of the complex value."""
+    return np.sqrt(2) * np.concatenate((values.real, values.imag))
+
+
+def covariance(normal: Array) -> Array:
+    """The inverse of a normal matrix; what the measurement does not see has no variance."""
+    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(normal / size / size[:, None])
+    seen = values > UNSEEN * values[-1]
+    half = vectors[:, seen] / np.sqrt(values[seen])
+    return np.asarray(half @ half.T / size / size[:, None])
+
+
+def lifted(data: Measured, modes: Modes) -> Modes:
+    """The body whose residual terms are not zero, where the sum of squares has no slope."""
+    low = slice(len(data.w) // 8 + 1)
+    size = LIFTED * float(np.median(np.abs(data.H)))
+    mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
+    rigid, seen, b = modes.rigid, modes.seen, modes.b.copy()
+    least = np.sqrt(LIFTED * modes.tail.b2)
+    b[seen:] = np.where(np.abs(b[seen:]) < least, least, b[seen:])
+    return replace(
+        modes,
+        b=b,
+        rigid=None if rigid is None else _not_zero(rigid, mass),
+        root=_not_zero(modes.root, size),
+    )
+
+
+def _not_zero(root: Array, least: float) -> Array:
+    diagonal = np.diag(root)
+    small = diagonal**2 < least
+    return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
+
+
+def noise(data: Measured, modes: Modes) -> Array:
+    """Standard deviations (W, M): a share of |H| and a floor of what was measured, most likely."""
+    fit = modes.receptance(data.w, data.pairs)
+    off = np.abs(data.H - fit) ** 2
+    size = np.abs(fit) ** 2
+    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), off.shape)
+    scales = np.array([[np.mean(off / size) + EXACT], [np.mean(off / floor)]])
+    kinds = scales * np.array([size.ravel(), floor.ravel()])
+    runs = [_variances(off.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    variance = min(runs, key=lambda one: float(np.sum(np.log(one) + off.ravel() / one)))
+    return np.asarray(np.sqrt(np.maximum(variance.reshape(off.shape), LEAST_NOISE**2 * size)))
+
+
+def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
+    """Most likely variances, sums of `kinds` (2, N), of squares `off` (N,): Fisher's scoring."""
+    x = np.log(start)
+    for _ in range(MOST_SCORES):
+        parts = np.exp(x)[:, None] * kinds
+        variance = np.sum(parts, axis=0)
+        share = parts / variance
+        slope = share @ (off / variance - 1)
+        change = np.linalg.solve(share @ share.T + off.size * 1e-9 * np.eye(2), slope)
+        x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
+        if np.all(np.abs(change) < LEAST_SCORE):
+            break
+    return np.asarray(np.exp(x) @ kinds)
+
 
 #: A mode stands above the noise if its displacement is this many standard deviations from 0, and
 #: is added if its part in the residual is.

@@ -1,21 +1,281 @@
-"""`read_frf`: measured frequency responses from a file."""
+"""`read_frf`: measured frequency responses from tables and universal files, data sets 58."""
 
 from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.files import check_readable
-from antiosc.studies.measured import uff
 from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity, stated
+
+#: Function types of data set 58.
+RESPONSE, COHERENCE = 4, 6
+#: Data types of the ordinate: what was measured; those of a force below it, and unknown.
+MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+FORCES = (0, 9, 13)
+AXES = "xyz"
+#: Units in labels, in SI, and what they measure.
+UNITS: dict[str, tuple[float, Quantity | None]] = {
+    **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
+    **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
+    **{name: (0.0254, "accelerance") for name in ("in/s2", "inch/s2")},
+    **{name: (f, "mobility") for name, f in (("m/s", 1.0), ("mm/s", 1e-3), ("in/s", 0.0254))},
+    **{name: (f, "receptance") for name, f in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254))},
+    **{name: (1e-6, "receptance") for name in ("um", "µm", "μm")},
+    **{name: (f, None) for name, f in (("n", 1.0), ("kn", 1e3), ("mn", 1e-3), ("lbf", 4.4482216))},
+}
+
+
+#: An end of a function: entity, node, axis.
+End: TypeAlias = tuple[str, int, int]
+#: What a file holds by name: the fields of a data set as pyuff returns them, or arrays.
+DataSet: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """One function of a file, with the sign of its directions."""
+
+    response: End
+    reference: End
+    sign: int
+    coherence: bool
+    quantity: Quantity | None
+    factor: float | None
+    label: str
+    frequency: Array
+    values: ComplexArray
+
+
+def functions(path: Path) -> list[Function]:
+    """The frequency responses and coherences of a universal file."""
+    try:
+        import pyuff
+    except ImportError:
+        raise MissingDependencyError(
+            "universal files are read by pyuff: pip install pyuff; tables in text and .npz need no"
+            " further package."
+        ) from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            file = pyuff.UFF(str(path))
+            types = [int(number) for number in file.get_set_types()]
+            sets = [file.read_sets(i) for i, number in enumerate(types) if number in (58, 164)]
+        except Exception as error:  # pyuff raises what it likes
+            raise InputError(
+                f"{path.name} is damaged or no universal file: pyuff cannot read it"
+                f" ({' '.join(str(error).split())[:120].rstrip('.') or type(error).__name__})."
+            ) from error
+    scale = 1.0
+    for one in sets:
+        if one["type"] == 164:
+            scale = _units(one)
+    found = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
+    if not any(not one.coherence for one in found):
+        raise InputError(
+            f"{path.name} holds no frequency response (data set 58, function type 4); it has"
+            f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
+        )
+    return found
+
+
+def _units(one: DataSet) -> float:
+    """Factor of m/N: data set 164 has the file's units per SI unit."""
+    length, force = one.get("length"), one.get("force")
+    if not (length and force and np.isfinite(length) and np.isfinite(force)):
+        raise InputError("the units in data set 164 are no positive numbers.")
+    return abs(float(force) / float(length))
+
+
+def _wanted(one: DataSet) -> bool:
+    return one.get("func_type") in (RESPONSE, COHERENCE)
+
+
+def _function(one: DataSet, scale: float) -> Function:
+    try:
+        count, values = int(one["num_pts"]), np.asarray(one["data"])
+        f = np.asarray(one["x"], dtype=float)
+        ends = [_end(one, side) for side in ("rsp", "ref")]
+        numerator, denominator = (
+            _label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")
+        )
+        motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            "a data set 58 lacks fields of its header: the file is damaged."
+        ) from error
+    if values.ndim != 1 or len(values) != count or len(f) != count:
+        raise InputError(
+            f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
+        )
+    coherence = one["func_type"] == COHERENCE
+    if not coherence and force not in FORCES:
+        raise InputError(
+            f"a frequency response is per data type {force}, not per force (13): response per"
+            " response is no receptance."
+        )
+    factor, by_label = _factor(numerator, denominator, scale)
+    (response, turn), (reference, other) = ends
+    return Function(
+        response=response,
+        reference=reference,
+        sign=turn * other,
+        coherence=coherence,
+        quantity=MOTIONS.get(motion, by_label),
+        factor=factor,
+        label=f"{numerator} / {denominator}",
+        frequency=f,
+        values=values.astype(complex),
+    )
+
+
+def _end(one: DataSet, side: str) -> tuple[End, int]:
+    """(entity, node, axis) and the sign of an end."""
+    name = str(one.get(f"{side}_ent_name", "")).strip()
+    node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
+    name = "" if name.upper() == "NONE" else name
+    return (name, node, abs(axis)), -1 if axis < 0 else 1
+
+
+def _label(given: object) -> str:
+    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).lower().replace("²", "2")
+    text = text.replace("/s/s", "/s2").replace("sec", "s")
+    return "" if text in ("none", "unknown") else text
+
+
+def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | None, Quantity | None]:
+    """Factor to SI, None for labels that are not known, and the quantity that they tell."""
+    for name in ("n", "kn", "mn", "lbf"):
+        if not denominator and numerator.endswith(f"/{name}"):
+            numerator, denominator = numerator.removesuffix(f"/{name}"), name
+    if not numerator:
+        return scale, None
+    if numerator not in UNITS or UNITS.get(denominator or "n", (0.0, "mobility"))[1] is not None:
+        return None, None
+    (top, quantity), (below, _) = UNITS[numerator], UNITS[denominator or "n"]
+    return top / below, quantity
+
+
+# -- which of them
+
+
+def chosen(
+    found: list[Function],
+    site: str | int | Mapping[str, str | int] | None,
+    quantity: Quantity | None,
+    unit: float | None,
+    averages: int,
+) -> FRF:
+    """The responses between the sites that are asked for."""
+    measured = [one for one in found if not one.coherence]
+    if site is None:
+        ends = {"": _driving(measured)}
+    elif isinstance(site, str | int) and not isinstance(site, bool):
+        ends = {"": _named(measured, site)}
+    else:
+        told = "a name, a node, or a dict {name: name or node}"
+        named = checks.instance("site", site, Mapping, told).items()
+        if not named:
+            raise InputError("site names no site.")
+        ends = {
+            checks.text("the name of a site", name): _named(measured, one) for name, one in named
+        }
+    return _joined(found, ends, quantity, unit, averages)
+
+
+def _driving(measured: list[Function]) -> End:
+    ends = {one.response for one in measured if one.response == one.reference}
+    if len(ends) == 1:
+        return ends.pop()
+    names = sorted({_in_words(e) for one in measured for e in (one.response, one.reference)})
+    several = "no driving point" if not ends else f"{len(ends)} driving points"
+    raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
+
+
+def _in_words(end: End) -> str:
+    name, node, axis = end
+    return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
+
+
+def _named(measured: list[Function], name: str | int) -> End:
+    """The end of a name, a node, or a node and an axis."""
+    wanted = str(name).strip().lower()
+    ends = {end for one in measured for end in (one.response, one.reference)}
+    fits = [
+        end for end in ends
+        if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
+    ]  # fmt: skip
+    if len(fits) == 1:
+        return fits[0]
+    known = ", ".join(sorted(map(_in_words, fits or ends)))
+    why = "is ambiguous" if fits else "is no site of the file"
+    raise InputError(f"site {checks.shown(name)} {why}; choose one of {known[:200]}.")
+
+
+def _joined(
+    found: list[Function],
+    ends: Mapping[str, End],
+    quantity: Quantity | None,
+    unit: float | None,
+    averages: int,
+) -> FRF:
+    """The responses of all sites per force on those where all were measured."""
+    if any(end[2] > 3 for end in ends.values()):
+        raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
+    pairs: dict[tuple[End, End, bool], Function] = {}
+    for one in found:
+        key = (one.response, one.reference, one.coherence)
+        if key in pairs and one.response in ends.values() and one.reference in ends.values():
+            raise InputError(
+                f"the file has the response {_in_words(one.response)} per force at"
+                f" {_in_words(one.reference)} twice: leave one measurement in it."
+            )
+        pairs[key] = one
+    places = list(ends.values())
+    forced = [n for n, end in ends.items() if all((m, end, False) in pairs for m in places)]
+    if not forced:
+        raise InputError(
+            "the file has no force whose responses at all of the sites were measured: "
+            f"{checks.shown(', '.join(map(_in_words, places)))}."
+        )
+    parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
+    every = [one for row in parts for one in row]
+    kinds = {quantity or one.quantity for one in every}
+    given = stated(kinds.pop() if len(kinds) == 1 else None)
+    f = every[0].frequency
+    if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in every):
+        raise InputError("the responses have different frequencies: measure all with one set.")
+    if unit is None and (unknown := next((one.label for one in every if one.factor is None), None)):
+        raise InputError(
+            f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
+            " m/(s^2 N)."
+        )
+    values = np.array(
+        [[one.sign * (unit or one.factor or 1.0) * one.values for one in row] for row in parts]
+    )
+    gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
+    known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
+    coherence = np.reshape(known, values.shape) if len(known) == len(gamma) else None
+    if list(ends) == [""]:
+        coherence = None if coherence is None else coherence[0, 0]
+        return FRF(f, values[0, 0], given, coherence, averages)
+    coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
+    return FRF(
+        f, np.moveaxis(values, 2, 0), given, coherence, averages,
+        sites=tuple(ends), references=tuple(forced),
+    )  # fmt: skip
+
 
 #: Columns of a table, by the beginning of their names.
 COLUMNS = {
@@ -78,8 +338,8 @@ def read_frf(
     try:
         check_readable(where, "a measurement")
         if ending in (".uff", ".unv", ".58"):
-            found = uff.functions(where)
-            return uff.chosen(found, site, quantity, unit, averages)
+            found = functions(where)
+            return chosen(found, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
         columns = _arrays(where) if ending == ".npz" else table(where, DEFAULT)
@@ -90,9 +350,7 @@ def read_frf(
         raise type(error)(f"{where.name}: {error}") from error
 
 
-def _of_columns(
-    columns: Mapping[str, Any], quantity: Quantity | None, factor: float, averages: int
-) -> FRF:
+def _of_columns(columns: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF of named arrays."""
     quantity = stated(quantity or columns.get("quantity"))
     known = set(columns)
@@ -128,11 +386,11 @@ def _missing(what: str, known: set[str]) -> InputError:
     )
 
 
-def _arrays(path: Path) -> dict[str, Any]:
+def _arrays(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            found: dict[str, Any] = {name: file[name] for name in file.files}
+            found = {name: file[name] for name in file.files}
     except Exception as error:  # damaged archives raise what they like
         raise InputError(f"{path.name} is no sound NumPy file of arrays.") from error
     if "quantity" in found:

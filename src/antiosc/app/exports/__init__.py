@@ -1,1 +1,0 @@
-"""Impacts and models for other programs: FMUs, one C file, MuJoCo, Modelica."""

@@ -1,0 +1,415 @@
+"""The live page of a report: its scripts, the blow that it repeats, and its verdict.
+
+The data of the page are those of one impact of `simulate` or `strike`, or of a map; `live_meshes`
+adds the struck part and the sites of a map.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.texts import engineering, percent, place, with_bar
+from antiosc.contact import ContactLaw
+from antiosc.contact.base import Compiled, is_compiled
+from antiosc.models.body import LinearBody, info_of, places_of
+from antiosc.models.modal import Damping, ModalBody
+from antiosc.simulation.histories import History, SceneHistory
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
+from antiosc.simulation.truncation import softest
+from antiosc.studies.map_results import ImpactMap, hardest
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.results.peaks import PeakField
+
+
+#: What the page reads: numbers, texts, arrays, lists and tables of them.
+Data: TypeAlias = dict[str, Any]
+
+FOLDER = Path(__file__).with_name("page")
+#: In the order in which they need each other.
+SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page")
+#: The kinds of arrays on the page; JavaScript's names of them are in data.js.
+KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
+
+
+def script() -> str:
+    """All of the page's program."""
+    text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in SCRIPTS)
+    return f'(() => {{\n"use strict";\n{text}}})();\n'
+
+
+def style() -> str:
+    """The page's style."""
+    return (FOLDER / "page.css").read_text("utf-8")
+
+
+def engine() -> bytes:
+    """The march for WebAssembly; packaging/library.py --page makes it."""
+    return (FOLDER / "engine.wasm").read_bytes()
+
+
+def policy(program: str) -> str:
+    """The Content-Security-Policy: this program runs, and nothing is fetched."""
+    digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode("ascii")
+    own = f"script-src 'sha256-{digest}' 'wasm-unsafe-eval'"
+    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {own}"
+
+
+def embedded(data: Data) -> str:
+    """Data as JSON that may stand in a script element: no text in it can end that."""
+    text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        own = np.ascontiguousarray(value)
+        kind = KINDS[own.dtype.newbyteorder("<").str]
+        packed = own.astype(own.dtype.newbyteorder("<")).tobytes()
+        return {"$": kind, "of": base64.b64encode(packed).decode("ascii")}
+    if isinstance(value, bytes):
+        return {"$": "u1", "of": base64.b64encode(value).decode("ascii")}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+#: Relative error of the forces of the runs on the page, and of those that colour a map.
+TOL, COARSE = 1e-6, 1e-3
+#: Nodes of the curve of the computed case that the page keeps.
+CURVE = 2000
+#: Digits of an exponent.
+RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
+
+
+def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
+    """The impact for the page; None for one that the page cannot repeat.
+
+    It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
+    start, under loads that do not change. `bars`: its error budget, or empty.
+    """
+    if not isinstance(hit, History) or isinstance(hit, SceneHistory):
+        return None
+    system, law = hit.assembly.system, hit.assembly.laws[0]
+    if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
+        return None
+    body, striker = hit.assembly.bodies["structure"], hit.assembly.bodies["impactor"]
+    if not isinstance(body.modes, ModalBody) or not isinstance(striker.modes, ModalBody):
+        return None
+    loads = np.split(system.loads[0], [body.omega.size])
+    local = getattr(law, "compliance", 0.0)
+    speed = abs(float(system.beta[0] @ system.v))
+    return {
+        **given(law, modal(striker.modes, striker.start, loads[1]), hit.impactor, speed),
+        "ratio": _ratio(hit.model),
+        "gap": float(system.offsets[0, 0]),
+        "duration": float(hit.run.time[-1]),
+        "body": modal(body.modes, body.start, loads[0], local),
+        "bars": _bars(hit, bars, local),
+        "computed": _computed(hit),
+    }
+
+
+def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
+    """What does not depend on the site: the law, the striker, and where the sliders stand.
+
+    None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.
+    """
+    assert isinstance(law, Compiled)
+    values = law.parameters()
+    rigid = striker["omega"].size == 1 and striker["omega"][0] == 0
+    exponent = {march.LINEAR: 1.0}.get(law.kind, getattr(law, "exponent", 1.5))
+    return {
+        "tol": TOL,
+        "coarse": COARSE,
+        "law": {
+            "kind": law.kind,
+            "name": type(law).__name__,
+            "params": [value for value in values if np.isfinite(value)],
+            "unit": "N/m" if exponent == 1 else f"N/m{format(exponent, 'g').translate(RAISED)}",
+        },
+        "striker": striker,
+        "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
+        "radius": getattr(impactor, "radius", None) if rigid else None,
+        "speed": speed or None,
+        "stiffness": None if law.kind == march.TABLE else values[0],
+    }
+
+
+def modal(
+    body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
+) -> Data:
+    """A body in free modes, as `pose` of engine.js takes it; `local`: compliance of its patch."""
+    zeros = np.zeros(body.omega.size)
+    return {
+        "omega": body.omega,
+        "decay": zeros if body.decay is None else body.decay,
+        "b": body.b,
+        "v": zeros if start is None else start,
+        "load": zeros if load is None else load,
+        "r": body.r,
+        "mobility": body.mobility,
+        "local": local,
+    }
+
+
+def _ratio(model: LinearBody) -> float | None:
+    """The damping ratio of all modes, where the damping is just that; None of another damping."""
+    damping = getattr(model, "damping", None)
+    if damping is None:
+        return 0.0
+    plain = isinstance(damping, Damping) and isinstance(damping.ratio, float)
+    return damping.ratio if plain and damping.alpha == damping.beta == 0 else None
+
+
+def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
+    """Relative errors by quantity and cause, and the bodies whose impacts tell mesh and truncation.
+
+    On the page the bar of such a cause grows as the difference that its body makes there.
+    """
+    causes = getattr(budget, "causes", ())
+    shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
+    if not np.isfinite([v for own in shares.values() for v in own.values()]).all():
+        return {"shares": {}, "variants": {}}
+    model, variants = hit.model, {}
+    moving = hit.assembly.bodies["structure"].start.any()
+    if shares and not moving and getattr(model, "strain_error", None) is not None:
+        bodies = {"mesh": model.corrected(), "truncation": softest(model)}
+        variants = {cause: modal(one.modal(), local=local) for cause, one in bodies.items()}
+    return {"shares": shares, "variants": variants}
+
+
+def _computed(hit: History) -> Data:
+    """The curve and the numbers of the computed case, which stay on the page."""
+    time, force = hit.time, hit.force
+    if time.size > CURVE:
+        time = np.linspace(0.0, float(time[-1]), CURVE)
+        force = hit.force_at(time)
+    numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
+    told = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    return {"time": time, "force": force, **numbers, **told}
+
+
+#: The cause of the largest share of a bar -> what reduces it.
+REMEDIES = {
+    "mesh": "use smaller elements around the site",
+    "truncation": "extract more anti-oscillators (n)",
+    "time": "use a smaller tol",
+    "patch": "choose another radius of the patch",
+    "geometry": "use smaller or curved elements along the curved surface",
+    "noise": "measure with less noise, or average more blows",
+    "band": "measure up to a higher frequency",
+    "model": "use solid elements in place of beams or shells",
+}
+#: What is told of a striker, with its unit, and the word before it.
+STRIKERS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
+
+
+class Headline(NamedTuple):
+    """What struck what, its numbers (name, value with bar), and sentences of the verdict."""
+
+    about: str
+    numbers: list[tuple[str, str]]
+    sentences: list[str]
+
+
+def headline_of_history(
+    hit: History,
+    structure: Structure | None,
+    budget: Mapping[str, ErrorBar],
+    fields: Mapping[str, PeakField],
+    worst: Data | None,
+) -> Headline:
+    """The headline of an impact of two bodies.
+
+    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
+    """
+    known = {name: bar.total for name, bar in budget.items()}
+    numbers = [
+        (name.replace("_", " "), with_bar(getattr(hit, name), unit, known.get(name)))
+        for name, unit in QUANTITIES.items()
+    ]
+    e = hit.restitution
+    numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
+    sentences = [*_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
+    return Headline(_struck(hit, structure), numbers, [s for s in sentences if s])
+
+
+def headline_of_map(found: ImpactMap) -> Headline:
+    """The headline of a map."""
+    numbers = [("sites", f"{len(found)}")]
+    sentences = []
+    if found.peak_force is not None and found.contact_time is not None:
+        worst_site = hardest(found)
+        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[worst_site])
+        numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
+        times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
+        numbers.append(("contact time", " to ".join(times)))
+        where = place(found.points[worst_site])
+        sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
+        if found.doubtful.any():
+            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
+    if found.peak_stress is not None:
+        sentences.append(_most_dangerous(found))
+    worst = float(found.error.max())
+    sentences.append(
+        f"The free modes leave an error of Z of at most {percent(worst)} up to"
+        f" {engineering(found.band / (2 * np.pi), 'Hz')}; the mesh's error is not estimated."
+    )
+    about = f"{_body(found.impactor)} strikes {_named(found.info.get('structure', 'a part'))}."
+    return Headline(about if found.impactor else "Models over a surface", numbers, sentences)
+
+
+def _most_dangerous(found: ImpactMap) -> str:
+    """Where a blow stresses the part most, and whether it yields."""
+    assert found.peak_stress is not None
+    assert found.stress_points is not None
+    share = found.exposure
+    i = hardest(found, of=found.peak_stress if share is None else share)
+    told = (
+        f"A blow at {place(found.points[i])} stresses the part most:"
+        f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"
+    )
+    if share is None:
+        return f"{told}; the material has no yield_strength to compare it with."
+    count = int(np.sum(share >= 1))
+    where = f"at {count} of {len(found)} sites" if count else "nowhere"
+    return f"{told}, {share[i]:.3g} of the yield strength; yield is reached {where}."
+
+
+def _struck(hit: History, structure: Structure | None) -> str:
+    part = "a model" if structure is None else _named(structure.describe())
+    places = list(places_of(hit.model).values())
+    where = f" at {place(places[0])}" if len(places) == 1 else ""
+    return f"{_body(hit.impactor)} strikes {part}{where}."
+
+
+def _body(body: LinearBody | None) -> str:
+    """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
+    kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
+    told = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
+    for name, (unit, word) in STRIKERS.items():
+        value = getattr(body, name, None)
+        if isinstance(value, float) and value:
+            told.append(f"{word} {engineering(value, unit)}")
+    return " ".join(told)
+
+
+def _named(described: str) -> str:
+    """What `Structure.describe` begins with: the name of the mesh, without its numbers."""
+    return re.split("[:,]", described, maxsplit=1)[0]
+
+
+def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
+    """Whether strengths are reached, and where; else the largest stress of the picture."""
+    told = []
+    for peak in fields.values():
+        if peak.exposure is not None:
+            sentence = peak.margin().sentence
+            told.append(f"{sentence[0].upper()}{sentence[1:]}.")
+        if peak.doubt:
+            told.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+    if not fields and worst is not None:
+        value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
+        told.append(
+            f"The largest von Mises stress is about {value} at {place(worst['place'])}, {time};"
+            " the material has no yield_strength to compare it with."
+        )
+    return told
+
+
+def _absorbed(hit: History) -> str:
+    """Which share of the striker's energy stays."""
+    if len(hit.bodies) != 2 or not hit.contacts:
+        return ""
+    striker = list(hit.bodies.values())[1]
+    before, after = (float(striker.kinetic[k] + striker.strain[k]) for k in (0, -1))
+    if before <= 0 or after > before:
+        return ""
+    return (
+        f"Of the striker's {engineering(before, 'J')}, {percent(1 - after / before)} stay in the"
+        " part and the contact."
+    )
+
+
+def _accuracy(budget: Mapping[str, ErrorBar]) -> str:
+    """What limits the accuracy, and what to do."""
+    if not budget:
+        return (
+            "There is no error bar, for the mesh's error is not estimated:"
+            ' error="estimate" of extract gives one.'
+        )
+    bar = budget["peak_force"]
+    cause = max(budget.causes, key=lambda name: getattr(bar, name))  # type: ignore[attr-defined]
+    return (
+        f"The largest part of the bar of the peak force comes from the {cause},"
+        f" {percent(getattr(bar, cause))}: to narrow it, {REMEDIES[cause]}."
+    )
+
+
+#: Density [kg/m^3] of the ball as which a striker of unknown size is drawn.
+STEEL = 7850.0
+
+
+def data_of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
+    """The data of a map, on every rank; None for one that the page cannot strike anew."""
+    from antiosc.app import live_meshes
+
+    struck = live_meshes.sites_of_map(found, structure)
+    if struck is None:
+        return None
+    return {"engine": engine(), "blow": struck[0], "sites": struck[1]}
+
+
+def data_of_history(
+    hit: History, structure: Structure | None, budget: Mapping[str, ErrorBar]
+) -> Data | None:
+    """The data of an impact, on every rank; None for one that the page cannot repeat."""
+    own = blow_of_history(hit, budget)
+    if own is None:
+        return None
+    part = None
+    if structure is not None:
+        from antiosc.app import live_meshes
+
+        part = live_meshes.of_structure(structure, hit)
+    place = _place(hit, own) if part is not None else None
+    return {"engine": engine(), "blow": own, "part": part, "place": place}
+
+
+def drawn(data: Data) -> str:
+    """What the picture of the set-up shows, in words."""
+    told = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
+    place = data.get("place")
+    if place and place["radius"] and not data["blow"]["radius"]:
+        told += " The striker is drawn as a steel ball of its mass."
+    return told
+
+
+def _place(hit: History, own: Data) -> Data | None:
+    """Where the striker is drawn; None where the site is not known in space."""
+    points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
+    if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
+        return None
+    radius, mass = own["radius"], own["mass"]
+    if radius is None and mass is not None:
+        radius = (mass / (STEEL * 4 / 3 * pi)) ** (1 / 3)
+    return {"point": list(points[0]), "direction": list(direction), "radius": radius}

@@ -1,0 +1,281 @@
+"""What the live page turns: the struck part and its fields, and the sites of a map.
+
+The displacement of a point is linear in the modal displacements and the force of the contact; so is
+its stress. Of each the page gets a few fields with what they multiply: the principal fields of the
+run, as many as it needs. Of a map it gets the free modes of every site, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from antiosc.app.live import Data, given, modal
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.stresses import equivalent
+from antiosc.contact import Hertz
+from antiosc.contact.base import is_compiled
+from antiosc.fem.fields import source
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.body import checked_body
+from antiosc.results.fields import shapes_of
+from antiosc.simulation.histories import History
+from antiosc.studies.map_results import ImpactMap, hardest
+from antiosc.studies.maps import sides
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+
+
+#: Most fields of the motion and of the stress, and what they may miss of the largest value.
+FIELDS, MISSED = (12, 8), 0.01
+#: Times of the run by which fields are chosen.
+TIMES = 120
+#: A point whose displacement is this share of the largest one in all shapes is held.
+HELD = 1e-12
+#: Whole numbers of coordinates and fields.
+STEPS = 32767
+#: Half the width of a beam without outline on the page, over the size of the part.
+BEAM = 0.012
+
+
+def of_structure(structure: Structure, hit: History) -> Data | None:
+    """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
+    try:
+        shapes = shapes_of(structure, hit, "structure")
+        points, faces, moved = surface(structure, shapes)
+        stress = _stress(structure, shapes)
+    except AntioscError:  # without shapes, elements or outline there is nothing to turn
+        return None
+    points, faces, moved, stress = structure.comm.bcast((points, faces, moved, stress), root=0)
+    used, faces = np.unique(faces, return_inverse=True)
+    faces, moved = faces.reshape(-1, 3), moved[used]
+    times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
+    x = _coordinates(hit, times)
+    to_shapes = _by_coordinates(hit)
+    page = geometry(points[used], faces)
+    page["held"] = _held(moved).astype(np.uint8)
+    page["motion"] = fields(moved @ to_shapes, x, FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
+    if stress is not None:
+        own = [each[used] @ to_shapes for each in stress]
+        page["stress"] = [fields(each, x, FIELDS[1], _equivalent) for each in own]
+        page["worst"] = _worst(own, x, points[used], times)
+    return page
+
+
+def geometry(points: Array, faces: IntArray) -> Data:
+    """Points in whole numbers: those of the box about `middle` with the half side `half` [m]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, float((high - low).max() / 2) or 1.0
+    return {
+        "points": np.round((points - middle) / half * STEPS).astype(np.int16),
+        "faces": faces.astype(np.uint32),
+        "middle": middle.tolist(),
+        "half": half,
+    }
+
+
+def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """Points (P, 3), triangles (T, 3), shapes (P, 3, columns), on rank 0; of beams, as bars."""
+    own = source(structure)
+    try:
+        points, faces, moved = own.surface(structure, shapes)
+    except InputError:
+        points, cells, moved = own.at_nodes(structure, shapes)
+        lines = np.vstack([c[:, :2] for kind, c in cells if kind.startswith("line")] or [[]])
+        if not lines.size:
+            raise
+        return _bars(points, lines.astype(int), moved)
+    if faces.shape[1] == 4:
+        faces = np.vstack([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    return points, faces, moved
+
+
+def _bars(points: Array, lines: IntArray, moved: Array) -> tuple[Array, IntArray, Array]:
+    """Lines as square bars: four points at both ends of each."""
+    along = points[lines[:, 1]] - points[lines[:, 0]]
+    aside = np.cross(along, np.where(np.abs(along).argmin(axis=1)[:, None] == np.arange(3), 1, 0))
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    third = np.cross(along, aside) / np.linalg.norm(along, axis=1, keepdims=True)
+    width = BEAM * float(np.ptp(points, axis=0).max())
+    corners = width * np.stack(
+        [aside + third, third - aside, -aside - third, aside - third], axis=1
+    )
+    ends = [points[lines[:, k]][:, None] + corners for k in (0, 1)]
+    own = np.arange(8 * len(lines)).reshape(len(lines), 2, 4)
+    faces = []
+    for k in range(4):
+        a, b, c, d = own[:, 0, k], own[:, 0, (k + 1) % 4], own[:, 1, (k + 1) % 4], own[:, 1, k]
+        faces += [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
+    node = np.repeat(lines.ravel(), 4)
+    return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), moved[node]
+
+
+def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
+    """Stresses (P, 6, columns) at all points on rank 0, of sheets on both sides; None: unknown."""
+    found = []
+    for side in sides(structure):
+        try:
+            points, _, tensors = source(structure).tensors_at_nodes(
+                structure, shapes, "stress", [side]
+            )
+        except InputError:  # a beam, whose section has no outline
+            return None
+        total, count = np.zeros((len(points), 6, shapes.shape[1])), np.zeros(len(points))
+        np.add.at(total, tensors.nodes, tensors.columns)
+        np.add.at(count, tensors.nodes, 1.0)
+        found.append(total / np.maximum(count, 1.0)[:, None, None])
+    return found
+
+
+def _coordinates(hit: History, times: Array) -> Array:
+    """Modal displacements of the structure, and the force of the contact (n, J + 1)."""
+    q, _ = hit.states(times)
+    own = hit.assembly.spans["structure"]
+    return np.column_stack([q[:, own], hit.force_at(times)])
+
+
+def _by_coordinates(hit: History) -> Array:
+    """Factors (B, J + 1) of the shapes by modal displacements and force."""
+    _, own = hit.of("structure")
+    size = own.omega.size
+    q, force = np.eye(size + 1)[:, :size], np.eye(size + 1)[:, size]
+    return np.asarray(own.amplitudes(own.coordinates(q, force))).T
+
+
+def _held(moved: Array) -> BoolArray:
+    """Points (P,) with a component that no shape moves, though it moves elsewhere."""
+    reach = np.abs(moved).max(axis=2, initial=0.0)
+    moves = reach.max(axis=0) > 0
+    return (reach[:, moves] <= HELD * reach.max()).any(axis=1)
+
+
+def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
+    """Principal fields of `linear` (P, c, J + 1) over a run x (n, J + 1), in whole numbers.
+
+    `fields` (K, P, c) times `scale` (K,) times `factors` (K, J + 1) times x is the field; `largest`
+    is the largest `size` in the run. The coordinates are weighted by their largest values, so that
+    fields also serve runs with other amplitudes.
+    """
+    points, components, count = linear.shape
+    weights = np.abs(x).max(axis=0)
+    weights[weights == 0] = 1e-12 * (weights.max() or 1.0)
+    flat = linear.reshape(-1, count) * weights
+    turned, own = (x / weights).T, np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
+    exact = flat @ turned
+    largest = float(size(exact.reshape(points, components, -1)).max(initial=0.0))
+    kept = min(most, count)
+    for k in range(1, kept + 1):
+        error = exact - flat @ own[:, :k] @ (own[:, :k].T @ turned)
+        if np.abs(error).max(initial=0.0) <= MISSED * np.abs(exact).max(initial=0.0):
+            kept = k
+            break
+    basis = (flat @ own[:, :kept]).T
+    scale = np.abs(basis).max(axis=1)
+    scale[scale == 0] = 1.0
+    return {
+        "fields": np.round(basis / scale[:, None] * STEPS).astype(np.int16).ravel(),
+        "scale": scale / STEPS,
+        "factors": (own[:, :kept] / weights[:, None]).T.ravel(),
+        "largest": largest,
+    }
+
+
+def _equivalent(stress: Array) -> Array:
+    return equivalent(np.moveaxis(stress, 1, -1))
+
+
+def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
+    """The largest von Mises stress at the times: value [Pa], place [m], time [s]."""
+    values = np.max([_equivalent(each @ x.T) for each in stress], axis=0)
+    i, k = np.unravel_index(int(values.argmax()), values.shape)
+    return {
+        "value": float(values[i, k]),
+        "place": points[i].tolist(),
+        "time": float(times[k]),
+    }
+
+
+#: Most sites with models on a page.
+MOST = 5000
+#: Area of the part over that of the map from which the part is drawn behind it.
+BEHIND = 1.02
+#: Quantities of a map that the page shows: what it strikes anew first.
+SHOWN = {
+    "peak_force": ("peak force", "N"),
+    "contact_time": ("contact time", "s"),
+    "peak_deflection": ("peak deflection (computed case)", "m"),
+    "peak_stress": ("largest stress (computed case)", "Pa"),
+    "exposure": ("danger: stress over yield (computed case)", ""),
+    "k0": ("static stiffness", "N/m"),
+}
+
+
+def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
+    """Blow and sites for the page, on every rank; None for a map that it cannot strike anew.
+
+    `structure` gives the surface behind sites that are points by themselves.
+    """
+    impactor, law, duration = found.impactor, found.contact, found.duration
+    if impactor is None or law is None or duration is None or not is_compiled(law):
+        return None
+    striker = checked_body("impactor", impactor)
+    speed = striker.velocity
+    if len(found) > MOST or found.peak_force is None or not isinstance(speed, float):
+        return None
+    form = striker.modal()
+    start = form.rigid_motion(-speed)
+    one = given(law, modal(form, start), impactor, abs(speed))
+    forms = [found.model(i).modal() for i in range(len(found))]
+    local = found.local_compliance + striker.local_compliance
+    if not isinstance(law, Hertz):
+        local = np.zeros(len(found))
+    elif law.compliance > 0:
+        local = np.full(len(found), law.compliance)
+    quantities = {name: found.quantities()[name] for name in SHOWN if name in found.quantities()}
+    every = {n: v for n, v in found.quantities().items() if n in ("impulse", "restitution")}
+    sites = {
+        "start": np.cumsum([0, *(form.omega.size for form in forms)]).astype(np.uint32),
+        "omega": np.concatenate([form.omega for form in forms]),
+        "b": np.concatenate([form.b for form in forms]),
+        "r": np.array([form.r for form in forms]),
+        "mobility": np.array([form.mobility for form in forms]),
+        "local": local,
+        "points": found.points.astype(np.float32).ravel(),
+        "directions": found.directions.astype(np.float32).ravel(),
+        "faces": (found.elements if found.elements.shape[1] == 3 else np.zeros((0, 3)))
+        .astype(np.uint32)
+        .ravel(),
+        "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
+        "first": hardest(found),
+        "names": {name: SHOWN[name][0] for name in quantities},
+        "units": {name: SHOWN[name][1] for name in quantities},
+        "quantities": quantities | every,
+    }
+    if structure is not None:
+        sites["skin"] = _skin(structure, _area(found.points, sites["faces"].reshape(-1, 3)))
+    return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
+
+
+def _skin(structure: Structure, mapped: float) -> Data | None:
+    """The surface of a part, the same on all ranks; None where there is none behind the map's."""
+    from antiosc.app import live_meshes as body
+
+    try:
+        points, faces, _ = body.surface(structure, np.zeros((structure.rows, 0)))
+    except InputError:
+        return None
+    points, faces = structure.comm.bcast((points, faces), root=0)
+    if _area(points, faces) < BEHIND * mapped:
+        return None
+    used, faces = np.unique(faces, return_inverse=True)
+    return body.geometry(points[used], faces.reshape(-1, 3))
+
+
+def _area(points: Array, faces: IntArray) -> float:
+    """Area [m^2] of triangles (T, 3)."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -1,1 +1,0 @@
-"""`antiosc new`: a scene that runs, from a look at the part."""

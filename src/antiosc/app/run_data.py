@@ -1,0 +1,296 @@
+"""What an exported run is made of: the numbers of `export/antiosc_model.h`, and their names."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from ctypes import byref
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.contact.base import is_compiled
+from antiosc.models.body import LinearBody
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.bodies import Impactor, Obstacle, Placed, RigidMass, Sphere, place
+from antiosc.simulation.histories.energy import gained
+from antiosc.simulation.histories.results import inexact, touching
+from antiosc.simulation.march.convergence import FINE
+from antiosc.simulation.march.system import Given, System
+from antiosc.simulation.scene import exactly, start
+from antiosc.simulation.scene_parts import SceneParts
+
+#: Outputs of a contact and of a site: `axm_kind` -> name, unit.
+OF_CONTACT = {
+    0: ("force", "N"),
+    1: ("indentation", "m"),
+    2: ("peak_force", "N"),
+    3: ("impulse", "N.s"),
+}
+OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
+#: Expected contact times for which the step is chosen by default, how often that is doubled until
+#: the bodies part, and how much longer a run may be.
+LASTING, DOUBLED, LONGER = 20, 6, 1024
+_MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an exported run: its name, unit and start value."""
+
+    name: str
+    unit: str
+    description: str
+    start: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RunData:
+    """A run for `csrc/export/antiosc_model.h`.
+
+    Attributes
+    ----------
+    system : its bodies and contacts; of a port (`inputs`) no contact, and a row a site.
+    options : duration [s], rel_tol, force scale, step, resolution [s].
+    site_modes, site_forces, site_shifts : (S, J), (S, m), (K, S).
+    outputs : (O, 2) kind and contact or site.
+    starts : (N, J) change of the initial modal velocities by a unit of each parameter.
+    """
+
+    system: System
+    options: tuple[float, float, float, float, float]
+    duration: float
+    site_modes: Array
+    site_forces: Array
+    site_shifts: Array
+    outputs: NDArray[np.int32]
+    output_variables: list[Variable]
+    input_variables: list[Variable] = field(default_factory=list)
+    starts: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    parameter_variables: list[Variable] = field(default_factory=list)
+
+    @property
+    def given(self) -> Given:
+        """The system in the form of the C library."""
+        return self.system.packed
+
+    def counts(self) -> list[int]:
+        """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, law parameters."""
+        laws = [law.n_params for law, _ in self.given.laws]
+        m, size = self.system.beta.shape
+        return [
+            size, m, len(laws), self.system.breaks.size, len(self.site_modes),
+            len(self.parameter_variables), len(self.outputs), sum(laws),
+        ]  # fmt: skip
+
+    def integers(self) -> NDArray[np.int32]:
+        """Of each contact law, number of parameters, tangential rows; then the outputs."""
+        contacts = [
+            (c.law.kind, c.law.n_params, c.first_tangential, c.n_tangential)
+            for c in self.given.contacts
+        ]
+        flat = [*np.ravel(contacts).tolist(), *self.outputs.ravel().tolist()]
+        return np.array(flat, dtype=np.int32)
+
+    def arrays(self) -> dict[str, Array]:
+        """All numbers by name, in the order of the model file."""
+        s = self.system
+        contacts = [
+            [c.friction, c.tangential_stiffness, c.mass, c.expected_depth, c.expected_speed,
+             c.slowest, c.preload]
+            for c in self.given.contacts
+        ]  # fmt: skip
+        laws = [values for _, values in self.given.laws]
+        values = np.concatenate([np.asarray(each, dtype=float) for each in laws]) if laws else []
+        parts = {
+            "options": [*self.options, s.given], "omega": s.omega, "decay": s.decay,
+            "beta": s.beta, "residual": s.R, "breaks": s.breaks, "loads": s.loads,
+            "offsets": s.offsets, "q": s.q, "v": s.v, "site_modes": self.site_modes,
+            "site_forces": self.site_forces, "site_shifts": self.site_shifts,
+            "parameters": [each.start for each in self.parameter_variables],
+            "starts": self.starts, "contacts": contacts, "law_parameters": values,
+        }  # fmt: skip
+        return {name: np.ravel(np.asarray(part, dtype=float)) for name, part in parts.items()}
+
+    @property
+    def memory(self) -> int:
+        """Bytes that a run needs on a machine of 64 bits, and at most elsewhere."""
+        arrays = [
+            np.ascontiguousarray(each, dtype=float)
+            for each in (self.site_modes, self.site_forces, self.site_shifts, self.starts)
+        ]
+        at = [each.ctypes.data for each in arrays]
+        start = np.array([each.start for each in self.parameter_variables])
+        model = march.Model(
+            self.given.system, march.Options(), len(self.site_modes), *at[:3], start.size,
+            start.ctypes.data, at[3], len(self.outputs), self.outputs.ctypes.data,
+        )  # fmt: skip
+        return int(march.library.axm_size(byref(model)))
+
+    @property
+    def token(self) -> str:
+        """A hash of all numbers and names."""
+        text = hashlib.sha256(repr(self.counts()).encode())
+        text.update(self.integers().tobytes())
+        for part in self.arrays().values():
+            text.update(part.tobytes())
+        names = [*self.input_variables, *self.output_variables, *self.parameter_variables]
+        text.update(repr([each.name for each in names]).encode())
+        return text.hexdigest()[:32]
+
+
+def of_model(model: LinearBody) -> RunData:
+    """A model alone: forces on its sites, their motions."""
+    body = place("model", model, None)
+    _refuse_coupled({"model": body})
+    if isinstance(model, Obstacle) or not body.B.size:
+        raise InputError("an obstacle, or a model without a site, has no motion to export.")
+    count = body.B.shape[1]
+    names = _columns(body)
+    system = _linear(body)
+    inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
+    outputs, variables = _site_outputs(names)
+    return RunData(
+        system, (1.0, 1e-3, 0.0, 0.0, 0.0), 1.0, body.B.T.copy(), body.r.copy(),
+        np.zeros((1, count)), outputs, variables, inputs, np.zeros((0, body.omega.size)),
+    )  # fmt: skip
+
+
+def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool) -> RunData:
+    """A scene; `plain`: names without those of bodies, as `simulate` has them."""
+    for contact in scene.contacts:
+        if not is_compiled(contact.law):
+            raise InputError(
+                f"the contact law {type(contact.law).__name__} is a class of your own and has no"
+                f" form in C: export a `Tabulated` law with its curve."
+            )
+    first = LASTING * assemble(scene, 1.0).lasting
+    spans = [first * 2**k for k in range(DOUBLED + 1)] if duration is None else [duration]
+    for span in spans:
+        assembly = assemble(scene, span)
+        _refuse_coupled(assembly.bodies)
+        start(assembly)
+        found, _ = exactly(assembly, span, tol, None, *_MAX)
+        if not plain or not touching(found.run, assembly.system):  # scenes may come to rest
+            break
+    else:
+        warn(
+            f"the exported run is still in contact after {span:.4g} s, for which its step is"
+            " chosen and its table printed; give a longer duration=.",
+            AccuracyWarning,
+        )
+    if message := inexact(found, tol, _MAX[1], lambda: gained(assembly, found.run)):
+        warn(message, AccuracyWarning)
+    names, modes, columns = _sites(assembly, plain)
+    shift = assembly.pushes(assembly.system.breaks) @ assembly.r
+    listed = [(c.a, c.b) for c in scene.contacts]
+    contacts, contact_variables = _contact_outputs(listed, plain)
+    sites, site_variables = _site_outputs(names)
+    parameters, starts = _speeds(assembly, plain)
+    span = float(span)  # its repr is that of C
+    options = (LONGER * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
+    return RunData(
+        assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
+        shift[:, columns].copy(), np.concatenate((contacts, sites)),
+        contact_variables + site_variables, [], starts, parameters,
+    )  # fmt: skip
+
+
+def _refuse_coupled(bodies: Mapping[str, Placed]) -> None:
+    for name, body in bodies.items():
+        if body.modes.first_order is not None:
+            raise InputError(
+                f"an exported file does not take damping that couples the modes of {name!r} (a "
+                "DampingMatrix, dampers): give the model damping ratios, Damping(ratio=...)."
+            )
+
+
+def _linear(body: Placed) -> System:
+    """A body alone as a system: a row a site, no contact."""
+    count, size = body.B.shape[1], body.omega.size
+    none = np.zeros(0)
+    return System(
+        omega=body.omega, decay=body.decay, beta=np.ascontiguousarray(body.B.T), R=body.r,
+        breaks=np.zeros(1), loads=np.zeros((1, size)), offsets=np.zeros((1, count)), laws=(),
+        slip=np.zeros((0, 2)), tangents=np.zeros((0, 2), dtype=np.int64), q=np.zeros(size),
+        v=np.zeros(size), mass=none, depth=none, speed=none, pressed=none,
+    )  # fmt: skip
+
+
+def _columns(body: Placed, prefix: str = "") -> list[str]:
+    """Names of a body's columns with a dot behind: "tip.", "tip.1."; "" of the only one."""
+    names = [""] * body.B.shape[1]
+    for site, columns in body.sites.items():
+        for k, column in enumerate(columns):
+            words = [word for word in (prefix, site, str(k) if k else "") if word]
+            names[column] = ".".join(words) + "." if words else ""
+    return names
+
+
+def _sites(assembly: Assembly, plain: bool) -> tuple[list[str], Array, list[int]]:
+    """Names of all sites' columns, their modes (S, J), and the columns."""
+    names: list[str] = []
+    columns: list[int] = []
+    for name, body in assembly.bodies.items():
+        if isinstance(body.body, Obstacle):
+            continue
+        prefix = {"structure": "", "impactor": "impactor_"}[name] if plain else name
+        span = range(assembly.columns[name].start, assembly.columns[name].stop)
+        columns += span
+        names += [prefix for _ in span] if plain else _columns(body, prefix)
+    return names, np.ascontiguousarray(assembly.B.T[columns]), columns
+
+
+def _contact_outputs(
+    contacts: Sequence[tuple[str, str]], plain: bool
+) -> tuple[NDArray[np.int32], list[Variable]]:
+    specs, variables = [], []
+    for c, (a, b) in enumerate(contacts):
+        for kind, (name, unit) in OF_CONTACT.items():
+            specs.append((kind, c))
+            full = name if plain else f"{a},{b}.{name}"
+            of = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
+            variables.append(Variable(full, unit, of))
+    return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
+
+
+def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
+    specs, variables = [], []
+    for i, prefix in enumerate(names):
+        of = f"the {prefix.rstrip('._')}" if prefix else "the site"
+        for kind, (name, unit) in OF_SITE.items():
+            specs.append((kind, i))
+            variables.append(Variable(prefix + name, unit, f"{name} of {of}"))
+    return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
+
+
+def _speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Array]:
+    """Initial speeds of strikers that can be set, and their modal velocities (N, J)."""
+    variables: list[Variable] = []
+    rows = []
+    for name, body in assembly.bodies.items():
+        given = body.body
+        speed = getattr(given, "velocity", None)
+        if not isinstance(given, RigidMass | Sphere | Impactor) or not isinstance(speed, float):
+            continue
+        if speed == 0.0 or name in assembly.scene.motion:
+            continue
+        row = np.zeros(assembly.system.omega.size)
+        row[assembly.spans[name]] = body.start / speed
+        rows.append(row)
+        full = "initial_velocity" if plain else f"{name}.initial_velocity"
+        variables.append(Variable(full, "m/s", f"velocity of {name} at the start", speed))
+    return variables, np.array(rows).reshape(len(rows), assembly.system.omega.size)
+
+
+def model_file(data: RunData) -> bytes:
+    """The file resources/model.aom that `csrc/export/fmu.c` reads."""
+    mark = np.array([*data.counts(), 0x01020304, march.VERSION], dtype="<i4")
+    token = data.token.encode().ljust(64, b"\0")
+    numbers = np.concatenate(list(data.arrays().values())).astype("<f8")
+    ints = data.integers().astype("<i4")
+    return b"AOMMODEL" + mark.tobytes() + token + ints.tobytes() + numbers.tobytes()

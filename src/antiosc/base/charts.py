@@ -1,0 +1,529 @@
+"""Charts of forces, motions, stiffnesses and errors, with their axes, legends and picture files.
+
+matplotlib is imported only here, and when a chart is drawn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc.base import checks, files
+from antiosc.base._types import Array, Numbers
+from antiosc.base.errors import InputError, MissingDependencyError
+from antiosc.base.process import loading
+from antiosc.base.texts import engineering, prefixed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+#: Something that a chart draws.
+D = TypeVar("D")
+
+
+def panels(
+    rows: int, columns: int, size: tuple[float, float], *, shown: bool = False, **options: object
+) -> tuple[Figure, NDArray[np.object_]]:
+    """A figure of `size` (inches) and its axes (rows, columns); `options` as for `subplots`.
+
+    With `shown`, pyplot knows the figure, so that `pyplot.show()` and notebooks display it.
+    """
+    rows, columns = checks.whole("rows", rows, most=20), checks.whole("columns", columns, most=20)
+    width, height = checks.array("size", size, (2,))
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise InputError(
+            f"size must be two lengths from 0.5 to 100 inches; got {checks.shown(size)}."
+        )
+    figure = new_figure((float(width), float(height)), checks.flag("shown", shown))
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object) -> None:
+    """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
+
+    InputError if `path` does not have the extension of a picture, or cannot be written.
+    """
+    known = figure.canvas.get_supported_filetypes()
+    path = checks.path("path", path)
+    if path.suffix.lower().removeprefix(".") not in known:
+        raise InputError(
+            f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
+        )
+    with files.complete(path, "the picture") as part:
+        render(figure, part, **options)
+
+
+def render(figure: Figure, target: object, **options: object) -> None:
+    """`figure.savefig`; InputError if matplotlib, or LaTeX for it, cannot draw the figure."""
+    try:
+        figure.savefig(target, **options)
+    except (RuntimeError, ValueError) as error:
+        said = " ".join(str(error).split())[:200].rstrip(".")
+        remedy = "choose other names or options"
+        if _matplotlib().rcParams["text.usetex"]:
+            remedy = 'install LaTeX, or set matplotlib.rcParams["text.usetex"] = False'
+        raise InputError(f"the picture cannot be drawn ({said}): {remedy}.") from error
+
+
+def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
+    """The figure, or the path of the file that it was written to."""
+    if path is None:
+        return figure
+    save_figure(figure, path, dpi=120)
+    return checks.path("path", path)
+
+
+def new_figure(size: tuple[float, float], shown: bool) -> Figure:
+    """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive.
+
+    A notebook shows the figure that a cell returns; one that pyplot knows it would show twice.
+    """
+    if shown:
+        pyplot = _matplotlib("pyplot")
+        if "inline" not in pyplot.get_backend().lower():
+            return pyplot.figure(figsize=size, layout="constrained")
+        _let_notebook_draw()
+    return _matplotlib("figure").Figure(figsize=size, layout="constrained")
+
+
+def _let_notebook_draw() -> None:
+    """A notebook learns how to draw figures after the first cell with pyplot: not in that cell."""
+    with contextlib.suppress(ImportError, AttributeError):  # no notebook, or a strange one
+        shell = importlib.import_module("IPython").get_ipython()
+        if _matplotlib("figure").Figure not in shell.display_formatter.formatters["image/png"]:
+            tools = importlib.import_module("IPython.core.pylabtools")
+            tools.select_figure_formats(shell, {"png"})
+
+
+def _matplotlib(module: str = "") -> ModuleType:
+    """matplotlib, or a module of it."""
+    try:
+        if "matplotlib" not in sys.modules:
+            with loading():
+                importlib.import_module("matplotlib")
+        return importlib.import_module(f"matplotlib.{module}".rstrip("."))
+    except ImportError:
+        raise MissingDependencyError(
+            "charts need matplotlib: apt install python3-matplotlib, or pip install matplotlib."
+        ) from None
+
+
+def legend_beside(ax: Axes) -> Axes:
+    """A legend to the right of the axes, where many names hide no data."""
+    ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
+    return ax
+
+
+def legend_below(figure: Figure, curves: Mapping[str, object], columns: int) -> Figure:
+    """A legend of curves (label -> handle) below all panels of a figure."""
+    rows = -(-len(curves) // columns)
+    height = (0.25 * rows + 0.15) / figure.get_figheight()
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(0, height, 1, 1 - height))
+    figure.legend(list(curves.values()), list(curves), loc="lower center", ncols=columns)
+    return figure
+
+
+def few_log_ticks(ax: Axes) -> Axes:
+    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, otherwise only decades.
+
+    matplotlib would label 2, 3, 4, …, which overlap.
+    """
+    ticker = _matplotlib("ticker")
+    for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
+        axis.set_minor_formatter(ticker.NullFormatter())
+        if low > 0 and high < 10**1.5 * low:
+            axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    return ax
+
+
+def axes_or_new(ax: Axes | None) -> Axes:
+    if ax is None:
+        return new_figure((6.4, 4.8), shown=True).subplots()
+    if isinstance(ax, type) or not callable(getattr(ax, "get_figure", None)):
+        raise InputError(f"ax must be matplotlib axes; got {checks.shown(ax)}.")
+    return ax
+
+
+def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D]:
+    """Name -> object; a single one has no name."""
+    named = items if isinstance(items, Mapping) else {"": items}
+    if not named:
+        raise InputError(f"nothing to draw: give at least one {noun}.")
+    for name, one in named.items():
+        which = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
+        check_drawn(which, one, kind, f"a {noun}")
+    return named
+
+
+def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
+    """InputError unless `one` has every attribute of the protocol `kind`."""
+    needed = [attribute for attribute in vars(kind) if not attribute.startswith("_")]
+    if isinstance(one, type) or not all(_has(one, attribute) for attribute in needed):
+        given = "" if one is None else f"{type(one).__name__} "
+        raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
+
+
+def _has(one: object, attribute: str) -> bool:
+    """`hasattr`; an InputError that tells why, as of a history of several contacts, is raised."""
+    try:
+        getattr(one, attribute)
+    except InputError:
+        raise
+    except AttributeError:
+        return False
+    return True
+
+
+def widths(named: Mapping[str, object]) -> Array:
+    """Line widths in points: the first of several curves is the widest, so that none is hidden."""
+    return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
+
+
+def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
+    """The range of `values` with these shares of it below and above."""
+    low, high = float(np.min(values)), float(np.max(values))
+    size = (high - low) or max(abs(high), 1.0)
+    return low - below * size, high + above * size
+
+
+def legend(ax: Axes) -> Axes:
+    """A legend at the best place, if a curve has a name."""
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(loc="best")
+    return ax
+
+
+#: Share of the impulse after the end of the time axis: weak contacts long afterwards.
+LATE = 0.01
+#: Number of contacts from which a running mean of the force is drawn over the pulses.
+MANY_CONTACTS = 7
+#: Number of contacts up to which the pulses below that mean can be told apart: drawn darker.
+DISTINCT_CONTACTS = 20
+#: Windows of that mean over the time shown.
+WINDOWS = 25
+#: Height of a row of the legend over that of the axes.
+LEGEND_ROW = 0.08
+#: Estimated relative error of a force from which it is drawn as a band.
+VISIBLE = 0.005
+
+
+class Recorded(Protocol):
+    """What the charts of a history read; a `History` has it."""
+
+    @property
+    def time(self) -> Array:
+        """Times (T,), s; force (N) and displacements (m) have the same shape."""
+
+    @property
+    def force(self) -> Array: ...
+    @property
+    def displacement(self) -> Array: ...
+    @property
+    def indentation(self) -> Array: ...
+    @property
+    def impactor_displacement(self) -> Array: ...
+    @property
+    def peak_force(self) -> float: ...
+    @property
+    def contacts(self) -> list[tuple[float, float]]: ...
+    @property
+    def error(self) -> Mapping[str, float]: ...
+    @property
+    def cumulative_impulse(self) -> Array: ...
+
+
+def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
+    """Contact force over time, of one history or of several by name; the largest is marked.
+
+    The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
+    peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
+    """
+    named = by_name(hits, Recorded, "History")
+    ax = axes_or_new(ax)
+    spans = [_contact_span(hit) for hit in named.values()]
+    start, end = min(s for s, _ in spans), max(e for _, e in spans)
+    factor, unit = prefixed(end, "s")
+    for (name, hit), width in zip(named.items(), widths(named), strict=True):
+        many = len(hit.contacts) >= MANY_CONTACTS
+        label = None if many else name or None
+        (line,) = ax.plot(factor * hit.time, hit.force, label=label, lw=0.6 if many else width)
+        if many:
+            distinct = len(hit.contacts) <= DISTINCT_CONTACTS
+            line.set(alpha=0.8 if distinct else 0.35, lw=1.0 if distinct else 0.6)
+            window = (end - start) / WINDOWS
+            mean = f"mean over {engineering(window, 's')}"
+            time, force = running_mean(hit.time, hit.force, window)
+            text = f"{name}, {mean}" if name else mean
+            ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
+        error = _force_error(hit)
+        if error >= VISIBLE:
+            bounds = (hit.force * (1 - error), hit.force * (1 + error))
+            shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
+            ax.fill_between(
+                factor * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade
+            )
+        if hit.peak_force > 0:
+            top = int(np.argmax(hit.force))
+            ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
+    room = 0.06 * (end - start)
+    ax.set_xlim(factor * (start - room), factor * (end + room))
+    means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())
+    above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
+    ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
+    if len(named) == 1:
+        _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end), factor)
+    ax.set_xlabel(f"time ({unit})")
+    ax.set_ylabel("contact force (N)")
+    return legend(ax)
+
+
+def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
+    """Displacements of the site and, dashed, of what strikes it over time; contacts are shaded.
+
+    The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
+    covers the motion of the site, that of the other body during contact, and a stop at rest.
+    """
+    named = by_name(hits, Recorded, "History")
+    ax = axes_or_new(ax)
+    factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
+    besides = [hit.displacement + hit.indentation for hit in named.values()]
+    seen = [hit.displacement for hit in named.values()]
+    for hit, beside in zip(named.values(), besides, strict=True):
+        first, last = _contact_span(hit)
+        during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
+        seen.append(beside[during])
+    shown = np.concatenate(seen)
+    long, length = prefixed(float(np.abs(shown).max(initial=0.0)) or 1e-3, "m")
+    for (name, hit), beside, width in zip(named.items(), besides, widths(named), strict=True):
+        own, other = (name, None) if name else _names(hit)
+        (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=own)
+        dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
+        ax.plot(factor * hit.time, long * beside, label=other, **dashes)
+        if len(named) == 1 and hit.contacts:
+            spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
+            whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
+            ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
+    if all(named):
+        ax.set_title("dashed: what strikes", loc="right", fontsize="small")
+    ax.set_ylim(*with_room(long * shown, 0.08, 0.08))
+    ends = [factor * hit.time[-1] for hit in named.values()]
+    ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
+    ax.set_xlabel(f"time ({unit})")
+    ax.set_ylabel(f"displacement ({length})")
+    return legend(ax)
+
+
+def plot_history(
+    hits: Recorded | Mapping[str, Recorded], path: str | os.PathLike[str] | None = None
+) -> Figure | Path:
+    """The force during contact, and below it the motions over the whole run.
+
+    Parameters
+    ----------
+    hits : History or mapping of name to History
+    path : str or Path, optional
+        Of a picture (PNG, PDF, SVG, …) to write.
+
+    Returns
+    -------
+    matplotlib Figure, or `path` where it was given.
+    """
+    named = by_name(hits, Recorded, "History")
+    figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
+    plot_force(named, axes[0, 0])
+    plot_motion(named, axes[1, 0])
+    return finished(figure, path)
+
+
+def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Array, Array]:
+    """Mean of a piecewise linear signal over `window` (s) about each of 400 times."""
+    t, y = checks.column("time", time), checks.column("value", value)
+    if t.size != y.size or t.size < 2 or np.any(np.diff(t) < 0):
+        raise InputError("time must ascend, with one value for each of at least two times.")
+    window = checks.positive("window", window, "s")
+    area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)))
+    at = np.linspace(t[0], t[-1], 400)
+    low, high = np.maximum(at - window / 2, t[0]), np.minimum(at + window / 2, t[-1])
+
+    def until(x: Array) -> Array:
+        k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
+        return np.asarray(area[k] + (x - t[k]) * (y[k] + np.interp(x, t, y)) / 2)
+
+    length = np.maximum(high - low, np.finfo(float).tiny)
+    return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
+
+
+def _names(hit: Recorded) -> tuple[str, str]:
+    """The names of the bodies at both ends of the contact."""
+    contacts = getattr(hit, "contact_histories", ())
+    own, other = contacts[0].ends if contacts else ("structure", "impactor")
+    return f"{own}, at the site", str(other)
+
+
+def _contact_span(hit: Recorded) -> tuple[float, float]:
+    """First touch, and the release after which less than LATE of the impulse remains [s]."""
+    contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
+    if not contacts.size or given[-1] <= 0:
+        return float(hit.time[0]), float(hit.time[-1])
+    so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
+    return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE)), 1])
+
+
+def _force_error(hit: Recorded) -> float:
+    """Estimated relative error of the peak force, of steps and truncation."""
+    return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
+
+
+def _mark_peak(ax: Axes, hit: Recorded, middle: float, factor: float) -> None:
+    """Write the largest force beside its mark, on the side with more space."""
+    if hit.peak_force <= 0:
+        return
+    at = float(hit.time[int(np.argmax(hit.force))])
+    text = f"{engineering(hit.peak_force, 'N', 4)} at {engineering(at, 's')}"
+    side, align = (9, "left") if at <= middle else (-9, "right")
+    ax.annotate(
+        text, (factor * at, hit.peak_force), (side, 4), textcoords="offset points", ha=align
+    )
+
+
+#: Points of a dynamic stiffness between two neighbouring antiresonances, and in total.
+POINTS_BETWEEN, MOST_POINTS = 160, 20_000
+#: Lowest frequency of the picture of a model, over its first antiresonance.
+LOWEST = 0.2
+
+
+class Reduced(Protocol):
+    """What the charts of a model read; an `AntiOscillators` has it."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+    @property
+    def mass_shares(self) -> Array: ...
+    @property
+    def omega(self) -> Array: ...
+    def dynamic_stiffness(self, omega: ArrayLike) -> Numbers: ...
+
+
+def plot_dynamic_stiffness(
+    models: Reduced | Mapping[str, Reduced],
+    omega: ArrayLike,
+    ax: Axes | None = None,
+) -> Axes:
+    """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
+
+    `omega` [rad/s], (n,). Of several sites one curve for each entry of the matrix on and above its
+    diagonal.
+    """
+    named = by_name(models, Reduced, "AntiOscillators")
+    ax = axes_or_new(ax)
+    w = checks.array("omega", omega, (None,))
+    for (name, model), width in zip(named.items(), widths(named), strict=True):
+        for entry, stiffness in _entries(model, w):
+            label = ": ".join(filter(None, (name, entry)))
+            ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)
+    ax.set_xlabel("frequency (Hz)")
+    ax.set_ylabel("|dynamic stiffness| (N/m)")
+    return legend(ax)
+
+
+def _entries(model: Reduced, omega: Array) -> list[tuple[str, Array]]:
+    """Names and absolute values (n,) of the entries of Z on and above the diagonal."""
+    Z, names = np.abs(model.dynamic_stiffness(omega)), model.labels
+    if Z.ndim == 1:
+        return [("", Z)]
+    rows, columns = np.triu_indices(len(names))
+    return [
+        (names[i] if i == j else f"{names[i]}, {names[j]}", Z[:, i, j])
+        for i, j in zip(rows, columns, strict=True)
+    ]
+
+
+def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
+    """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8.
+
+    Of several sites it is the mean share of all of them (`AntiOscillators.mass_shares`).
+    """
+    _with_anti_oscillators(model)
+    ax = axes_or_new(ax)
+    number = np.arange(1, model.n + 1)
+    ax.bar(number, model.mass_shares, label="each")
+    ax.step(number, np.cumsum(model.mass_shares), where="mid", color="k", label="together")
+    ax.set_ylim(0, 1.08)
+    ax.set_xlim(0.4, model.n + 0.6)
+    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.set_xlabel("anti-oscillator")
+    ax.set_ylabel("share of the static mass")
+    return legend(ax)
+
+
+def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+    """|Z| to above the last antiresonance, and below it the masses of the anti-oscillators.
+
+    `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
+    """
+    _with_anti_oscillators(model)
+    figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
+    ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
+    edges = np.unique(np.concatenate((ends, model.omega)))
+    each = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
+    # denser near the ends, where the poles are
+    share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
+    omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
+    plot_dynamic_stiffness(model, omega, axes[0, 0])
+    axes[0, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))
+    few_log_ticks(axes[0, 0])
+    plot_masses(model, axes[1, 0])
+    return finished(figure, path)
+
+
+def _with_anti_oscillators(model: Reduced) -> None:
+    check_drawn("model", model, Reduced, "AntiOscillators")
+    if model.n == 0:
+        raise InputError("this model has no anti-oscillator whose mass could be drawn.")
+
+
+def plot_errors(
+    series: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    ax: Axes | None = None,
+    *,
+    styles: Mapping[str, str] | None = None,
+) -> Axes:
+    """Relative errors against costs of several methods, on logarithmic axes.
+
+    Parameters
+    ----------
+    series : mapping of name to (cost (n,), error (n,)); points that are not > 0 are omitted.
+    ax : matplotlib axes, optional
+    styles : mapping of name to a matplotlib format such as "C0o-", optional
+    """
+    ax = axes_or_new(ax)
+    checks.instance("series", series, Mapping, "a mapping of names to (cost, error)")
+    styles = {} if styles is None else styles
+    checks.instance("styles", styles, Mapping, "a mapping of names to formats")
+    for k, (name, pair) in enumerate(series.items()):
+        if not isinstance(pair, Sequence) or len(pair) != 2:
+            raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")
+        cost = checks.array("cost", pair[0], (None,))
+        error = checks.array("error", pair[1], cost.shape)
+        known = (cost > 0) & (error > 0)
+        # large open markers below small ones: equal errors of two methods remain visible
+        size = 8 - 4 * k / max(len(series) - 1, 1)
+        style = checks.text("a format", styles.get(name, "o-"))
+        ax.loglog(cost[known], error[known], style, ms=size, mfc="none", lw=1.2, label=name)
+    ax.grid(alpha=0.3)
+    return few_log_ticks(ax)

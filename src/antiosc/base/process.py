@@ -1,0 +1,460 @@
+"""The process: what packages change in it, its BLAS threads, and the free memory of its machine.
+
+**Packages.** FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx
+changes the flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the
+compiler, changes the environment and the module path. `restored` undoes it. When they load, several
+packages take files of the working folder for their configuration (`.petscrc`, `petsc.cfg`,
+`ucx.conf`, `matplotlibrc`); such a file can name programs and libraries to run. They load in `/`
+instead (`loading`), so that a folder from elsewhere configures nothing.
+
+**Threads.** One BLAS thread, unless a factorization is large and cores are free. OpenBLAS threads
+synchronise in busy loops, thousands of times in one sparse factorization. If another program uses
+one of the cores, they wait for it as well, and two threads take up to nine times as long as one. If
+all cores are free, only large fronts become faster. A number of threads that the user has set in
+the environment is respected; other libraries are not changed. `benchmarks/blas_threads.py` measures
+it.
+
+**Memory.** How much is free, how much of it a run may take, and the sentence for too little of it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import locale
+import logging
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, wraps
+from pathlib import Path
+from threading import Lock, get_ident
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import OutOfMemoryError
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
+
+
+#: Loggers whose levels the packages change.
+LOGGERS = ("UFL", "ffcx", "FFCx")
+#: Variables that setuptools and threadpoolctl set; the package whose folders are put on the module
+#: path.
+ENVIRONMENT, VENDOR = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT"), "setuptools"
+#: Entries that it put there: it may look there again later.
+_appended: list[str] = []
+#: Held while something is imported or compiled, for all of this belongs to the process.
+_lock = threading.RLock()
+
+
+@contextmanager
+def restored() -> Iterator[None]:
+    """Restore logging, warnings, environment, paths, loader flags and locale at the end.
+
+    One thread at a time. What other threads do to the environment and the module path meanwhile
+    stays.
+    """
+    with _lock:
+        yield from _restored()
+
+
+def _restored() -> Iterator[None]:
+    root = logging.getLogger()
+    handlers, level, show = list(root.handlers), root.level, warnings.showwarning
+    levels = {name: _level(name) for name in LOGGERS}
+    environment = {name: os.environ.get(name) for name in ENVIRONMENT}
+    flags = sys.getdlopenflags()
+    former = locale.setlocale(locale.LC_ALL)
+    path = list(sys.path)
+    sys.path.extend(entry for entry in _appended if entry not in path)
+    try:
+        yield
+    finally:
+        new = [entry for entry in sys.path if entry not in path and VENDOR in Path(entry).parts]
+        _appended.extend(entry for entry in new if entry not in _appended)
+        sys.path[:] = [entry for entry in sys.path if entry not in new]
+        root.handlers[:] = handlers
+        root.setLevel(level)
+        if warnings.showwarning is not show:
+            logging.captureWarnings(False)
+        for name, before in levels.items():
+            if before is not None:
+                logging.getLogger(name).setLevel(before)
+        for name, value in environment.items():
+            if value is None:
+                os.environ.pop(name, None)
+            elif os.environ.get(name) != value:
+                os.environ[name] = value
+        sys.setdlopenflags(flags)
+        locale.setlocale(locale.LC_ALL, former)
+
+
+def _level(name: str) -> int | None:
+    """Level of a logger; None if it does not exist yet."""
+    logger = logging.root.manager.loggerDict.get(name)
+    return logger.level if isinstance(logger, logging.Logger) else None
+
+
+@contextmanager
+def quiet(*names: str) -> Iterator[None]:
+    """Keep what this thread reports below WARNING to the named loggers from all handlers."""
+    loggers = [logging.getLogger(name) for name in names]
+    filters = _Below()
+    for logger in loggers:
+        logger.addFilter(filters)
+    try:
+        yield
+    finally:
+        for logger in loggers:
+            logger.removeFilter(filters)
+
+
+class _Below(logging.Filter):
+    def __init__(self) -> None:
+        super().__init__()
+        self.thread = threading.get_ident()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return record.levelno >= logging.WARNING or record.thread != self.thread
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Context in which packages are imported: outside the working folder, and with a home.
+
+    The working folder is one of the whole process, hence only what is loaded once belongs here.
+    """
+    _give_home()
+    with _lock:
+        try:
+            here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
+        except OSError:  # nothing can be read there
+            yield
+            return
+        try:
+            os.chdir("/")
+            yield
+        finally:
+            os.fchdir(here)
+            os.close(here)
+
+
+def _give_home() -> None:
+    """Set HOME to a folder of this process if the user has none: packages fail to load without.
+
+    In a container the user may have neither HOME nor an entry in /etc/passwd.
+    """
+    try:
+        Path.home()
+    except RuntimeError:
+        os.environ["HOME"] = _home()
+
+
+@cache
+def _home() -> str:
+    return own_folder()
+
+
+def own_folder() -> str:
+    """A new folder that only this user may enter; it is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="antiosc-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def start_petsc() -> None:
+    """Initialise PETSc once, without its signal handlers and its configuration files.
+
+    By default these handlers abort all ranks on a broken pipe, a hang-up and other signals; the
+    files are `.petscrc` of the home and of the working folder. Options in PETSC_OPTIONS are taken.
+    """
+    if "petsc4py.PETSc" not in sys.modules:
+        import petsc4py
+
+        petsc4py.init(["antiosc", "-no_signal_handler", "-skip_petscrc"])
+
+
+#: Variables by which users choose a number of threads; the first one that is set counts.
+VARIABLES = (
+    *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "GOTO_NUM_THREADS"),
+    "OMP_NUM_THREADS",
+)
+#: Operations of a front for each thread: with fewer, threads spend their time on waiting.
+WORK_PER_THREAD = 5e8
+#: Twice as many threads pay where they leave at most this share of the time.
+PAYS = 0.8
+#: Looks at what runs on this machine, of which the median counts, and seconds between them.
+LOOKS, LOOK_PAUSE = 5, 0.004
+
+
+def chosen() -> tuple[str, str] | None:
+    """(variable, number of threads) set by the user in the environment, or None."""
+    return next(((name, os.environ[name]) for name in VARIABLES if os.environ.get(name)), None)
+
+
+def cores() -> int:
+    """Number of cores that this process may use (affinity and quota of the container)."""
+    affinity = getattr(os, "sched_getaffinity", None)  # of Linux
+    allowed = len(affinity(0)) if affinity else os.cpu_count() or 1
+    quota = _text("/sys/fs/cgroup/cpu.max").split()
+    if len(quota) == 2 and quota[0].isdigit():
+        allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))
+    return allowed
+
+
+def free_cores() -> int:
+    """Number of them that are idle, at least 1; 1 if this is unknown."""
+    allowed = cores()
+    if allowed == 1:
+        return 1
+    looks = []
+    for _ in range(LOOKS):
+        others = _running_elsewhere()
+        if others is None:
+            return 1
+        looks.append(others)
+        time.sleep(LOOK_PAUSE)
+    idle = (os.cpu_count() or 1) - int(np.median(looks))
+    return max(1, min(allowed, idle))
+
+
+def _running_elsewhere() -> int | None:
+    """Threads of other processes that run or wait for a core; None where /proc is missing."""
+    load = _text("/proc/loadavg").split()
+    if len(load) < 4:
+        return None
+    own = sum(
+        _text(path).rpartition(")")[2].split()[:1] == ["R"]
+        for path in Path("/proc/self/task").glob("*/stat")
+    )
+    return max(0, int(load[3].partition("/")[0]) - max(1, own))
+
+
+def _text(path: str | Path) -> str:
+    try:
+        return Path(path).read_text()
+    except OSError:
+        return ""
+
+
+def worth(fronts: Array, free: int) -> int:
+    """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
+
+    def cost(threads: int) -> float:
+        return float(np.sum(fronts / np.clip(fronts / WORK_PER_THREAD, 1, threads)))
+
+    threads = 1
+    while threads < free and cost(min(2 * threads, free)) < PAYS * cost(threads):
+        threads = min(2 * threads, free)
+    return threads
+
+
+#: what threadpoolctl tells of a library
+Pool: TypeAlias = dict[str, Any]
+
+
+class _Blas:
+    """The thread pools of the BLAS libraries that are loaded, kept at one thread while in use."""
+
+    def __init__(self, controller: ThreadpoolController) -> None:
+        self.controller = controller
+        self.lock = Lock()
+        self.users: Counter[int] = Counter()  # calls under way, by the Python thread
+        self.limit: Any = None
+        self.before = 1
+
+    def pools(self) -> list[Pool]:
+        """The data of threadpoolctl on each BLAS."""
+        return [pool for pool in self.controller.info() if pool["user_api"] == "blas"]
+
+    def enter(self) -> None:
+        with self.lock:
+            if not self.users:
+                self.before = max((pool["num_threads"] for pool in self.pools()), default=1)
+                self.limit = self.controller.limit(limits=1, user_api="blas")
+            self.users[get_ident()] += 1
+
+    def leave(self) -> None:
+        with self.lock:
+            self.users[get_ident()] -= 1
+            self.users += Counter()  # drops the zeros
+            if not self.users:
+                self.limit.restore_original_limits()
+
+
+def _blas() -> _Blas | None:
+    """The same for all Python threads; None where threadpoolctl is not installed."""
+    with _making:
+        return _made()
+
+
+_making = Lock()
+
+
+@cache
+def _made() -> _Blas | None:
+    try:
+        with restored():
+            from threadpoolctl import ThreadpoolController
+    except ImportError:
+        return None
+    import scipy.linalg  # noqa: F401  (loads the BLAS)
+
+    return _Blas(ThreadpoolController())
+
+
+def pools() -> list[Pool] | None:
+    """The data of threadpoolctl on each loaded BLAS; None if it is not installed."""
+    blas = _blas()
+    return None if blas is None else blas.pools()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Use one BLAS thread inside the block or the decorated function."""
+    blas = None if chosen() else _blas()
+    if blas is None:
+        yield
+        return
+    blas.enter()
+    try:
+        yield
+    finally:
+        blas.leave()
+
+
+@contextmanager
+def as_many_as_pay(fronts: Array) -> Iterator[int | None]:
+    """Use the useful number of threads for dense fronts with these numbers of operations.
+
+    Never more than at the start of the process, and one if another calculation of this process is
+    running. Yields the number, or None if the user has chosen it.
+    """
+    blas = None if chosen() else _blas()
+    if blas is None:
+        yield None
+        return
+    with one_thread():
+        most = min(blas.before, cores()) if len(blas.users) == 1 else 1
+        threads = worth(fronts, most)
+        if threads > 1:
+            threads = worth(fronts, min(most, free_cores()))
+        with blas.controller.limit(limits=threads, user_api="blas"):
+            yield threads
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+#: Share of the free memory that a factor, a basis or a run may fill.
+MEMORY_SHARE = 0.9
+#: Files of a container's limit, of what it uses, and of the cached files among that, which the
+#: kernel gives up first: cgroup 2, and cgroup 1.
+CONTAINERS = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current", "/sys/fs/cgroup/memory.stat"),
+    tuple(
+        f"/sys/fs/cgroup/memory/memory.{x}" for x in ("limit_in_bytes", "usage_in_bytes", "stat")
+    ),
+)
+#: Bytes below which the free memory is not looked up: that takes longer than a short run.
+UNNOTICED = 1 << 26
+#: Remedy where a run needs too much.
+SMALLER = "use a coarser mesh or order=1, or free some memory"
+
+
+def free_memory() -> float:
+    """Free memory of this machine, or of its container or process limit, in bytes."""
+    free = np.inf
+    for line in _lines("/proc/meminfo"):
+        if line.startswith("MemAvailable:"):
+            free = 1024 * float(line.split()[1])
+    for limit, usage, stat in CONTAINERS:
+        most, used = _lines(limit), _lines(usage)
+        if most and used and most[0].isdigit():
+            cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
+            free = min(free, float(most[0]) - float(used[0]) + float((cached or ["0"])[0]))
+    return min(free, _left_of_process())
+
+
+def give_back() -> None:
+    """Return freed memory, which glibc keeps for itself, to the system, so that it counts."""
+    trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
+def _left_of_process() -> float:
+    """What the limit of this process (ulimit -v) leaves it, in bytes."""
+    try:
+        import resource
+    except ImportError:  # no Unix
+        return np.inf
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    pages = _lines("/proc/self/statm")
+    if limit == resource.RLIM_INFINITY or not pages:
+        return np.inf
+    return float(limit - int(pages[0].split()[0]) * resource.getpagesize())
+
+
+def require(need: float, what: str, remedy: str, free: float | None = None) -> None:
+    """OutOfMemoryError unless `need` bytes fit in the free memory.
+
+    Parameters
+    ----------
+    what, remedy : parts of the sentence "`what` needs 3 GB and 2 GB are free: `remedy`."
+    free : bytes, where they are known from before.
+
+    Less than `UNNOTICED` passes.
+    """
+    if free is None and need < UNNOTICED:
+        return
+    free = free_memory() if free is None else free
+    if need > MEMORY_SHARE * free:
+        raise OutOfMemoryError(f"{shortage(what, need, free)}: {remedy}.")
+
+
+def shortage(what: str, need: float, free: float) -> str:
+    """That something needs more memory than is free, without a remedy."""
+    return f"{what} needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are free"
+
+
+def ran_out(
+    what: str, error: BaseException | None = None, remedy: str = SMALLER
+) -> OutOfMemoryError:
+    """The error for an allocation that failed in `what`."""
+    said = "" if error is None else f" ({str(error) or 'Python itself'})"
+    return OutOfMemoryError(f"{what} ran out of memory{said}: {remedy}.")
+
+
+def within_memory(function: Callable[P, T]) -> Callable[P, T]:
+    """Decorate `function`: a MemoryError in it becomes an OutOfMemoryError."""
+    name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+
+    @wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return function(*args, **kwargs)
+        except OutOfMemoryError:
+            raise
+        except MemoryError as error:
+            raise ran_out(name, error) from error
+
+    return guarded
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text().splitlines()
+    except OSError:
+        return []

@@ -1,0 +1,204 @@
+"""Objects and numbers as short texts.
+
+`Brief` shows a result in a few lines, `Given` what a user makes in one; `engineering` writes a
+number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from html import escape
+from math import floor, isfinite, log10
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base.errors import AntioscError
+
+#: Most lines of numbers of an object.
+LINES = 4
+#: Most characters of one value.
+WIDTH = 72
+
+
+class Brief:
+    """Gives an object a `repr` of at most five lines, and a table in notebooks.
+
+    `_facts` lists (name, value as text); by default the fields of the dataclass, arrays by their
+    shape and range.
+    """
+
+    def _facts(self) -> list[tuple[str, str]]:
+        fields = [
+            (f.name, getattr(self, f.name))
+            for f in dataclasses.fields(self)  # type: ignore[arg-type]
+            if f.repr and not f.name.startswith("_")
+        ]
+        told = [(name, text) for name, value in fields if (text := short(value))]
+        if len(told) <= LINES:
+            return told
+        rest = ", ".join(name for name, _ in told[LINES - 1 :])
+        return [*told[: LINES - 1], ("and", rest)]
+
+    def _known(self) -> list[tuple[str, str]]:
+        try:
+            return [(name, _cut(text)) for name, text in self._facts()]
+        except (AntioscError, AttributeError):  # an object of which not everything is known
+            return []
+
+    def __repr__(self) -> str:
+        facts = self._known()[:LINES]
+        width = max((len(name) for name, _ in facts), default=0)
+        rows = [f"  {name:<{width}}  {value}" for name, value in facts]
+        return "\n".join([type(self).__name__, *rows])
+
+    def _repr_html_(self) -> str:
+        return _table(self, self._known())
+
+
+class Given:
+    """Gives a dataclass a `repr` of one line and a table: what differs from the defaults."""
+
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__ and not issubclass(cls, Brief):
+            cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
+
+    def _told(self) -> list[tuple[str, str]]:
+        return [
+            (f.name, _given(getattr(self, f.name, None)))
+            for f in dataclasses.fields(self)  # type: ignore[arg-type]
+            if f.repr and not f.name.startswith("_") and not _usual(f, getattr(self, f.name, None))
+        ]
+
+    def __repr__(self) -> str:
+        told = (f"{name}={value}" for name, value in self._told())
+        return f"{type(self).__name__}({', '.join(told)})"
+
+    def _repr_html_(self) -> str:
+        return _table(self, self._told())
+
+
+def _table(one: object, facts: list[tuple[str, str]]) -> str:
+    """HTML of an object: its kind, and a row for each fact."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th>"
+        f"<td style='text-align:left'>{escape(value)}</td></tr>"
+        for name, value in facts
+    )
+    return f"<b>{escape(type(one).__name__)}</b><table>{rows}</table>"
+
+
+def _usual(field: dataclasses.Field[object], value: object) -> bool:
+    """Whether a field has its default."""
+    if field.default is dataclasses.MISSING:
+        return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
+    plain = isinstance(value, float | int | str | tuple)
+    return value is field.default or (plain and bool(value == field.default))
+
+
+def _given(value: object) -> str:
+    """A value of a field in one short piece."""
+    if isinstance(value, float) and float(f"{value:g}") == value:
+        return f"{value:g}"
+    if isinstance(value, np.ndarray):
+        return f"[{ranged(value)}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(map(str, value)) + "}"
+    if isinstance(value, list | tuple):
+        text = ", ".join(map(_given, value))
+        return f"({text})" if len(text) <= WIDTH else f"({len(value)} entries)"
+    if isinstance(value, Brief) or callable(value):
+        return getattr(value, "__name__", type(value).__name__)
+    text = repr(value)
+    return text if len(text) <= WIDTH and "\n" not in text else type(value).__name__
+
+
+def _cut(text: str) -> str:
+    """A text of at most `WIDTH` characters."""
+    return text if len(text) <= WIDTH else text[: WIDTH - 1] + "…"
+
+
+def short(value: object) -> str:
+    """A value in one short line; "" for None and what is empty."""
+    if value is None or (isinstance(value, np.ndarray) and not value.size):
+        return ""
+    if isinstance(value, dict | list | tuple) and not value:
+        return ""
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, float | int | np.number):
+        return f"{value:.6g}"
+    if isinstance(value, np.ndarray):
+        return ranged(value)
+    if isinstance(value, dict | list | tuple):
+        names = ", ".join(map(str, value)) if isinstance(value, dict) else ""
+        return names or f"{len(value)} entries"
+    return type(value).__name__
+
+
+def ranged(values: NDArray[np.generic]) -> str:
+    """An array by its shape and range, or its numbers if they are few."""
+    if values.dtype.kind not in "fiub":
+        return f"array {values.shape}"
+    if values.size <= 3 and values.ndim == 1:
+        return ", ".join(f"{v:.6g}" for v in values)
+    return f"{values.shape}, {np.min(values):.4g} to {np.max(values):.4g}"
+
+
+#: Units that take a prefix, beside those that begin with newtons.
+PREFIXED = ("m", "s", "J", "Pa", "Hz", "g")
+PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+
+
+def engineering(value: float, unit: str = "", digits: int = 3) -> str:
+    """A number with so many significant digits and a prefix of its unit, as "2.20 kN".
+
+    Masses below 1 kg are written in grams. A dash for what is not finite.
+    """
+    value = float(value)
+    if not isfinite(value):
+        return "–"
+    if unit == "kg" and 0 < abs(value) < 1:
+        value, unit = 1e3 * value, "g"
+    if value == 0:
+        return f"0 {unit}".rstrip()
+    rounded = float(f"{value:.{digits - 1}e}")
+    prefixed = unit in PREFIXED or unit.startswith("N")
+    power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    shown = f"{rounded / 10**power:#.{digits}g}".rstrip(".")
+    return f"{shown} {PREFIXES[power]}{unit}".rstrip()
+
+
+def place(point: Iterable[float]) -> str:
+    """A place: "(20, 40, 75) mm"."""
+    own = [float(x) for x in point]
+    rounding = 1e-9 * max(map(abs, own), default=0.0)
+    return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """A range: "1.100 kN to 2.204 kN"."""
+    return " to ".join(engineering(end, unit, 4) for end in (low, high))
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit of a column of a table whose largest value is given: (1e6, "µs")."""
+    if unit == "kg" and 0 < largest < 1:
+        return 1e3, "g"
+    shown = engineering(largest, unit).rpartition(" ")[2] if largest else unit
+    power = {f"{sign}{unit}": p for p, sign in PREFIXES.items()}.get(shown, 0)
+    return 10.0**-power, shown if power else unit
+
+
+def percent(share: float) -> str:
+    """A share in per cent with two significant digits: "0.34 %"."""
+    return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
+
+
+def with_bar(value: float, unit: str, share: float | None) -> str:
+    """A number with its relative error, where one is known: "2.20 kN ± 2 %"."""
+    shown = engineering(value, unit)
+    return shown if share is None else f"{shown} ± {percent(share)}"

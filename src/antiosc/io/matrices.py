@@ -1,0 +1,456 @@
+"""Files of stiffness and mass matrices: formats, Matrix Market, and pairs of K and M.
+
+Packages register formats as entry points of `antiosc.matrices`. Matrix Market is a header line, the
+size, then entries (Boisvert and others, NISTIR 5935).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, TextIO
+
+import numpy as np
+import scipy.sparse
+
+from antiosc.base import checks
+from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base.errors import InputError
+from antiosc.io.request import loaded, registered
+
+#: Numbers as Fortran writes them: 1.5D+03, 1.5+103 without a letter.
+_FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
+
+
+class Source:
+    """The content of one file."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        checked = Path(checks.path("path", path))
+        self.name = checked.name
+        try:
+            if not checked.is_file():
+                what = "is a folder" if checked.is_dir() else "does not exist"
+                raise InputError(f"the matrix file {os.fspath(path)!r} {what}.")
+            self.content = checked.read_bytes()
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"cannot read matrices from {os.fspath(path)!r}: {reason}.") from error
+        if not self.content:
+            raise InputError(f"{self.name} is empty.")
+
+    def lines(self) -> list[bytes]:
+        """Its lines without their ends."""
+        return self.content.splitlines()
+
+    def error(self, line: int, text: str) -> InputError:
+        """The error for a line, counted from 1."""
+        return InputError(f"{self.name}, line {line}: {text}")
+
+    def needs(self, holds: object, line: int, text: str) -> None:
+        """Raise the error for a line unless something holds."""
+        if not holds:
+            raise self.error(line, text)
+
+    def at_byte(self, offset: int, text: str) -> InputError:
+        """The error for a place in a binary file."""
+        return InputError(f"{self.name}, byte {offset}: {text}")
+
+    def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
+        """Lines of `columns` numbers each: (lines, columns); `numbers` are those of the lines."""
+        if not lines:
+            return np.zeros((0, columns))
+        rows = [line.replace(b",", b" ") for line in lines]
+        found = _floats(b"\n".join(rows))
+        if found is None or any(len(row.split()) != columns for row in rows):
+            for row, line, number in zip(rows, lines, numbers, strict=True):
+                self._check(row, line, number, columns)
+        assert found is not None
+        return found.reshape(-1, columns)
+
+    def _check(self, row: bytes, line: bytes, number: int, columns: int) -> None:
+        shown = line.decode("ascii", "replace").strip()[:60]
+        if len(row.split()) != columns:
+            raise self.error(number, f"{columns} numbers are expected; got {shown!r}.")
+        if _floats(row) is None:
+            raise self.error(number, f"{shown!r} is not {columns} numbers.")
+
+
+def _floats(text: bytes) -> Array | None:
+    """All numbers of a text; None if it contains anything else."""
+    try:
+        return np.array(text.split(), dtype=float)
+    except ValueError:
+        pass
+    try:
+        return np.array(fortran(text).split(), dtype=float)
+    except ValueError:
+        return None
+
+
+def fortran(text: bytes) -> bytes:
+    """The text with Fortran's exponents as others write them."""
+    return _FORTRAN.sub(
+        lambda m: m[1] + b"E" + m[2] if m[1] is not None else m[3] + b"E" + m[4], text
+    )
+
+
+def is_text(content: bytes) -> bool:
+    """Whether the first bytes are those of a text."""
+    head = content[:4096]
+    return not any(byte < 9 or 13 < byte < 32 for byte in head)
+
+
+# --- Entries --------------------------------------------------------------------------------------
+
+
+#: Columns of a table of labels: node, component.
+Labels = IntArray
+
+
+@dataclass(frozen=True)
+class Entries:
+    """The entries of a square matrix that stand in a file.
+
+    Attributes
+    ----------
+    source : name of the file, and of the matrix where it has one
+    row, column, value : (entries,), rows counted from 0
+    size : number of rows
+    triangle : whether the file holds one triangle of a symmetric matrix
+    labels : (size, 2) node and component of each row, where the file names them
+    counted : whether the file says how many rows there are; otherwise `size` is the last row named
+    """
+
+    source: str
+    row: IntArray
+    column: IntArray
+    value: Array
+    size: int
+    triangle: bool
+    labels: Labels | None = None
+    counted: bool = True
+
+    def matrix(self) -> scipy.sparse.csr_matrix:
+        """The matrix; repeated entries are added."""
+        row, column, value = self.row, self.column, self.value
+        if self.triangle:
+            off = row != column
+            row, column = np.append(row, column[off]), np.append(column, row[off])
+            value = np.append(value, value[off])
+        return scipy.sparse.coo_matrix((value, (row, column)), (self.size, self.size)).tocsr()
+
+    def renumbered(self, position: IntArray, size: int) -> Entries:
+        """The same with row i at `position[i]` of `size` rows, without labels."""
+        return Entries(
+            self.source, position[self.row], position[self.column], self.value, size, self.triangle
+        )
+
+
+def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
+    """Entries of a table (node, component, node, component, value), rows sorted by their labels.
+
+    `triangle` None: the file does not say whether it holds one triangle or both.
+    """
+    pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
+    labels, index = np.unique(pairs, axis=0, return_inverse=True)
+    row, column = index.reshape(-1, 2).T
+    value = table[:, 4]
+    if triangle is None:
+        triangle = one_triangle(source, row, column, len(labels))
+    return Entries(source, row, column, value, len(labels), triangle, labels)
+
+
+def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
+    """Whether off the diagonal no entry has its mirror in the file; InputError for some of them."""
+    off = row != column
+    keys = row[off].astype(np.int64) * size + column[off]
+    mirrored = np.isin(keys, column[off].astype(np.int64) * size + row[off])
+    if not mirrored.any():
+        return True
+    if mirrored.all():
+        return False
+    i, j = np.column_stack([row[off], column[off]])[int(np.argmin(mirrored))]
+    raise InputError(
+        f"{source} holds both triangles of the matrix, but of entry ({i}, {j}) only one: symmetric "
+        "matrices have one triangle or both."
+    )
+
+
+def checked(entries: Entries) -> Entries:
+    """`entries`, or InputError for numbers that are no matrix."""
+    source, size = entries.source, entries.size
+    bad = ~np.isfinite(entries.value)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise InputError(
+            f"{source} holds {entries.value[k]} at row {entries.row[k] + 1}, column "
+            f"{entries.column[k] + 1}: entries must be finite numbers."
+        )
+    for name, index in (("row", entries.row), ("column", entries.column)):
+        out = (index < 0) | (index >= size)
+        if out.any():
+            raise InputError(
+                f"{source} has an entry in {name} {index[int(np.argmax(out))] + 1} of a matrix of "
+                f"{size} rows."
+            )
+    return entries
+
+
+# --- Formats --------------------------------------------------------------------------------------
+
+
+class MatrixFormat(NamedTuple):
+    """How matrices of one format are recognised, read and written."""
+
+    #: whether a file with this content is of the format
+    matches: Callable[[bytes], bool]
+    #: the matrix of a file, or several by their names
+    read: Callable[[Source], Entries | dict[str, Entries]]
+    #: writes symmetric matrices by their names, with node and dof of each row
+    write: Callable[[Path, dict[str, Matrix], Labels], None] | None = None
+    #: of the files that are written
+    endings: tuple[str, ...] = ()
+    #: whether the files hold node and dof of each row
+    labelled: bool = False
+
+
+def matrix_formats() -> list[MatrixFormat]:
+    """The registered formats."""
+    return [loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")]
+
+
+#: First word of the file.
+BANNER = b"%%MatrixMarket"
+
+
+def read_matrix_market(source: Source) -> Entries:
+    """The matrix of a Matrix Market file."""
+    lines = source.lines()
+    words = lines[0].decode("ascii", "replace").lower().split()
+    if len(words) < 5 or words[1] != "matrix":
+        raise source.error(1, "the header must be '%%MatrixMarket matrix FORMAT FIELD SYMMETRY'.")
+    form, field, symmetry = words[2:5]
+    if field not in ("real", "integer", "double"):
+        raise source.error(1, f"the matrix is {field}: stiffness and mass must be real.")
+    if symmetry not in ("general", "symmetric"):
+        raise source.error(1, f"the matrix is {symmetry}: stiffness and mass are symmetric.")
+    if form not in ("coordinate", "array"):
+        raise source.error(1, f"the format must be coordinate or array; got {form!r}.")
+    used = [k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"%")]
+    source.needs(used, len(lines), "the file ends before the size of the matrix.")
+    shape = _shape(source, lines[used[0]], used[0] + 1, 3 if form == "coordinate" else 2)
+    if shape[0] != shape[1]:
+        raise source.error(
+            used[0] + 1, f"the matrix must be square; got {shape[0]} rows and {shape[1]} columns."
+        )
+    data, numbers = [lines[k] for k in used[1:]], [k + 1 for k in used[1:]]
+    read_as: Callable[..., Entries] = _coordinate if form == "coordinate" else _array
+    return read_as(source, shape, data, numbers, symmetry == "symmetric")
+
+
+def _shape(source: Source, line: bytes, number: int, columns: int) -> list[int]:
+    values = source.table([line], [number], columns)[0]
+    if (values < 1).any() or (values != np.floor(values)).any():
+        raise source.error(number, "sizes must be positive whole numbers.")
+    return [int(value) for value in values]
+
+
+def _coordinate(
+    source: Source, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
+) -> Entries:
+    size, count = shape[0], shape[2]
+    _complete(source, count, lines)
+    table = source.table(lines, numbers, 3)
+    index = table[:, :2]
+    bad = (index < 1) | (index > size) | (index != np.floor(index))
+    if bad.any():
+        k = int(np.argmax(bad.any(axis=1)))
+        raise source.error(
+            numbers[k], f"rows and columns are 1 to {size}; got {index[k, 0]:g}, {index[k, 1]:g}."
+        )
+    row, column = index.astype(np.int64).T - 1
+    return Entries(source.name, row, column, table[:, 2], size, triangle)
+
+
+def _array(
+    source: Source, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
+) -> Entries:
+    size = shape[0]
+    count = size * (size + 1) // 2 if triangle else size * size
+    _complete(source, count, lines)
+    value = source.table(lines, numbers, 1)[:, 0]
+    # column by column, from the diagonal down where one triangle stands there
+    column = np.repeat(np.arange(size), np.arange(size, 0, -1) if triangle else size)
+    first = np.cumsum(np.arange(size, 0, -1)) - np.arange(size, 0, -1) if triangle else None
+    row = np.arange(count) % size if first is None else np.arange(count) - first[column] + column
+    some = value != 0
+    return Entries(source.name, row[some], column[some], value[some], size, triangle)
+
+
+def _complete(source: Source, count: int, lines: list[bytes]) -> None:
+    if len(lines) != count:
+        last = len(source.lines())
+        raise source.error(last, f"the header promises {count:g} entries; there are {len(lines)}.")
+
+
+def write_matrix_market(out: TextIO, matrix: Matrix, comment: str = "") -> None:
+    """Write a symmetric matrix: its lower triangle, with all digits."""
+    lower = scipy.sparse.tril(scipy.sparse.csc_matrix(matrix)).tocoo()
+    out.write("%%MatrixMarket matrix coordinate real symmetric\n")
+    for line in comment.splitlines():
+        out.write(f"% {line}\n")
+    out.write(f"{lower.shape[0]} {lower.shape[1]} {lower.nnz}\n")
+    rows: tuple[Array, ...] = (lower.row, lower.col, lower.data)
+    for i, j, value in zip(*rows, strict=True):
+        out.write(f"{i + 1} {j + 1} {float(value)!r}\n")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """K and M, and (node, component) of each row where the files name them."""
+
+    K: scipy.sparse.csr_matrix
+    M: scipy.sparse.csr_matrix
+    labels: Labels | None
+
+
+def read_pair(
+    stiffness: str | os.PathLike[str],
+    mass: str | os.PathLike[str],
+    names: tuple[str, str] | None = None,
+) -> Pair:
+    """Read K and M.
+
+    Parameters
+    ----------
+    stiffness, mass : paths
+        Matrix Market, Abaqus `*MATRIX GENERATE`, Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text
+        or binary) or DMIG; recognised by their content. Both may be one file.
+    names : the names of K and M in OP4 and DMIG files that hold more matrices.
+
+    Raises
+    ------
+    InputError
+        A file that is missing, cut, or of another kind; complex, infinite or NaN entries; matrices
+        of different sizes or dofs. Says file and line (of binary files the byte).
+    """
+    pair = (None, None) if names is None else names
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
+    if names is not None:
+        pair = checks.text("names", pair[0]), checks.text("names", pair[1])
+    K, M = _one(stiffness, "K", pair[0]), _one(mass, "M", pair[1])
+    labels, most = None, max(K.size, M.size)
+    K, M = (one if one.counted else replace(one, size=most) for one in (K, M))
+    if K.labels is not None and M.labels is not None:
+        labels, M = K.labels, _on(K, M)
+    elif K.size != M.size:
+        raise InputError(
+            f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
+        )
+    else:
+        labels = M.labels if K.labels is None else K.labels
+    count = len(K.value) + len(M.value)
+    if K.size > count:
+        raise InputError(
+            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: "
+            "most dofs have neither stiffness nor mass; is the file complete?"
+        )
+    return Pair(K.matrix(), M.matrix(), labels)
+
+
+def _on(K: Entries, M: Entries) -> Entries:
+    """M on the rows of K, by node and component."""
+    assert K.labels is not None
+    assert M.labels is not None
+    both, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
+    index = index.ravel()
+    if len(both) > K.size:
+        stray = M.labels[int(np.argmax(~np.isin(index[K.size :], index[: K.size])))]
+        raise InputError(
+            f"{M.source} has dof {stray[1]} of node {stray[0]}, which {K.source} has not: K and M "
+            "must be of one model."
+        )
+    return M.renumbered(index[K.size :], K.size)  # K's labels are sorted, as `both` is
+
+
+def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
+    source = Source(path)
+    found = _matrices(source)
+    if isinstance(found, Entries):
+        return checked(found)
+    if name is not None:
+        wanted = [key for key in found if key.upper() == name.upper()]
+    else:
+        wanted = list(found)
+        if len(found) > 1:
+            wanted = [key for key in found if key.upper().startswith(letter)]
+    if len(wanted) != 1:
+        raise InputError(
+            f"{source.name} holds the matrices {', '.join(found)}: say which are K and M, "
+            "names=('KAA', 'MAA')."
+        )
+    return checked(found[wanted[0]])
+
+
+def _matrices(source: Source) -> Entries | dict[str, Entries]:
+    content = source.content
+    if content[:14].lower() == BANNER.lower():
+        return read_matrix_market(source)
+    for form in matrix_formats():
+        if form.matches(content):
+            return form.read(source)
+    if not is_text(content):
+        raise InputError(
+            f"{source.name} is a binary file, but not OP4: it is read as Matrix Market, Abaqus "
+            "text, Harwell–Boeing, OP4 or DMIG."
+        )
+    return read_abaqus(source)
+
+
+# --- Abaqus ---------------------------------------------------------------------------------------
+
+
+def read_abaqus(source: Source) -> Entries:
+    """The matrix of Abaqus `*MATRIX GENERATE`.
+
+    Lines of node, dof, node, dof, value, or of row, column, value: `*MATRIX OUTPUT` writes the
+    first with FORMAT=MATRIX INPUT and LABELS, the second with FORMAT=COORDINATE; of symmetric
+    matrices one triangle. Abaqus writes supports as 1e36 on the diagonal.
+    """
+    lines, numbers, triangle = [], [], None
+    for k, line in enumerate(source.lines()):
+        text = line.strip().rstrip(b",")
+        if text.startswith(b"*"):
+            if not text.startswith(b"**") and b"UNSYMMETRIC" in text.upper().replace(b" ", b""):
+                triangle = False
+        elif text:
+            lines.append(text)
+            numbers.append(k + 1)
+    source.needs(lines, 1, "the file has no entries.")
+    columns = len(lines[0].replace(b",", b" ").split())
+    if columns not in (3, 5):
+        raise source.error(
+            numbers[0],
+            "an Abaqus matrix has lines of node, dof, node, dof, value or of row, column, value; "
+            f"got {lines[0].decode('ascii', 'replace')[:60]!r}.",
+        )
+    table = source.table(lines, numbers, columns)
+    index = table[:, :-1]
+    bad = (index != np.floor(index)) | (np.abs(index) >= 2**31)
+    if columns == 3:
+        bad |= index < 1
+    if bad.any():
+        k = int(np.argmax(bad.any(axis=1)))
+        raise source.error(numbers[k], "rows, nodes and dofs must be whole numbers.")
+    if columns == 5:
+        return of_labels(source.name, table, triangle)
+    row, column = index.astype(np.int64).T - 1
+    size = int(max(row.max(), column.max())) + 1
+    if triangle is None:
+        triangle = one_triangle(source.name, row, column, size)
+    return Entries(source.name, row, column, table[:, 2], size, triangle, counted=False)

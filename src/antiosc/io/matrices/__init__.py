@@ -1,1 +1,0 @@
-"""Files of stiffness and mass matrices that other programs write or read."""

@@ -1,0 +1,485 @@
+"""Mesh files of other programs: universal files of I-DEAS (`.unv`), all others by meshio.
+
+Where a file has several kinds of cells, or kinds that no mesh here carries, the elements go through
+a `Deck`, as those of Abaqus and Nastran do: wedges, pyramids and mixed volumes are cut into
+tetrahedra, triangles beside quadrilaterals into triangles, and cells of 8 and 20 nodes get the
+nodes that they lack (`conversion`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from antiosc.base.errors import MeshError, MissingDependencyError
+from antiosc.io.conversion import as_mesh
+from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
+from antiosc.io.neutral import (
+    CELLS,
+    CORNERS,
+    DIMENSION,
+    EDGES,
+    KINDS,
+    SERENDIPITY,
+    FileMesh,
+    IntArray,
+    joined,
+    rectangles,
+)
+from antiosc.io.request import Request
+
+if TYPE_CHECKING:
+    import meshio
+
+#: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
+GMSH_EDGES = {
+    "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
+    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
+    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
+    "hexahedron": (
+        *((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7)),
+        *((4, 5), (4, 7), (5, 6), (6, 7)),
+    ),
+}
+#: Corners of the faces in the order of gmsh's nodes within them, likewise.
+GMSH_FACES = {
+    "hexahedron": (
+        *((0, 3, 2, 1), (0, 1, 5, 4), (0, 4, 7, 3)),
+        *((1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7)),
+    ),
+    "wedge": ((0, 1, 4, 3), (0, 2, 5, 3), (1, 2, 5, 4)),
+}
+
+
+def known(label: str, name: str) -> str:
+    """`label` itself; MeshError if such cells of the file `name` can neither be carried nor cut."""
+    if label not in CELLS:
+        raise MeshError(
+            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
+            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
+            "order 1 or 2."
+        )
+    return label
+
+
+def as_carried(mesh: FileMesh, name: str) -> FileMesh:
+    """`mesh` itself if its cells of each dimension are of one kind that is carried; else cut."""
+    if not _is_mixed(mesh):
+        return mesh
+    deck = Deck(name, mesh.points)
+    labels = [label for label, block in mesh.cells.items() if len(block)]
+    for label in labels:
+        deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
+    starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
+    for group, parts in mesh.groups.items():
+        rows = [starts[label] + some for label, some in parts.items() if label in starts]
+        deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+    deck.node_sets = mesh.node_sets
+    result = as_mesh(deck)
+    result.aids = mesh.aids
+    result.told = [*mesh.told, *result.told]
+    return result
+
+
+def _is_mixed(mesh: FileMesh) -> bool:
+    """Whether some cells of a dimension are of another kind than the rest, or not carried."""
+    there = {label for label, block in mesh.cells.items() if len(block)}
+    top = max((DIMENSION[CELLS[label][0]] for label in there), default=0)
+    if mesh.aids:  # where some cells are in groups, those in none are construction aids
+        grouped = {
+            label
+            for parts in mesh.groups.values()
+            for label, rows in parts.items()
+            if len(rows) and DIMENSION[CELLS[label][0]] == top
+        }
+        lower = {label for label in there if DIMENSION[CELLS[label][0]] < top}
+        there = grouped | lower if grouped else there
+    if any(label not in KINDS and label not in SERENDIPITY for label in there):
+        return True
+    tops = {label for label in there if DIMENSION[CELLS[label][0]] == top}
+    return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
+
+
+def _block(label: str, cells: IntArray, convention: str) -> Block:
+    shape, nodes, _ = CELLS[label]
+    corners, edges = CORNERS[shape], len(EDGES[shape])
+    has_mids = nodes > corners
+    mids, inner = np.arange(corners, corners + edges * has_mids), np.arange(corners, corners)
+    if nodes > corners + edges:
+        inner = np.arange(corners + edges, nodes)
+    if convention == "gmsh" and has_mids:
+        mids = corners + _places(EDGES[shape], GMSH_EDGES.get(shape, EDGES[shape]))
+        if len(inner) and shape in GMSH_FACES:
+            first = corners + edges
+            inner = first + _places(rectangles(shape), GMSH_FACES[shape])
+            if nodes > first + len(inner):
+                inner = np.append(inner, nodes - 1)
+    return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
+
+
+def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
+    """The index of each of our edges or faces among theirs."""
+    listed = [frozenset(one) for one in theirs]
+    return np.array([listed.index(frozenset(one)) for one in ours])
+
+
+#: Formats that meshio reads, by extension.
+FORMATS = {
+    ".avs": "AVS-UCD",
+    ".cgns": "CGNS",
+    ".dat": "Tecplot",
+    ".e": "Exodus",
+    ".ex2": "Exodus",
+    ".exo": "Exodus",
+    ".f3grid": "FLAC3D",
+    ".h5m": "H5M",
+    ".med": "MED",
+    ".mdpa": "MDPA",
+    ".mesh": "Medit",
+    ".meshb": "Medit",
+    ".node": "TetGen",
+    ".ele": "TetGen",
+    ".obj": "OBJ",
+    ".off": "OFF",
+    ".ply": "PLY",
+    ".post": "PERMAS",
+    ".stl": "STL",
+    ".su2": "SU2",
+    ".tec": "Tecplot",
+    ".ugrid": "UGRID",
+    ".vol": "Netgen",
+    ".vtk": "VTK",
+    ".vtu": "VTU",
+    ".wkt": "WKT",
+    ".xdmf": "XDMF",
+    ".xmf": "XDMF",
+    ".xml": "DOLFIN XML",
+}
+
+
+def read_by_meshio(ask: Request) -> FileMesh:
+    """The content of a file in any format that meshio recognizes by its extension."""
+    name = ask.name
+    mesh = _read(Path(ask.path), name)
+    points = np.zeros((len(mesh.points), 3))
+    if len(points):
+        points[:, : mesh.points.shape[1]] = mesh.points
+    cells: dict[str, list[IntArray]] = {}
+    starts: list[int] = []
+    count: dict[str, int] = {}
+    for block in mesh.cells:
+        data = np.asarray(block.data, dtype=np.int64)
+        starts.append(count.get(block.type, 0))
+        cells.setdefault(known(block.type, name), []).append(data)
+        count[block.type] = starts[-1] + len(data)
+    result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()}, "vtk")
+    sets = _cell_sets(mesh)
+    result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
+    result.node_sets = dict(_node_sets(mesh))
+    return as_carried(result, name)
+
+
+def _read(path: Path, name: str) -> meshio.Mesh:
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingDependencyError(
+            "meshio is not installed: sudo apt install python3-meshio"
+        ) from error
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        # meshio prints its errors and calls sys.exit
+        if isinstance(error, MemoryError):
+            raise
+        raise _failure(path, name, f"{said.getvalue()} {error}") from error
+
+
+def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyError:
+    """A sentence on a file that meshio does not read."""
+    suffix = path.suffix.lower()
+    if "h5py" in text and suffix not in (".h5py",):
+        return MissingDependencyError(
+            f"{name} needs h5py, which is not installed: sudo apt install python3-h5py"
+        )
+    if suffix not in FORMATS:
+        return MeshError(
+            f"{name}: files of the type {suffix or '(none)'} are not read; write the mesh as .msh, "
+            ".inp, .bdf, .unv, .med, .vtu or .xdmf."
+        )
+    return MeshError(
+        f"{name} cannot be read as {FORMATS[suffix]}: it is damaged, or a variant of the format "
+        "that is not supported; write the mesh as .msh, .inp, .bdf, .unv or .vtu."
+    )
+
+
+def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
+    """(group name, block, rows) from every way in which meshio's formats carry cell groups."""
+    physical = dict(_named(mesh))
+    families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
+    for key, blocks in mesh.cell_data.items():
+        for index, values in enumerate(blocks):
+            values = np.asarray(values)
+            if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
+                continue
+            dim = DIMENSION[CELLS[mesh.cells[index].type][0]]
+            for value, rows in _by_value(values):
+                if key == "gmsh:physical":
+                    yield physical.get((value, dim), str(value)), index, rows
+                elif key == "cell_tags":
+                    for name in families.get(value, []):
+                        yield name, index, rows
+                elif key in ("nastran:ref", "medit:ref"):
+                    yield str(value), index, rows
+                elif key != "gmsh:geometrical":
+                    yield f"{key}={value}", index, rows
+    for name, blocks in mesh.cell_sets.items():
+        for index, rows in enumerate(blocks):
+            if rows is not None and len(rows) and name not in mesh.cell_data:
+                yield str(name), index, np.asarray(rows, dtype=np.int64)
+
+
+def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
+    """((tag, dimension), name) of groups; fields of other formats (MED, VTK) have other values."""
+    for name, value in mesh.field_data.items():
+        pair = np.asarray(value)
+        if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):
+            yield (int(pair[0]), int(pair[1])), name
+
+
+def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """(value, rows that have it), ascending; one sort for all of them."""
+    order = np.argsort(values, kind="stable")
+    found, first = np.unique(values[order], return_index=True)
+    for value, rows in zip(found, np.split(order, first[1:]), strict=True):
+        yield int(value), rows.astype(np.int64)
+
+
+def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
+    for name, nodes in getattr(mesh, "point_sets", {}).items():
+        yield str(name), np.asarray(nodes, dtype=np.int64)
+    tags = mesh.point_data.get("point_tags")  # MED: tag -> names
+    if tags is not None:
+        for value, labels in getattr(mesh, "point_tags", {}).items():
+            for name in labels:
+                yield name, np.flatnonzero(np.asarray(tags) == value)
+
+
+#: Element descriptor -> (shape, nodes).
+ELEMENTS = {
+    **dict.fromkeys((11, 21, 22), ("line", 2)),
+    **dict.fromkeys((23, 24), ("line", 3)),
+    **dict.fromkeys((41, 51, 61, 71, 91), ("triangle", 3)),
+    **dict.fromkeys((42, 52, 62, 72, 92), ("triangle", 6)),
+    **dict.fromkeys((44, 54, 64, 74, 94), ("quad", 4)),
+    **dict.fromkeys((45, 55, 65, 75, 95), ("quad", 8)),
+    111: ("tetra", 4),
+    118: ("tetra", 10),
+    112: ("wedge", 6),
+    113: ("wedge", 15),
+    115: ("hexahedron", 8),
+    116: ("hexahedron", 20),
+}
+#: Beams, which have a line more.
+WITH_ORIENTATION = (21, 22, 23, 24)
+#: Places of corners and of middles of edges (in VTK's order) of second-order elements.
+ORDER = {
+    "line": ((0, 2), (1,)),
+    "triangle": ((0, 2, 4), (1, 3, 5)),
+    "quad": ((0, 2, 4, 6), (1, 3, 5, 7)),
+    "tetra": ((0, 2, 4, 9), (1, 3, 5, 6, 7, 8)),
+    "wedge": ((0, 2, 4, 9, 11, 13), (1, 3, 5, 10, 12, 14, 6, 7, 8)),
+    "hexahedron": ((0, 2, 4, 6, 12, 14, 16, 18), (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
+}
+UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
+ELEMENT_SETS = 2412, 780
+#: Groups: with four numbers for each member, and with two.
+GROUPS = {**dict.fromkeys((2435, 2452, 2467, 2477), 4), **dict.fromkeys((2429, 2430, 2432), 2)}
+OF_NODES, OF_ELEMENTS = 7, 8
+
+
+@dataclass
+class _Content:
+    """What the data sets of a file hold."""
+
+    name: str
+    labels: list[int] = field(default_factory=list)
+    points: list[list[float]] = field(default_factory=list)
+    #: (descriptor, shape, nodes) -> rows of (label, its nodes)
+    elements: dict[tuple[int, str, int], list[list[int]]] = field(default_factory=dict)
+    #: name -> (nodes, elements) by label
+    groups: dict[str, tuple[list[int], list[int]]] = field(default_factory=dict)
+    others: dict[str, int] = field(default_factory=dict)
+    #: units of length in a metre; None: the file does not say
+    per_metre: float | None = None
+
+
+def read_universal(ask: Request) -> FileMesh:
+    """A universal file."""
+    path = Path(ask.path)
+    ask.allow(30 + 3e-5 * path.stat().st_size)
+    content = path.read_bytes()
+    if b"\0" in content:
+        raise MeshError(f"{ask.name} holds zero bytes: it is binary, or it is damaged.")
+    found = _Content(ask.name)
+    for number, rows in _sets(content.decode("latin-1").splitlines(), ask.name):
+        _take(found, number, rows)
+    deck = _deck(found)
+    if found.per_metre not in (None, 1.0) and ask.unit[0] == 1:
+        deck.points /= found.per_metre
+        deck.told.append(
+            f"{ask.name} says that it has {found.per_metre:g} units of length in a metre (data set "
+            "164); its coordinates are converted."
+        )
+    return as_mesh(deck)
+
+
+Lines = list[tuple[str, Place]]
+
+
+def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
+    """(number, lines) of the data sets, which lie between lines of -1."""
+    rows: Lines | None = None
+    known = False
+    for k, line in enumerate(lines):
+        if line.strip() != "-1":
+            if rows is not None:
+                rows.append((line, Place(name, k + 1)))
+            continue
+        if rows is None:
+            rows = []
+            continue
+        if rows:
+            head = rows[0][0].split()
+            if head and head[0].rstrip("bB").isdigit():
+                known = True
+                yield int(head[0].rstrip("bB")[:9]), rows[1:]
+        rows = None
+    if rows:
+        raise MeshError(f"{name} ends within a data set: it is cut off.")
+    if not known:
+        raise MeshError(f"{name} holds no data sets between lines of -1: it is no universal file.")
+
+
+def _take(found: _Content, number: int, rows: Lines) -> None:
+    if number == UNITS_SET and len(rows) > 1:
+        text, place = rows[1]
+        found.per_metre = real_number("".join(text.split()[:1]), place)
+        place.needs(found.per_metre > 0, "the factor of length in data set 164 must be positive.")
+    elif number in (NODES_SET, OLD_NODES_SET):
+        for k in range(0, len(rows) - 1, 2):
+            (head, at), (text, place) = rows[k], rows[k + 1]
+            _node(found, head.split()[:1], at, text.split()[:3], place)
+    elif number == SINGLE_NODES_SET:
+        for text, place in rows:
+            words = text.split()
+            _node(found, words[:1], place, words[4:7], place)
+    elif number in ELEMENT_SETS:
+        _elements(found, rows)
+    elif number in GROUPS:
+        _groups(found, rows, GROUPS[number])
+
+
+def _node(found: _Content, label: list[str], at: Place, x: list[str], place: Place) -> None:
+    place.needs(label and len(x) == 3, "a node needs a number and three coordinates.")
+    found.labels.append(whole_number(label[0], at))
+    found.points.append([real_number(word, place) for word in x])
+
+
+def _wholes(rows: Lines, k: int, least: int, told: str, place: Place) -> tuple[list[int], int]:
+    """(whole numbers of the lines from k on, `least` or more; the line after them)."""
+    found: list[int] = []
+    while len(found) < least:
+        place.needs(k < len(rows), told)
+        found += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
+        k += 1
+    return found, k
+
+
+def _elements(found: _Content, rows: Lines) -> None:
+    k = 0
+    while k < len(rows):
+        text, place = rows[k]
+        head = [whole_number(word, place) for word in text.split()]
+        place.needs(len(head) >= 6, f"the head of an element has six numbers; got {len(head)}.")
+        label, descriptor, count = head[0], head[1], head[-1]
+        k += 2 if descriptor in WITH_ORIENTATION else 1
+        short = f"element {label} ends before its {count} nodes."
+        nodes, k = _wholes(rows, k, count, short, place)
+        shape, wanted = ELEMENTS.get(descriptor, ("", 0))
+        if not shape:
+            kind = f"element type {descriptor}"
+            found.others[kind] = found.others.get(kind, 0) + 1
+            continue
+        alike = len(nodes) == count == wanted
+        place.needs(alike, f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
+                    f"its head tells {count}; it must have {wanted}.")  # fmt: skip
+        found.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
+
+
+def _groups(found: _Content, rows: Lines, width: int) -> None:
+    k = 0
+    while k + 1 < len(rows):
+        text, place = rows[k]
+        head = [whole_number(word, place) for word in text.split()]
+        count = head[-1] if head else 0
+        name = rows[k + 1][0].strip() or str(head[0] if head else "")
+        short = f"the group {name!r} ends before its {count} members."
+        numbers, k = _wholes(rows, k + 2, width * count, short, place)
+        nodes, elements = found.groups.setdefault(name, ([], []))
+        for m in range(count):
+            kind, label = numbers[width * m : width * m + 2]
+            if kind == OF_NODES:
+                nodes.append(label)
+            elif kind == OF_ELEMENTS:
+                elements.append(label)
+
+
+def _deck(found: _Content) -> Deck:
+    if not found.points:
+        raise MeshError(f"{found.name} has no nodes (data sets 2411, 781 or 15).")
+    nodes = Numbering(np.array(found.labels, dtype=np.int64))
+    if (np.diff(nodes.labels) == 0).any():
+        raise MeshError(f"{found.name} gives two nodes one number.")
+    deck = Deck(found.name, np.array(found.points))
+    labels = [np.zeros(0, dtype=np.int64)]
+    for (descriptor, shape, count), rows in found.elements.items():
+        table = np.array(rows, dtype=np.int64)
+        own = nodes.rows(table[:, 1:])
+        if (own < 0).any():
+            row, k = np.argwhere(own < 0)[0]
+            raise MeshError(
+                f"element {table[row, 0]} of {found.name} has the node {table[row, k + 1]}, which "
+                "the file does not define."
+            )
+        corners, mids = list(range(CORNERS[shape])), list[int]()
+        if count > CORNERS[shape]:
+            corners, mids = (list(places) for places in ORDER[shape])
+            assert len(mids) == len(EDGES[shape])
+        kind = f"element type {descriptor}"
+        deck.blocks.append(Block(shape, kind, own[:, corners], own[:, mids], own[:, :0]))
+        labels.append(table[:, 0])
+    every = np.concatenate(labels)
+    if not len(every):
+        raise MeshError(f"{found.name} has no elements that are cells of a mesh.")
+    elements = Numbering(every)
+    if (np.diff(elements.labels) == 0).any():
+        raise MeshError(f"{found.name} gives two elements one number.")
+    deck.left = dict(found.others)
+    for name, (of_nodes, of_elements) in found.groups.items():
+        for some, numbering, sets in (
+            (of_nodes, nodes, deck.node_sets),
+            (of_elements, elements, deck.element_sets),
+        ):
+            rows_of = numbering.rows(np.array(some, dtype=np.int64))
+            if len(rows_of[rows_of >= 0]):
+                sets[name] = np.unique(rows_of[rows_of >= 0])
+    return deck

@@ -1,0 +1,377 @@
+"""From a scene to the modes, rows and loads that the march takes, and what is expected of contacts.
+
+The estimates of depth, speed, duration and stiffness of contacts start the choice of the step; no
+result depends on them, but for the tangential stiffness of friction that is not given, for which
+the depth is found accurately.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from ctypes import byref
+from dataclasses import dataclass
+from functools import cached_property, partial
+from math import isfinite, sqrt
+from typing import TypeAlias, cast
+
+import numpy as np
+
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, Hertz, State
+from antiosc.simulation.bodies import Placed, first_order_of, may_turn, place
+from antiosc.simulation.march.laws import packed, raise_error
+from antiosc.simulation.march.system import System
+from antiosc.simulation.scene_parts import (
+    SceneParts,
+    acting,
+    along,
+    axes_of,
+    find,
+    give_axes,
+    row_of,
+    tangents_of,
+)
+from antiosc.simulation.states import modal_loads
+
+CLOSE = 0.1  # relative error of a depth
+
+
+def expected_impact(
+    law: ContactLaw,
+    mass: float,
+    beta: Array,
+    v: Array,
+    load: Array,
+    gap: float,
+    duration: float,
+) -> tuple[float, float, float]:
+    """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
+
+    Parameters
+    ----------
+    mass : inertia [kg] behind the contact, of the slowest motion of each body.
+    beta, v, load : (J,) displacement of the contact in the modes, their velocities and forces at
+        the start.
+    """
+    kernel, own = packed(law)
+    at = map(march.address, (beta, v, load))
+    impact = march.Impact(
+        beta.size, 0, None, None, *at, None, kernel, 0.0, gap, mass, duration, 0.0, 0, 0
+    )
+    found = march.library.aom_expect(byref(impact))
+    raise_error(own)
+    depth, speed, time = found.depth, found.speed, found.time
+    if not isfinite(depth + speed + time):
+        raise OverflowError("the depth of the contact")
+    return depth, speed, time
+
+
+def deepest(
+    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = CLOSE
+) -> float:
+    """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
+
+    Of a new contact that closes at a `speed`; `close`: relative error.
+    """
+    kernel, own = packed(law)
+    found = march.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
+    raise_error(own)
+    return float(found)
+
+
+def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
+    """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
+    unloading = law.advance(delta, 0.0, state)
+    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
+    steepest = float(max(slopes))
+    return steepest if isfinite(steepest) else 0.0
+
+
+MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
+STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
+
+
+def scales(
+    scene: SceneParts,
+    laws: list[ContactLaw],
+    mass: Array,
+    beta: Array,
+    v: Array,
+    loads: Array,
+    gaps: Array,
+    local: Array,
+    duration: float,
+) -> tuple[Array, Array, Array, float]:
+    """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
+    p = len(laws)
+    push, speed = np.zeros(p), _felt(beta[:p], v[None])
+    if loads.any():
+        # what is at rest is set in motion by the others, at their speed, or by the loads
+        push = _felt(beta[:p], loads)
+        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+        speed = np.maximum(speed, np.minimum(falling, push * duration))
+    most = float(speed.max())
+    if most == 0.0:
+        return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16
+    speed = np.where(speed > 1e-6 * most, speed, most)
+    depth, slip, lasting = np.zeros(p), np.zeros((p, 2)), duration / 2
+    for c, law in enumerate(laws):
+        state = law.touch(float(speed[c]))
+        energy = 0.5 * mass[c] * speed[c] ** 2
+        far = float(speed[c] * duration + push[c] * duration**2)
+        depth[c] = deepest(law, float(speed[c]), float(energy), float(push[c] * mass[c]), far)
+        pace = speed[c] + sqrt(2 * push[c] * depth[c])
+        lasting = min(lasting, 3 * depth[c] / pace)
+        contact = scene.contacts[c]
+        if contact.friction > 0:
+            stiffness, patches = contact.tangential_stiffness, local[c]
+            if stiffness is None:
+                whole, pull = contact.law, float(push[c] * mass[c])
+                most = deepest(whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR)
+                stiffness = MINDLIN * _mean_stiffness(whole, most, state)
+                if law is whole:  # the patches give way besides, normally and so sideways
+                    patches = 0.0
+            slip[c] = contact.friction, _beside_patches(stiffness, patches)
+    return depth, speed, slip, lasting
+
+
+def _beside_patches(stiffness: float, local: float) -> float:
+    """What is left of a contact's tangential stiffness beside the patches of the bodies.
+
+    By Cerruti's solution a patch whose pressure has the symmetry of a circle gives way sideways
+    1/MINDLIN times as much as normally, whatever the pressure.
+    """
+    patches = stiffness * local / MINDLIN  # their share of the contact's compliance
+    return stiffness / max(1.0 - patches, STIFFEST)
+
+
+def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
+    """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
+    phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
+    return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
+
+
+def mass_behind(beta: Array, omega: Array) -> float:
+    """Inertia [kg] that the slowest motions put behind a contact, roughly."""
+    rigid = omega == 0
+    b = beta[rigid]
+    mobility = float(b @ b)
+    b = beta[~rigid]
+    way = b / omega[~rigid] ** 2
+    inertia = float(way @ way)
+    if inertia > 0:
+        mobility += float(b @ way) ** 2 / inertia
+    return 1 / mobility if mobility > 0 else 1.0
+
+
+def _felt(beta: Array, modal: Array) -> Array:
+    """Largest |beta modal| (p,) over the rows of `modal` (K, J); what is rounding, by its parts.
+
+    A force or motion far from a contact reaches it later.
+    """
+    direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
+    if len(modal) > 1:
+        direct, parts = direct.max(axis=0), parts.max(axis=0)
+    else:
+        direct, parts = direct[0], parts[0]
+    return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
+
+
+def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
+    if local == 0.0:
+        return law, []
+    if not isinstance(law, Hertz):
+        return law, [
+            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
+            f" {type(law).__name__} is not Hertz's law."
+        ]
+    if law.compliance > 0.0:
+        return law, []
+    return law.without(local), [
+        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from Hertz's law"
+        f" of {a!r} - {b!r}, so that the indentation is counted once."
+    ]
+
+
+Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
+
+
+def known(scene: SceneParts, bodies: dict[str, Placed]) -> Callable[[], Parts]:
+    """What gives a scene and its bodies that are made already, and can be pickled."""
+    return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
+
+
+@dataclass(eq=False)
+class Assembly:
+    """A scene in one set of modal coordinates.
+
+    What the march does not need is found when it is first asked for.
+
+    Attributes
+    ----------
+    parts : makes the scene and its bodies.
+    G : (m, P) the rows: contacts, then the tangential rows of their friction.
+    laws : of the contacts, freed from the compliance of patches; `notes` say so.
+    system : what the march takes.
+    lasting : expected time of a contact [s], the shortest.
+    turns : whether the rotation of a body is known, and not 0.
+    """
+
+    parts: Callable[[], Parts]
+    G: Array
+    laws: list[ContactLaw]
+    notes: list[str]
+    system: System
+    lasting: float
+    turns: bool
+
+    @cached_property
+    def _parts(self) -> Parts:
+        return self.parts()
+
+    @cached_property
+    def _sides(self) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
+        return side_by_side(self.bodies)
+
+    @property
+    def scene(self) -> SceneParts:
+        """The bodies and contacts as they were given."""
+        return self._parts[0]
+
+    @property
+    def bodies(self) -> dict[str, Placed]:
+        """The placed bodies by name."""
+        return self._parts[1]
+
+    @property
+    def spans(self) -> dict[str, slice]:
+        """The modes of each body among those of all."""
+        return self._sides[0]
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """The columns of each body among those of all."""
+        return self._sides[1]
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self._sides[2]
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self._sides[3]
+
+    def load(self, t: Array) -> Array:
+        """Modal loads (n, J) at times (n,)."""
+        return modal_loads(self.system, t)
+
+    def pushes(self, t: Array) -> Array:
+        """External forces (n, P) on all columns at times (n,)."""
+        total = np.zeros((t.size, self.B.shape[1]))
+        for load in self.scene.loads:
+            body, site = find(load.end, self.bodies)
+            row = along(body, site, body.pushes.get(site), load.end)
+            value = np.interp(t, load.times, load.forces)
+            total[:, self.columns[body.name]] += value[:, None] * row
+        return total
+
+
+def assemble(scene: SceneParts, duration: float) -> Assembly:
+    """The scene ready to integrate; InputError for what does not fit together."""
+    bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
+    spans, columns, B, r = side_by_side(bodies)
+    k = len(r)
+    normal: list[Array] = []
+    rubbing: list[Array] = []
+    tangents: list[tuple[int, int]] = []
+    lines: list[Array | None] = []
+    ends = [(find(c.a, bodies), find(c.b, bodies)) for c in scene.contacts]
+    give_axes(scene, ends, bodies)
+    for contact, pair in zip(scene.contacts, ends, strict=True):
+        row, direction = row_of(contact, pair, columns, k)
+        normal.append(row)
+        lines.append(direction)
+    for contact, line in zip(scene.contacts, lines, strict=True):
+        sides = tangents_of(contact, line, bodies, columns, k) if contact.friction > 0 else []
+        tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
+        rubbing += sides
+    G = np.array(normal + rubbing)
+    axes = axes_of(bodies)
+    gaps = np.zeros(len(G))
+    for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
+        gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
+    breaks, loads, offsets = acting(scene, bodies, spans, columns, axes, B, r, G, gaps, duration)
+    local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
+    laws, notes = _laws(scene, local)
+    omega = np.concatenate([b.omega for b in bodies.values()])
+    if not omega.size:
+        raise InputError("nothing in the scene can move: every body is an obstacle.")
+    beta = np.ascontiguousarray(G @ B.T)
+    mass = np.array([mass_behind(beta[c], omega) for c in range(len(laws))])
+    v = np.concatenate([b.start for b in bodies.values()])
+    gaps = offsets[0, : len(laws)]
+    depth, speed, slip, lasting = scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
+    system = System(
+        omega=omega,
+        decay=np.concatenate([b.decay for b in bodies.values()]),
+        beta=beta,
+        R=G @ r @ G.T,
+        breaks=breaks,
+        loads=loads,
+        offsets=offsets,
+        laws=laws,
+        slip=slip,
+        tangents=np.array(tangents, dtype=np.int64),
+        q=np.concatenate(
+            [
+                np.zeros(b.omega.size) if b.displaced is None else b.displaced
+                for b in bodies.values()
+            ]
+        ),
+        v=v,
+        mass=mass,
+        depth=depth,
+        speed=speed,
+        pressed=np.zeros(len(laws)),
+        first=first_order_of(bodies.values()),
+    )
+    turns = any(map(may_turn, bodies.values()))
+    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns)
+
+
+def side_by_side(
+    bodies: Mapping[str, Placed],
+) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
+    """Modes and columns of each body among those of all, and the matrices B and r of all."""
+    spans, columns, j, k = {}, {}, 0, 0
+    for name, body in bodies.items():
+        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
+        j, k = spans[name].stop, columns[name].stop
+    B, r = np.zeros((j, k)), np.zeros((k, k))
+    for name, body in bodies.items():
+        B[spans[name], columns[name]] = body.B
+        r[columns[name], columns[name]] = body.r
+    return spans, columns, B, r
+
+
+def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
+    """The laws without the half-space compliance of the patches, and notes on it."""
+    laws, notes = [], []
+    for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
+        given = contact.tangential_stiffness
+        if contact.friction and given and given * local > (1 - STIFFEST) * MINDLIN:
+            notes.append(
+                f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
+                f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
+                f" tangential_stiffness = {given:g} N/m: a tenth is taken."
+            )
+        law, told = freed(contact.law, local, contact.a, contact.b)
+        laws.append(law)
+        notes += told
+    return laws, notes

@@ -1,0 +1,638 @@
+"""Bodies of a scene: impactors, also by the name of a standard, obstacles, rigid bodies, models.
+
+Whatever a body is, a scene sees its modes, the displacements of its sites in them, and what its
+motion carries (`Placed`). A site has one or more columns, each a displacement along a direction of
+space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
+
+Each named impactor has the source of its numbers. What no source confirms is left out: a tip
+without a modulus has no Hertz law of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import inf, pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array
+from antiosc.base.checks import Checked, checked_by
+from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
+from antiosc.contact import Gonthier, Hertz
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.damping import SideBySide
+from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
+
+
+@dataclass(frozen=True)
+class RigidMass(Checked, Body):
+    """A rigid mass that moves along the direction of impact.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    tip_radius, E, nu : float, optional
+        Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
+        `hertz` needs all three.
+    """
+
+    mass: float = field(metadata=checked_by(checks.positive, "kg"))
+    velocity: float = field(default=0.0, metadata=checked_by(checks.number, "m/s"))
+    tip_radius: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(checks.positive, "m")
+    )
+    E: float | None = field(default=None, kw_only=True, metadata=checked_by(checks.positive, "Pa"))
+    nu: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(lambda _, nu: checks.poisson(nu))
+    )
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law of its tip against a surface of modulus E [Pa], ratio nu and these radii.
+
+        InputError for a mass without tip_radius, E and nu.
+        """
+        if self.tip_radius is None or self.E is None or self.nu is None:
+            raise InputError(
+                "Hertz's law of a rigid mass needs its tip: RigidMass(mass, tip_radius=…, E=…, "
+                "nu=…); or give the law itself."
+            )
+        return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
+
+    def modal(self) -> ModalBody:
+        return _mass_alone(self.mass)
+
+
+@dataclass(frozen=True, init=False)
+class Sphere(Given, Body):
+    """A solid elastic sphere without vibrations.
+
+    Parameters
+    ----------
+    radius : float
+        [m].
+    E, nu, rho : float
+        Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    mass : float
+        [kg], in place of rho.
+    """
+
+    radius: float
+    E: float
+    nu: float
+    rho: float
+    velocity: float
+
+    def __init__(
+        self,
+        radius: float,
+        E: float,
+        nu: float,
+        rho: float | None = None,
+        velocity: float = 0.0,
+        *,
+        mass: float | None = None,
+    ) -> None:
+        if (rho is None) == (mass is None):
+            raise InputError("a Sphere needs rho or mass, one of them.")
+        radius = checks.positive("radius", radius, "m")
+        if mass is not None:
+            rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
+        checks.store(
+            self,
+            radius=radius,
+            E=checks.positive("E", E, "Pa"),
+            nu=checks.poisson(nu),
+            rho=checks.positive("rho", rho, "kg/m^3"),
+            velocity=checks.number("velocity", velocity, "m/s"),
+        )
+        if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
+            plausible.tell([plausible.of_sphere(self.radius, self.rho)])
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return self.rho * 4 / 3 * pi * self.radius**3
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law against a surface of modulus E [Pa], Poisson's ratio nu and these radii."""
+        return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
+
+    def modal(self) -> ModalBody:
+        return _mass_alone(self.mass)
+
+
+@dataclass(frozen=True)
+class Obstacle(Given, Body):
+    """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
+
+    gap: float = 0.0
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        velocity = checks.number("velocity", self.velocity, "m/s")
+        if velocity != 0.0:
+            raise InputError(
+                f"an obstacle is fixed; give the structure an initial_velocity instead of"
+                f" velocity = {velocity:g}."
+            )
+        checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
+
+    def modal(self) -> ModalBody:
+        return _fixed()
+
+
+@dataclass(frozen=True)
+class Impactor(Given, Body):
+    """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
+
+    Its contact point is the site of its model; the contact force acts in the direction of that
+    site. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of its
+    own mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
+    """
+
+    body: LinearBody
+    velocity: float | Motion = 0.0
+
+    def __post_init__(self) -> None:
+        velocity, own = self.velocity, checked_body("body", self.body)
+        if not isinstance(velocity, Motion):
+            velocity = checks.number("velocity", velocity, "m/s")
+        checks.store(self, velocity=velocity, local_compliance=own.local_compliance)
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius [m] of the patch of the body's site; None: a point."""
+        return checked_body("body", self.body).patch_radius
+
+    def modal(self) -> ModalBody:
+        return self.body.modal()
+
+
+@lru_cache(maxsize=1)
+def _fixed() -> ModalBody:
+    return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
+
+
+@lru_cache(maxsize=256)
+def _mass_alone(mass: float) -> ModalBody:
+    root = sqrt(mass)
+    return ModalBody(
+        np.zeros(1), np.array([1 / root]), weight=np.array([root]), shape=np.array([[1 / root]])
+    )
+
+
+#: Steel (handbook values), Pa and kg/m³.
+STEEL = {"E": 210e9, "nu": 0.3}
+STEEL_DENSITY = 7850.0
+#: Ice at 0 °C, kg/m³ (handbook value).
+ICE_DENSITY = 917.0
+#: m/s²
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class NamedImpactor(Given):
+    """What is known of an impactor.
+
+    Attributes
+    ----------
+    name : how `named_impactor` knows it.
+    source : where the numbers are from.
+    mass : kg; None: it follows from the diameter.
+    speed : m/s, of the test that the standard prescribes; None: none is prescribed.
+    tip_radius : m, or None.
+    steel : whether its surface is steel.
+    stiffness : N/m, of its contact with a plane, for a law F = k δ; None: not in the source.
+    restitution : coefficient of restitution on a rigid surface; None: not in the source.
+    note : what is not known, or left to the user.
+    """
+
+    name: str
+    source: str
+    mass: float | None
+    speed: float | None = None
+    tip_radius: float | None = None
+    steel: bool = False
+    stiffness: float | None = None
+    restitution: float | None = None
+    note: str = ""
+
+    def law(self) -> Gonthier:
+        """The law of its stiffness and restitution; InputError where the source has none."""
+        if self.stiffness is None or self.restitution is None:
+            raise InputError(
+                f"the source on the {self.name} has no stiffness and no restitution: give a "
+                "contact law."
+            )
+        return Gonthier(self.stiffness, self.restitution, exponent=1.0)
+
+
+_HAMMERS = "IEC 60068-2-75, table 1 (striking elements), as interelectronix.com reprints it"
+_POLYAMIDE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in the source"
+_PANES = "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
+_BALLS = (
+    "ITF Rules of Tennis, appendix I, ball type 2 (as tenniscircle.us reprints it): 56.0 to "
+    "59.4 g, 6.54 to 6.86 cm, forward deformation 0.56 to 0.74 cm at 8.165 kg, rebound of 135 to "
+    "147 cm from 254 cm; here the middles"
+)
+#: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
+_TESTED = 8.165 * GRAVITY, 6.48e-3
+_HEADFORMS = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
+_HAIL = "it crushes under impact, which no law here describes: give a contact law"
+_TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
+
+
+def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
+    """A hammer of IEC 60068-2-75 with its energy [J]; up to 1 J its tip is polyamide."""
+    steel = energy > 1
+    speed = sqrt(2 * energy / mass)
+    note = "" if steel else _POLYAMIDE
+    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, note=note)
+
+
+def _pendulum(number: int, height: float) -> NamedImpactor:
+    """The twin-tyre pendulum of EN 12600 from its drop height [m]."""
+    return NamedImpactor(
+        f"EN 12600 class {number}", _PANES, 50.0, sqrt(2 * GRAVITY * height), note=_TYRES
+    )
+
+
+_ALL = (
+    *(_hammer(f"IK0{k}", energy, 0.25, 0.010)
+      for k, energy in enumerate((0.14, 0.20, 0.35, 0.50, 0.70, 1.00), start=1)),
+    _hammer("IK07", 2.0, 0.5, 0.025),
+    _hammer("IK08", 5.0, 1.7, 0.025),
+    _hammer("IK09", 10.0, 5.0, 0.050),
+    _hammer("IK10", 20.0, 5.0, 0.050),
+    _hammer("IK11", 50.0, 10.0, 0.050),
+    _pendulum(1, 1.200),
+    _pendulum(2, 0.450),
+    _pendulum(3, 0.190),
+    NamedImpactor(
+        "golf ball", "USGA, Rules of Golf 2016, appendix III: at most 45.93 g, at least 42.67 mm",
+        0.04593, tip_radius=0.04267 / 2, note="its modulus is not in the source",
+    ),
+    NamedImpactor(
+        "tennis ball", _BALLS, 0.0577, tip_radius=0.067 / 2,
+        # the ball is pressed between two plates: each contact takes half of the deformation
+        stiffness=2 * _TESTED[0] / _TESTED[1], restitution=sqrt(1.41 / 2.54),
+        note="its stiffness is that of the static test, its restitution that at 7 m/s",
+    ),
+    NamedImpactor("steel ball", "steel of 7850 kg/m³, 210 GPa (handbook)", None, steel=True),
+    NamedImpactor("ice ball", "ice of 917 kg/m³ (handbook)", None, note=_HAIL),
+    NamedImpactor(
+        "hail 25 mm", "IEC 61215: ice balls of 25 mm and 7.53 g (th4.ilovetranslation.com)",
+        7.53e-3, tip_radius=12.5e-3, note=f"its speed is not in the source; {_HAIL}",
+    ),
+    NamedImpactor(
+        "hail 45 mm", "EN 12975: 45 mm at 30.7 m/s (energyprofessionalsymposium.com); its mass is"
+        " that of ice of 917 kg/m³", ICE_DENSITY * pi / 6 * 0.045**3, 30.7, 22.5e-3, note=_HAIL,
+    ),
+    NamedImpactor(
+        "child headform", _HEADFORMS + "3.5 kg, 35 km/h at 50° to the horizontal (OICA, headform"
+        " tests data, GRSP informal group, January 2006)", 3.5, 35 / 3.6,
+        note="the stiffness of its skin and its size are not in the source: give a contact law",
+    ),
+    NamedImpactor(
+        "adult headform", _HEADFORMS + "4.5 kg (TRL report PPR052)", 4.5,
+        note="its speed, size and stiffness are not in the source: give a contact law",
+    ),
+)  # fmt: skip
+#: Name -> what is known of the impactor.
+IMPACTORS = {one.name: one for one in _ALL}
+
+
+@checks.within_range
+def named_impactor(
+    name: str, velocity: float | None = None, *, diameter: float | None = None
+) -> RigidMass | Sphere:
+    """An impactor by name: a RigidMass, or for the steel ball a Sphere.
+
+    Parameters
+    ----------
+    name : str
+        "IK01" to "IK11" (hammers of IEC 60068-2-75), "EN 12600 class 1" to "3" (twin-tyre
+        pendulum), "child headform", "adult headform", "golf ball", "tennis ball", "steel ball",
+        "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
+        has its numbers, their source, and what is not known.
+    velocity : float, optional
+        [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls need it.
+    diameter : float
+        [m], of the steel ball and the ice ball.
+
+    Raises
+    ------
+    InputError
+        An unknown name; a ball without velocity or diameter.
+    """
+    known = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
+    if velocity is None:
+        if known.speed is None:
+            raise InputError(f"a {name} has no velocity of its own: give velocity=… in m/s.")
+        velocity = known.speed
+    if known.mass is None:
+        if diameter is None:
+            raise InputError(f"a {name} has no size of its own: give diameter=… in m.")
+        radius = checks.positive("diameter", diameter, "m") / 2
+        if known.steel:
+            return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
+        return RigidMass(ICE_DENSITY * 4 / 3 * pi * radius**3, velocity, tip_radius=radius)
+    if diameter is not None:
+        raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
+    constants = STEEL if known.steel else {}
+    return RigidMass(known.mass, velocity, tip_radius=known.tip_radius, **constants)
+
+
+#: cosine of the angle beyond which two directions are not taken as one
+PARALLEL = 0.999
+#: the largest principal moment over the sum of the others, in figures that are rounded
+TRIANGLE = 1.01
+#: share of a body's momentum in its elastic modes from which supports hold it
+HELD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody(Given):
+    """A rigid body with several sites; it moves in space, its rotations are small.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    inertia : array_like, shape (3,) or (3, 3)
+        Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
+    sites : mapping
+        Name -> (point, direction): place (3,) [m] and the direction (3,) in which the contact
+        pushes the body there.
+    centre : array_like, shape (3,)
+        Centre of mass [m].
+
+    Raises
+    ------
+    InputError
+        For a mass that is not > 0 and an inertia that is not positive definite, or that no body
+        has.
+    """
+
+    mass: float
+    inertia: Array
+    sites: Mapping[str, tuple[ArrayLike, ArrayLike]]
+    centre: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
+        tensor = checks.array("inertia", self.inertia, None)
+        tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
+        tensor = checks.array("inertia", tensor, (3, 3))
+        size = np.abs(tensor).max()
+        if np.abs(tensor - tensor.T).max() > 1e-9 * size or np.linalg.eigvalsh(tensor).min() <= 0:
+            raise InputError(
+                "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
+                " their tensor."
+            )
+        moments = np.linalg.eigvalsh(tensor)
+        if moments[2] > TRIANGLE * (moments[0] + moments[1]):
+            raise InputError(
+                f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
+                f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
+            )
+        object.__setattr__(self, "inertia", tensor)
+        object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
+        sites = {}
+        checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
+        for name, site in self.sites.items():
+            checks.text("the name of a site", name)
+            if not isinstance(site, tuple | list) or len(site) != 2:
+                raise InputError(
+                    f"site {name!r} must be (point, direction); got {checks.shown(site)}."
+                )
+            at = checks.array(f"point of site {name!r}", site[0], (3,))
+            along = checks.array(f"direction of site {name!r}", site[1], (3,))
+            sites[str(name)] = (at, unit_vectors(f"direction of site {name!r}", along[None])[0])
+        object.__setattr__(self, "sites", sites)
+
+
+@dataclass(eq=False)
+class Placed:
+    """A body as a scene sees it: its free modes, and how it begins.
+
+    Attributes
+    ----------
+    body : as it was given.
+    modes : its form in free modes.
+    start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
+    gap : distance [m] that the body brings with it.
+    local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
+    patch_radius : radius [m] of the patch of its one site, if it has one.
+    pushes : direction (3,) in which the contact pushes each site, where known.
+    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
+        contacts give it.
+    begun : states (2, I) of first-order modes at the start, None: those of `displaced` and `start`
+        with relaxed branches.
+    """
+
+    name: str
+    body: object
+    modes: ModalBody | SiteModes
+    start: Array
+    displaced: Array | None = None
+    gap: float = 0.0
+    local_compliance: Mapping[str, float] = field(default_factory=dict)
+    patch_radius: float | None = None
+    pushes: dict[str, Array] = field(default_factory=dict)
+    axes: dict[str, Array] = field(default_factory=dict)
+    begun: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.directions is not None and not self.pushes:
+            self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies (J,) of its modes [rad/s]."""
+        return self.modes.omega
+
+    @property
+    def decay(self) -> Array:
+        """Decay constants (J,) [1/s]."""
+        return np.zeros(self.omega.size) if self.modes.decay is None else self.modes.decay
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self.modes.B
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self.modes.R
+
+    @property
+    def sites(self) -> dict[str, tuple[int, ...]]:
+        """The columns of each site."""
+        return self.modes.columns
+
+    @property
+    def directions(self) -> Array | None:
+        """Unit vectors (P, 3) of the columns, where known."""
+        return self.modes.axes
+
+    @property
+    def inertia(self) -> Inertia | None:
+        """Momentum of the modes, where known."""
+        return self.modes.inertia
+
+    @property
+    def weight(self) -> Array | None:
+        """Modal forces of a unit gravity: (J,) along its one coordinate, or (J, 3) along axes."""
+        return self.modes.weight
+
+    def columns_of(self, site: str) -> tuple[int, ...]:
+        """The columns of a site; () of an obstacle."""
+        return () if isinstance(self.body, Obstacle) else self.sites[site]
+
+    def known(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None where they are not known."""
+        if self.directions is not None:
+            return self.directions[list(self.sites[site])]
+        return self.axes[site][None] if site in self.axes else None
+
+    def rotation(self, q: Array) -> Array:
+        """Rotation vectors (n, 3) [rad] of the rigid motion with modal displacements q (n, J)."""
+        if self.inertia is None:
+            raise InputError(f"the model of {self.name!r} does not know how it turns.")
+        return self.inertia.rotation(np.where(self.omega == 0, q, 0.0))
+
+    @property
+    def supported(self) -> bool:
+        """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
+        return not bool(np.any(self.B[self.omega == 0] != 0))
+
+    @property
+    def grounded(self) -> bool:
+        """Whether it is the ground or its supports hold it, so that motion of the ground acts."""
+        rigid = self.omega == 0
+        if isinstance(self.body, Obstacle) or not rigid.any():
+            return True
+        carried = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        if carried is None:
+            return False
+        size = float(np.abs(carried).max(initial=0.0))
+        return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
+
+
+def may_turn(body: Placed | ModalBody | SiteModes) -> bool:
+    """Whether a body may turn, and its inertia in space is known."""
+    return body.inertia is not None and not body.omega.all()
+
+
+def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
+    """First-order modes of all bodies side by side, if one has them."""
+    parts = [(body.omega, body.decay, body.modes.first_order, body.begun) for body in bodies]
+    return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
+
+
+def place(name: str, body: object, motion: Motion | ModalState | float | None) -> Placed:
+    """The body of that name with its start; InputError for a motion that it cannot have."""
+    if isinstance(body, RigidBody):
+        placed = _rigid(name, body)
+    elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
+        modes = body if isinstance(body, SiteModes) else body.site_modes()
+        still = np.zeros(modes.omega.size)
+        placed = Placed(name, body, modes, still, local_compliance=modes.local_compliance)
+    else:
+        placed = _single(name, body)
+    if motion is not None:
+        if isinstance(body, Obstacle):
+            raise InputError(f"body {name!r} is an obstacle, which does not move.")
+        if isinstance(motion, ModalState):
+            if motion.velocities.size != placed.omega.size:
+                raise InputError(
+                    f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
+                    f" {placed.omega.size}."
+                )
+            placed.displaced, placed.start = motion.displacements, motion.velocities
+            placed.begun = motion.first_order
+            first = placed.modes.first_order
+            own = 0 if first is None else first.omega.size
+            if placed.begun is not None and placed.begun.shape[1] != own:
+                raise InputError(
+                    f"the ModalState of {name!r} has {placed.begun.shape[1]} first-order modes, the"
+                    f" body {own}."
+                )
+        else:
+            placed.start = _started(placed, motion)
+    return placed
+
+
+def _single(name: str, body: object) -> Placed:
+    asked = checked_body(f"body {name!r}", body)
+    modes, velocity = asked.modal(), asked.velocity
+    own = isinstance(body, Impactor)
+    if own and not isinstance(velocity, Motion):
+        velocity = -float(velocity) if modes.direction is not None else float(velocity)
+    return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
+
+
+def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> Placed:
+    """A body of one contact point, with its modal velocities (J,) at the start."""
+    local = {"": asked.local_compliance}
+    return Placed(
+        name, body, modes, start,
+        gap=asked.gap, local_compliance=local, patch_radius=asked.patch_radius,
+    )  # fmt: skip
+
+
+def _rigid(name: str, body: RigidBody) -> Placed:
+    moments, axes = np.linalg.eigh(body.inertia)
+    columns: list[Array] = []
+    sites: dict[str, tuple[int, ...]] = {}
+    pushes: dict[str, Array] = {}
+    for i, (site, (point, push)) in enumerate(body.sites.items()):
+        arm = np.asarray(point) - body.centre
+        turn = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
+        columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
+        sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
+        pushes[site] = np.asarray(push)
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3], matrix[3:, 3:] = body.mass * np.eye(3), body.inertia
+    momentum = np.zeros((6, 6))
+    momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
+    momentum[3:, 3:] = (axes * np.sqrt(moments)).T
+    modes = SiteModes(
+        omega=np.zeros(6),
+        b=np.concatenate([np.zeros((6, 0)), *columns], axis=1),
+        sites=sites,
+        directions=np.tile(np.eye(3), (len(sites), 1)),
+        inertia=Inertia(body.centre, matrix, momentum),
+    )
+    return Placed(name, body, modes, np.zeros(6), pushes=pushes)
+
+
+def _started(placed: Placed, motion: Motion | float) -> Array:
+    """Modal velocities of a body that moves without strain."""
+    if not isinstance(motion, Motion):
+        along = placed.directions is None or placed.inertia is None  # the speed along it
+        if not along or placed.B.shape[1] != 1:
+            raise InputError(
+                f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
+                f" spin=(...)), not as the number {motion!r}."
+            )
+        motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
+    return placed.modes.rigid_motion(motion)

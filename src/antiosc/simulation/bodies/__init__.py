@@ -1,1 +1,0 @@
-"""What takes part in a scene: models, impactors, obstacles, rigid bodies."""

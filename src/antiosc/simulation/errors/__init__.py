@@ -1,1 +1,0 @@
-"""What an impact may be wrong by, cause by cause."""

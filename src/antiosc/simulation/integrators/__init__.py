@@ -1,1 +1,0 @@
-"""Integrators that the march is compared with: independent of its code."""

@@ -1,1 +1,0 @@
-"""From scenes to what the march integrates: contacts, loads, modes, states."""

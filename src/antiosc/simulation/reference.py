@@ -1,0 +1,546 @@
+"""Scenes by the methods that the march is compared with, refined to a tolerance.
+
+Newmark's method, the conserving midpoint rule and leapfrog have a fixed step. The first touch after
+a flight and the last release before one are located; what touches or parts beside a closed contact
+does so somewhere within a step, its time and closing speed are interpolated. Order 2 for forces
+without jumps.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite, log, log2
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from antiosc.base import checks, march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw, State
+from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.march.convergence import Converged, difference
+from antiosc.simulation.march.engine import Run
+from antiosc.simulation.march.system import System
+from antiosc.simulation.reference_ivp import IVP_METHODS, ROUNDING, Piece, SceneIVP, SceneMethod
+
+#: times the energy that was there or given, beyond which a run counts as unstable; less may be the
+#: error of a coarse step
+BLOW_UP = 2.0
+#: rounding of a difference quotient of potentials, relative to the force
+QUOTIENT = 1e-9
+
+
+class Step(NamedTuple):
+    """The end of a step; `mean` (m,) are the forces that made its impulse."""
+
+    q: Array
+    v: Array
+    force: Array
+    delta: Array
+    rate: Array
+    mean: Array
+
+
+class Acting(NamedTuple):
+    """Modal loads (J,) at the start and the end of a step, and gaps (m,) at its end."""
+
+    load: Array
+    load1: Array
+    gap1: Array
+
+
+class SceneStep(SceneMethod):
+    """A one-step method of fixed `step` [s] from each first touch on; subclasses give one step."""
+
+    name: ClassVar[str]
+    order: ClassVar[int] = 2
+
+    @cached_property
+    def square(self) -> Array:
+        """omega^2 [rad^2/s^2]."""
+        return self.system.omega**2
+
+    @cached_property
+    def struck(self) -> Array:
+        """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
+        return np.any(self.system.beta != 0, axis=0).astype(float)
+
+    @abstractmethod
+    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+        """One step of length h."""
+
+    @staticmethod
+    def longest(system: System) -> float:
+        """The longest step [s] that is stable."""
+        return np.inf
+
+    def press(
+        self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
+    ) -> tuple[Piece, int]:
+        s, contacts = self.system, self.contacts
+        (q, v), gap = begin, self.acting(t)[1]
+        node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
+        nodes, times, answer, work = [node], [t], march.DONE, 0.0
+        start = self._energy(node) + (s.given if t == 0.0 else 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            while self.busy and end - t > ROUNDING * end and answer == march.DONE:
+                if self.steps >= max_steps:
+                    answer = march.TOO_MANY_STEPS
+                    break
+                h, new, acting = self._step(node, t, min(self.step, end - t))
+                work += float(0.5 * (acting.load + acting.load1) * self.struck @ (new.q - node.q))
+                kick = 0.5 * float((h * acting.load1) ** 2 @ self.struck)
+                self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
+                if not self._energy(new) <= BLOW_UP * self.highest:
+                    answer = march.GREW
+                    break
+                if contacts.touches > max_contacts:
+                    answer = march.TOO_MANY_CONTACTS
+                self.steps += 1
+                node, t = new, t + h
+                nodes.append(node)
+                times.append(t)
+        return _written(np.array(times), nodes), answer
+
+    def slide(self, start: Step, end: Step) -> None:
+        """Remember how far friction slid in a step."""
+        self.contacts.slide(end.delta, end.force)
+
+    def _energy(self, node: Step) -> float:
+        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.struck)
+
+    def _acting(self, t: float, h: float) -> Acting:
+        load1, gap1, _ = self.acting(t + h)
+        return Acting(self.acting(t)[0], load1, gap1)
+
+    def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, Acting]:
+        """One step of at most h; what touches in it is found first, without its own force.
+
+        It ends where the last contact parts.
+        """
+        contacts, acting = self.contacts, self._acting(t, h)
+        new = self.advance(node, acting, h)
+        touching = [
+            c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
+        ]
+        for c in touching:
+            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
+            speed = node.rate[c] + part * (new.rate[c] - node.rate[c])
+            way = node.delta + part * (new.delta - node.delta)
+            contacts.touch(c, t + part * h, float(speed), way)
+        if touching:
+            new = self.advance(node, acting, h)
+        closed = contacts.active
+        ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
+        if ended == closed and not self.driven:
+            h, new, acting = self._release(node, t, h, new, closed)
+        self.slide(node, new)
+        contacts.advance(new.delta, new.rate)
+        for c in ended:
+            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
+            contacts.part(c, t + part * h)
+        return h, new, acting
+
+    def _release(
+        self, node: Step, t: float, h: float, last: Step, closed: list[int]
+    ) -> tuple[float, Step, Acting]:
+        """The part of the step after which the last of the closed contacts is at its origin."""
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+        def over(delta: Array) -> float:
+            return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
+
+        def above(part: float) -> float:
+            return over(self.advance(node, self._acting(t, part), part).delta)
+
+        if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
+            return h, last, self._acting(t, h)
+        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
+        acting = self._acting(t, part)
+        new = self.advance(node, acting, part)
+        return part, new._replace(force=np.zeros_like(new.force)), acting
+
+
+def _crossed(before: float, after: float, origin: float) -> float:
+    """The part of a step after which a straight line from one value to the other is at `origin`."""
+    if before == after:
+        return 0.0
+    return min(max((before - origin) / (before - after), 0.0), 1.0)
+
+
+class NewmarkScene(SceneStep):
+    """Average acceleration: all forces at the end of the step are found implicitly."""
+
+    name = "newmark"
+
+    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+        s, x, d = self.system, self.square, self.system.decay
+        q, v, F = start.q, start.v, start.force
+        scale = 1 + h * d + h * h * x / 4
+        a = acting.load - F @ s.beta - x * q - 2 * d * v
+        v1 = (v + h / 2 * (a + acting.load1 - x * (q + h / 2 * v))) / scale
+        q1 = q + h / 2 * (v + v1)
+        pull = h / 2 * s.beta / scale  # how unit forces at the end slow the modes
+        gain = pull @ s.beta.T
+        A, A_rate = s.R + h / 2 * gain, gain + s.R / h
+        free, rate = s.beta @ q1 - acting.gap1, s.beta @ v1 + s.R @ F / h
+        F1 = self.contacts.forces(free, A, rate, A_rate, F)
+        return Step(
+            q1 - h / 2 * F1 @ pull,
+            v1 - F1 @ pull,
+            F1,
+            free - A @ F1,
+            rate - A_rate @ F1,
+            (F + F1) / 2,
+        )
+
+
+class LeapfrogScene(SceneStep):
+    """Central differences, explicit but for what has no mass."""
+
+    name = "leapfrog"
+    #: share of the limit h omega_max = 2
+    SAFETY: ClassVar[float] = 0.9
+
+    @staticmethod
+    def longest(system: System) -> float:
+        top = float(system.omega.max(initial=0.0))
+        return LeapfrogScene.SAFETY * 2 / top if top > 0 else np.inf
+
+    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+        s, x, d = self.system, self.square, self.system.decay
+        q, v, F = start.q, start.v, start.force
+        half = v + h / 2 * (acting.load - F @ s.beta - x * q - 2 * d * v)
+        q1 = q + h * half
+        scale = 1 + h * d
+        v1 = (half + h / 2 * (acting.load1 - x * q1)) / scale
+        pull = h / 2 * s.beta / scale
+        A_rate = pull @ s.beta.T + s.R / h
+        free, rate = s.beta @ q1 - acting.gap1, s.beta @ v1 + s.R @ F / h
+        F1 = self.contacts.forces(free, s.R, rate, A_rate, F)
+        return Step(q1, v1 - F1 @ pull, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
+
+
+class Quotient:
+    """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
+
+    The unloaded indentation includes that of the residual compliance r in series.
+    """
+
+    def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:
+        self.law, self.r, self.state, self.before, self.h = law, r, state, before, h
+        self.start = self._potential(before)
+
+    def solve(self, free: float, alpha: float) -> float:
+        """F = mean(free - alpha F): the right-hand side does not rise with F."""
+        high = self.mean(free)
+        if high <= 0.0:
+            return 0.0
+
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+        def excess(F: float) -> float:
+            return F - self.mean(free - alpha * F)
+
+        if excess(high) <= 0.0:  # by rounding, when alpha F is nothing beside the indentation
+            return high
+        return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
+
+    def mean(self, after: float) -> float:
+        law, change = self.law, after - self.before
+        energy, force = self._potential(after)
+        energy0, force0 = self.start
+        if abs(change) > 1e-5 * max(abs(after), abs(self.before)):
+            F = (energy - energy0) / change
+        else:
+            F = 0.5 * (force + force0)
+        if law.rate_dependent:
+            middle = 0.5 * (after + self.before)
+            F = max(F + law.damping(middle, change / self.h, self.state), 0.0)
+        return F
+
+    def _potential(self, free: float) -> tuple[float, float]:
+        """Energy of contact and residual compliance in series, and the force."""
+        F = self.law.implicit(free, self.r, 0.0, 0.0, self.state)
+        delta = free - self.r * F
+        return self.law.potential(delta, self.state) + 0.5 * self.r * F * F, F
+
+
+class ConservingScene(SceneStep):
+    """Midpoint rule with the difference quotient of each contact's potential."""
+
+    name = "conserving"
+
+    def __init__(
+        self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
+    ) -> None:
+        super().__init__(system, laws, step, driven)
+        p, R = self.p, system.R
+        if np.any(R - np.diag(R.diagonal())) or np.any(R[p:, p:]):
+            raise InputError(
+                "method='conserving' does not support a residual compliance that couples contacts,"
+                " whose potential is no sum over them; use method='exact' or 'newmark'."
+            )
+        if any(law.rate_dependent and R[c, c] > 0 for c, law in enumerate(laws)):
+            raise InputError(
+                "method='conserving' does not support a rate-dependent law at a massless contact"
+                " point (m0 = 0), which has no potential; use method='exact'."
+            )
+
+    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+        s, x, d = self.system, self.square, self.system.decay
+        q, v = start.q, start.v
+        stiff = h * d + h * h * x / 4
+        load = (acting.load + acting.load1) / 2
+        v1 = (v * (1 - stiff) + h * (load - x * q)) / (1 + stiff)
+        q1 = q + h / 2 * (v + v1)
+        pull = h * s.beta / (1 + stiff)
+        A = h / 2 * pull @ s.beta.T
+        before = start.delta + s.R @ start.force
+        free = s.beta @ q1 - acting.gap1
+        mean = self._means(before, free, A, start.mean, h)
+        q1, v1 = q1 - h / 2 * mean @ pull, v1 - mean @ pull
+        after = free - A @ mean
+        force = self._nodal(after, s.beta @ v1, mean)
+        return Step(q1, v1, force, after - s.R @ force, (after - before) / h, mean)
+
+    def _means(self, before: Array, free: Array, A: Array, guess: Array, h: float) -> Array:
+        """Mean forces (m,) over the step, by sweeps over the contacts."""
+        contacts = self.contacts
+        F = np.zeros_like(guess)
+        active = contacts.active
+        quotients = {}
+        for c in active:
+            state = contacts.states[c]
+            assert state is not None
+            F[c] = max(guess[c], 0.0)
+            quotients[c] = Quotient(
+                self.laws[c], float(self.system.R[c, c]), state, float(before[c]), h
+            )
+
+        def sweep(c: int) -> None:
+            rest = float(free[c] - A[c] @ F + A[c, c] * F[c])
+            F[c] = quotients[c].solve(rest, float(A[c, c]))
+            self._rub(c, before, free, A, F)
+
+        return contacts.settled(sweep, F, QUOTIENT)
+
+    def _rub(self, c: int, before: Array, free: Array, A: Array, F: Array) -> None:
+        """Mean friction of a contact: the spring at the middle of the step, within the cone."""
+        rows = self.contacts.tangents(c)
+        if rows.start == rows.stop:
+            return
+        stiffness = self.system.slip[c, 1]
+        for i in range(rows.start, rows.stop):
+            middle = (before[i] + free[i] - A[i] @ F + A[i, i] * F[i]) / 2
+            held = A[i, i] / 2
+            F[i] = stiffness * (middle - self.contacts.anchor[i]) / (1.0 + stiffness * held)
+        F[rows] = self.contacts.within_cone(c, F[rows], F[c])
+
+    def slide(self, start: Step, end: Step) -> None:
+        self.contacts.slide((start.delta + end.delta) / 2, end.mean)
+
+    def _nodal(self, after: Array, rate: Array, mean: Array) -> Array:
+        """Forces (m,) at the end of the step, by the laws."""
+        force = np.zeros_like(mean)
+        for c in self.contacts.active:
+            state = self.contacts.states[c]
+            assert state is not None
+            r = float(self.system.R[c, c])
+            force[c] = self.laws[c].implicit(float(after[c]), r, float(rate[c]), 0.0, state)
+            rows = self.contacts.tangents(c)
+            force[rows] = self.contacts.within_cone(c, mean[rows], force[c])
+        return force
+
+
+def _written(times: Array, nodes: list[Step]) -> Piece:
+    """Between two nodes a parabola with the impulse of the step, and its work on a straight way."""
+    n, m = len(nodes) - 1, len(nodes[0].force)
+    time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
+    time[::2], force[::2] = times, [node.force for node in nodes]
+    depth[::2] = [node.delta for node in nodes]
+    if n:
+        time[1::2] = (times[:-1] + times[1:]) / 2
+        mean = np.array([node.mean for node in nodes[1:]])
+        force[1::2] = (6 * mean - force[:-1:2] - force[2::2]) / 4
+        depth[1::2] = (depth[:-1:2] + depth[2::2]) / 2
+    return Piece(time, force, depth, np.array([(node.q, node.v) for node in nodes]))
+
+
+#: the methods by name
+SCENE_STEPS: dict[str, type[SceneStep]] = {
+    each.name: each for each in (NewmarkScene, ConservingScene, LeapfrogScene)
+}
+
+
+#: what runs a scene, by name
+METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
+
+MAX_CONTACTS, MAX_STEPS = 10_000, 1_000_000
+FIRST = 24  # steps in the shortest contact that is expected, at first
+MOST_RUNS = 24
+LONGEST = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
+TIGHTER = 1e-2  # relative tolerance of solve_ivp, of that of the forces
+SMALLEST = 3e-14  # one that rounding permits
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a scene is integrated, as `Scene.run` takes it."""
+
+    tol: float = 1e-3
+    method: str = "exact"
+    step: float | None = None
+    max_contacts: int = MAX_CONTACTS
+    max_steps: int = MAX_STEPS
+
+    def __post_init__(self) -> None:
+        checks.choice("method", self.method, METHODS)
+        checks.store(
+            self,
+            tol=checks.tolerance(self.tol),
+            max_contacts=checks.whole("max_contacts", self.max_contacts),
+            max_steps=checks.whole("max_steps", self.max_steps),
+        )
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Of the work: contacts and steps."""
+        return self.max_contacts, self.max_steps
+
+
+def compared(assembly: Assembly, duration: float, settings: Settings) -> Converged:
+    """A run by a method with its estimated errors: none of `solve_ivp`, and of a given step.
+
+    Of `solve_ivp` the step is the longest.
+    """
+    system, laws, scene = assembly.system, assembly.laws, assembly.scene
+    method, tol, step, limits = settings.method, settings.tol, settings.step, settings.limits
+    driven = bool(scene.loads) or scene.base is not None
+    if method in IVP_METHODS:
+        longest = step or LONGEST * assembly.lasting
+        solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest, driven)
+        found = solver.run(duration, *limits)
+        return Converged(found, longest, 0.0, 0.0, duration)
+    if system.first is not None:
+        raise InputError(
+            f"{method} knows damping of each mode alone, not one that couples them (a "
+            "DampingMatrix, dampers): use method='exact' or 'DOP853'."
+        )
+    kind = SCENE_STEPS[method]
+
+    def one(h: float) -> Run:
+        return kind(system, laws, h, driven).run(duration, *limits)
+
+    if step is not None:
+        return Converged(one(step), step, 0.0, 0.0, duration)
+    longest = kind.longest(system)
+    first = min(assembly.lasting / FIRST, longest)
+    if assembly.lasting / first > settings.max_steps:
+        raise InputError(
+            f"{method} needs steps of {first:.3g} s, {assembly.lasting / first:.3g} of them in one"
+            f" contact, more than max_steps = {settings.max_steps}; use method='exact'."
+        )
+    return _converged(one, first, longest, settings)
+
+
+def _converged(
+    one: Callable[[float], Run], step: float, longest: float, settings: Settings
+) -> Converged:
+    """Runs `one(step)` of ever smaller steps until their forces converge.
+
+    A run that diverged is not used for the error of another.
+    """
+    tol = settings.tol
+    coarse, control, certain = one(step), Refinement(tol), 0.0
+    for _ in range(MOST_RUNS):
+        share = 2**control.halvings
+        if share * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
+            break
+        finer = min(step / share, longest)
+        fine = one(finer)
+        control.halvings = log2(step / finer)
+        diverged = coarse.answer == march.GREW
+        if fine.answer == march.GREW and not diverged:
+            control.halvings += 1
+            continue
+        if not diverged:
+            force, peak, certain = difference(coarse, fine, tol)
+            control.update(force, peak)
+        coarse, step = fine, finer
+        if control.reached and fine.answer == march.DONE:
+            break
+    return Converged(coarse, step, control.error["force"], control.error["peak"], certain)
+
+
+# -- control of the error: that of the finer of two runs from their difference
+
+# A halving of the step divides the error by 4 in the ideal case; less than 1.5 is not convergence.
+_BEST, _WORST = 1 / 4, 2 / 3
+_MOST_HALVINGS = 4.0
+_AIM = 0.7  # share of the tolerance that the next run is aimed at
+_SAFETY = 1.5  # on an extrapolated error until two rates agree
+_LEAST = 0.05  # rates below this are not told apart
+_AGREE = 0.1  # relative difference of two rates that confirm each other
+
+
+class Refinement:
+    """Estimated errors of a sequence of successively finer runs, and the next refinement.
+
+    If every halving of the step multiplies the error by rho, two runs k halvings apart differ by
+    D = e (1 - rho^k)/rho^k, e being the error of the finer one. Two successive differences give
+    rho; before that e = D is taken, while the next step is chosen as for second order.
+
+    A single rate may be accidental, if a yield point or a release lies between two steps. An
+    extrapolated error is therefore multiplied by 1.5 until two successive rates agree. The peak is
+    one value of the force, and its differences change sign from step to step; its error is never
+    taken below that of the force. tests/simulation/test_estimates.py measures how often the
+    estimates cover the true errors.
+    """
+
+    def __init__(self, tol: float) -> None:
+        self.tol = tol
+        self.halvings = 1.0  # between the last run and the next
+        self.error = {"force": float("inf"), "peak": float("inf")}
+        self._before: tuple[float, float] | None = None
+        self._rate = 0.0  # the last one found
+
+    @property
+    def reached(self) -> bool:
+        """Whether the last run meets the tolerance."""
+        return max(self.error.values()) <= self.tol
+
+    def update(self, force: float, peak: float) -> None:
+        """Add the relative differences of the last two runs, `halvings` apart."""
+        k = self.halvings
+        before = self._before if force > 0 else None
+        rate = _BEST if before is None else _rate(force / before[0], before[1], k)
+        rho = max(rate, _BEST)
+        likely = rho**k / (1 - rho**k)
+        left = 1.0
+        if before is not None:
+            proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _BEST
+            left, self._rate = (1.0 if proven else _SAFETY) * likely, rate
+        self.error = {"force": force * left, "peak": max(force, peak) * left}
+        self._before = (force, k) if force > 0 else None
+        aim = max(force, peak) * likely / (_AIM * self.tol)
+        if aim > 1 and isfinite(aim):
+            self.halvings = min(max(log(aim) / log(1 / rho), 1.0), _MOST_HALVINGS)
+        else:
+            self.halvings = 1.0
+
+
+def _rate(ratio: float, before: float, now: float) -> float:
+    """rho from the ratio of two successive differences, over `before` and `now` halvings."""
+    low, high = _LEAST, _WORST
+    for _ in range(14):
+        rho = 0.5 * (low + high)
+        if rho**before * (1 - rho**now) / (1 - rho**before) < ratio:
+            low = rho
+        else:
+            high = rho
+    return high

@@ -1,0 +1,486 @@
+"""The parts of a scene: bodies, contacts and what acts on them, and how contacts see the motion.
+
+All bodies stand in one system of axes. A contact of the ends a and b has a direction d, that of
+a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
+
+    delta = (displacement of b - displacement of a) along d - gap.
+
+A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
+coordinate, which takes the place of the displacement along d: as b it moves toward a when its
+velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
+along -d takes it with the opposite sign, and one along another line is refused. Everything is
+measured relative to the ground, and a body that its supports hold at its sites from its own
+equilibrium under gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.checks import Checked, checked_by
+from antiosc.base.errors import InputError
+from antiosc.base.texts import Given
+from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import checked_body
+from antiosc.models.modal import SiteModes
+from antiosc.models.motion import ModalState, Motion
+from antiosc.simulation.bodies import PARALLEL, Obstacle, Placed, RigidBody
+
+LAW = "a ContactLaw such as Hertz(stiffness)"
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Checked):
+    """A contact between two sites, "body" or "body:site".
+
+    Parameters
+    ----------
+    a, b : str
+        The ends; the force pushes a along the direction of its site and b against it. Where a has
+        no direction, as an obstacle, the force pushes b against its own: two stops on either side
+        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so.
+    law : ContactLaw
+        Force along the direction of the contact.
+    gap : float, optional
+        Distance at the start [m], >= 0; default 0, or the obstacle's own.
+    friction : float
+        Coulomb's coefficient mu >= 0 (`tangential_stiffness` says how it is met).
+    tangential_stiffness : float, optional
+        k_t [N/m] of the spring in series with the slider that carries mu F at most; default
+        2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
+        times the mean normal stiffness of a contact as deep as expected. It is that of the contact
+        as a whole: what the patches of the sites give way is taken out, as from Hertz's law. A blow
+        that slides all
+        along does not depend on it. Beside spheres whose contact slips from its edge inward (N.
+        Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential speed of rebound
+        differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
+        by less than 0.1 mu times it where it begins to slide.
+    """
+
+    a: str
+    b: str
+    law: ContactLaw = field(metadata=checked_by(checks.instance, ContactLaw, LAW))
+    gap: float | None = field(default=None, metadata=checked_by(checks.nonnegative, "m"))
+    friction: float = field(default=0.0, metadata=checked_by(checks.nonnegative))
+    tangential_stiffness: float | None = field(
+        default=None, metadata=checked_by(checks.positive, "N/m")
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("a", "b"):
+            checks.text(f"end {name}, as 'body' or 'body:site',", getattr(self, name))
+        if self.a == self.b:
+            raise InputError(f"the ends of a contact must differ; got {self.a!r} twice.")
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False)
+class Load(Given):
+    """A force in time at a site, along the direction of the site (the body's one coordinate).
+
+    Parameters
+    ----------
+    end : str
+        "body" or "body:site".
+    times, forces : array_like, shape (K,)
+        Ascending times [s] and forces [N]; linear in between, constant before and after.
+    """
+
+    end: str
+    times: Array
+    forces: Array
+
+    def __post_init__(self) -> None:
+        checks.text("end, as 'body' or 'body:site',", self.end)
+        times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
+        checks.store(self, times=times, forces=checks.array("forces", forces, (times.size,)))
+
+
+@dataclass(frozen=True, eq=False)
+class Base(Given):
+    """Acceleration of the ground, with all supports and obstacles on it.
+
+    Parameters
+    ----------
+    times : array_like, shape (K,)
+        Ascending times [s].
+    accelerations : array_like, shape (K,) or (K, 3)
+        [m/s^2], along the direction of the contacts or in the axes of the scene; linear in
+        between, constant before and after.
+
+    Notes
+    -----
+    All motion of the scene is relative to the ground, so that every body feels -acceleration as a
+    gravity that changes in time, supported bodies in all their modes.
+    """
+
+    times: Array
+    accelerations: Array
+
+    def __post_init__(self) -> None:
+        times, values = _series("base", self.times, self.accelerations)
+        shape = (times.size,) if values.ndim == 1 else (times.size, 3)
+        values = checks.array("accelerations", values, shape)
+        checks.store(self, times=times, accelerations=values)
+
+
+def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    t = checks.filled(f"times of {name}", times)
+    if np.any(np.diff(t) < checks.SMALLEST):
+        raise InputError(f"the times of {name} must ascend.")
+    return t, checks.array(f"values of {name}", values, None)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneParts(Given):
+    """What a `Scene` consists of, checked."""
+
+    bodies: Mapping[str, object]
+    contacts: Sequence[Contact]
+    gravity: float | Sequence[float] = 0.0
+    loads: Sequence[Load] = ()
+    base: Base | None = None
+    motion: Mapping[str, Motion | ModalState | float] = field(default_factory=dict)
+    preload: bool = False
+
+    def __post_init__(self) -> None:
+        for each in ("bodies", "motion"):
+            value = getattr(self, each)
+            checks.instance(each, value, Mapping, "a dict with the names of bodies")
+            checks.store(self, **{each: dict(value)})
+        for each, kind in (("contacts", Contact), ("loads", Load)):
+            value = getattr(self, each)
+            checks.instance(each, value, (list, tuple), f"a list of {kind.__name__} objects")
+            for entry in value:
+                checks.instance(each, entry, kind, f"{kind.__name__} objects")
+            checks.store(self, **{each: tuple(value)})
+        checks.flag("preload", self.preload)
+        for name, body in self.bodies.items():
+            if ":" in checks.text("a body's name", name):
+                raise InputError(f"a body's name is a text without ':'; got {name!r}.")
+            several = isinstance(body, AntiOscillators) and len(body.sites) > 0
+            if not several and not isinstance(body, RigidBody | SiteModes):
+                checked_body(f"body {name!r}", body)
+        for name, motion in self.motion.items():
+            if not isinstance(motion, Motion | ModalState):
+                checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
+        if not self.contacts:
+            raise InputError("a scene needs at least one Contact.")
+        if self.base is not None:
+            checks.instance("base", self.base, Base, "a Base")
+        if isinstance(self.gravity, Sequence | np.ndarray):
+            vector = checks.array("gravity", self.gravity, (3,))
+            checks.store(self, gravity=tuple(vector.tolist()))
+        else:
+            checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))
+        self._check_pairs()
+        unknown = set(self.motion) - set(self.bodies)
+        if unknown:
+            raise InputError(
+                f"motion names the bodies {sorted(unknown)}, which are not in the scene:"
+                f" {', '.join(self.bodies)}."
+            )
+
+    def _check_pairs(self) -> None:
+        """InputError for two contacts between the same two sites, in either order."""
+        seen: dict[frozenset[str], Contact] = {}
+        for contact in self.contacts:
+            ends = frozenset(self._site_of(end) for end in (contact.a, contact.b))
+            if len(ends) == 1:
+                raise InputError(
+                    f"the contact {contact.a!r}, {contact.b!r} joins a site to itself; name two."
+                )
+            other = seen.setdefault(ends, contact)
+            if other is not contact:
+                raise InputError(
+                    f"the contacts {other.a!r}, {other.b!r} and {contact.a!r}, {contact.b!r} have"
+                    f" the same ends; give each pair of sites once (a stop on the other side is"
+                    f" another body or site)."
+                )
+
+    def _site_of(self, end: str) -> str:
+        """An end under one name: the site of a body that has no more than one may have any."""
+        name = end.partition(":")[0]
+        return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
+
+
+def of_two(
+    model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
+) -> SceneParts:
+    """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+    parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
+    checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
+    bodies = {"structure": model, "impactor": impactor}
+    checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+    return parts
+
+
+End = tuple[Placed, str]  # a body and the name of its site
+
+
+def find(end: str, bodies: dict[str, Placed]) -> tuple[Placed, str]:
+    """The body of an end and the name of its site."""
+    name, _, site = end.partition(":")
+    if name not in bodies:
+        raise InputError(f"there is no body {name!r} in the scene; it has {', '.join(bodies)}.")
+    body = bodies[name]
+    if isinstance(body.body, Obstacle):
+        return body, ""
+    if not site and len(body.sites) == 1:
+        site = next(iter(body.sites))
+    if site in body.sites:
+        return body, site
+    if body.sites == {"": (0,)}:  # one site: its name is free
+        return body, ""
+    listed = ", ".join(f"{name}:{s}" for s in body.sites)
+    raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
+
+
+def give_axes(
+    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, Placed]
+) -> None:
+    """Give the sites without a direction (`Placed.axes`) that of their contacts.
+
+    Sites without directions that touch each other move along one axis, in the same sense; it is
+    the direction of the first contact of any of them that has one.
+    """
+    open_ends = [
+        [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
+        for pair in ends
+    ]
+    links = [pair for pair in open_ends if len(pair) == 2]
+    for pair, reached in zip(ends, open_ends, strict=True):
+        direction = direction_of(pair)
+        while direction is not None and reached:
+            name, at = reached.pop()
+            if at not in bodies[name].axes:
+                bodies[name].axes[at] = direction
+                reached += [other for link in links if (name, at) in link for other in link]
+
+
+def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
+    """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
+    row = np.zeros(body.B.shape[1])
+    columns = list(body.columns_of(site))
+    if not columns:
+        return row
+    known = body.known(site)
+    if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
+        row[columns[0]] = 1.0
+        return row
+    parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
+    found = known.T @ parts
+    if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):
+        remedy = (
+            "which is that of another contact of this body of one coordinate; use a RigidBody"
+            if body.directions is None
+            else "as the model has it; extract it along the contact"
+        )
+        raise InputError(
+            f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
+            f" only along {np.round(known, 4).tolist()}, {remedy}."
+        )
+    row[columns[: len(known)]] = parts
+    return row
+
+
+def direction_of(ends: tuple[End, End]) -> Array | None:
+    """Direction (3,) of a contact in space, where one of its ends knows it."""
+    (a, at), (b, bt) = ends
+    return a.pushes.get(at, b.pushes.get(bt))
+
+
+def row_of(
+    contact: Contact, ends: tuple[End, End], columns: dict[str, slice], size: int
+) -> tuple[Array, Array | None]:
+    """Row (P,) of the indentation, and the contact's direction in space, where known."""
+    (a, at), (b, bt) = ends
+    if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
+        raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
+    direction = direction_of(ends)
+    row = np.zeros(size)
+    row[columns[b.name]] += along(b, bt, direction, contact.b)
+    row[columns[a.name]] -= along(a, at, direction, contact.a)
+    return row, direction
+
+
+def order_notes(contacts: Sequence[Contact], bodies: dict[str, Placed]) -> list[str]:
+    """Notes on contacts, which did not touch, that push the second end against its site."""
+    notes = []
+    for contact in contacts:
+        (a, at), (b, bt) = (find(end, bodies) for end in (contact.a, contact.b))
+        push, other = a.pushes.get(at), b.pushes.get(bt)
+        if other is not None and (push is None or push @ other > 0):
+            notes.append(
+                f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
+                f" direction of its site, as it is named second; name it first if it should be"
+                f" pushed along it."
+            )
+    return notes
+
+
+def tangents_of(
+    contact: Contact,
+    direction: Array | None,
+    bodies: dict[str, Placed],
+    columns: dict[str, slice],
+    size: int,
+) -> list[Array]:
+    """Rows of the tangential displacement of b against a, one or two."""
+    ends = [find(contact.a, bodies), find(contact.b, bodies)]
+    moving = [(body, site) for body, site in ends if body.columns_of(site)]
+    if direction is None or any(body.directions is None for body, _ in moving):
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
+            f" surface too: a RigidBody, or a model with Site(..., tangential=True)."
+        )
+    across: list[Array] = []
+    for body, site in moving:
+        known = body.directions
+        assert known is not None
+        for i in body.sites[site]:
+            side = known[i] - (known[i] @ direction) * direction
+            for other in across:
+                side = side - (side @ other) * other
+            if np.linalg.norm(side) > 0.5:
+                across.append(side / np.linalg.norm(side))
+    rows = []
+    for side in across[:2]:
+        row = np.zeros(size)
+        for (body, site), sign, end in zip(ends, (-1, 1), (contact.a, contact.b), strict=True):
+            row[columns[body.name]] += sign * along(body, site, side, end)
+        rows.append(row)
+    if not rows:
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
+            f" directions: extract it with Site(..., tangential=True)."
+        )
+    return rows
+
+
+def axes_of(bodies: dict[str, Placed]) -> dict[str, Array | None]:
+    """Direction in space of the one coordinate of each body that moves along one."""
+    axes: dict[str, Array | None] = {}
+    for name, body in bodies.items():
+        if body.directions is not None and len(body.directions):
+            axes[name] = body.directions[0] if body.inertia is None else None
+        else:
+            axes[name] = next(iter(body.axes.values()), None)
+    return axes
+
+
+def acting(
+    scene: SceneParts,
+    bodies: dict[str, Placed],
+    spans: dict[str, slice],
+    columns: dict[str, slice],
+    axes: dict[str, Array | None],
+    B: Array,
+    r: Array,
+    G: Array,
+    gaps: Array,
+    duration: float,
+) -> tuple[Array, Array, Array]:
+    """Times (K,), modal loads (K, J) and offsets (K, m) of all that acts on the scene."""
+    if not scene.loads and scene.base is None and not np.any(scene.gravity):
+        return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
+    series = [load.times for load in scene.loads]
+    if scene.base is not None:
+        series.append(scene.base.times)
+    inside = [t[(t > 0) & (t < duration)] for t in series]
+    breaks = np.unique(np.concatenate([np.zeros(1), *inside]))
+    if len(series) and any(t[-1] >= duration for t in series):
+        breaks = np.append(breaks, duration)
+    loads, forces = np.zeros((breaks.size, B.shape[0])), np.zeros((breaks.size, B.shape[1]))
+    for load in scene.loads:
+        body, site = find(load.end, bodies)
+        if isinstance(body.body, Obstacle):
+            raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
+        row = along(body, site, body.pushes.get(site), load.end)
+        forces[:, columns[body.name]] += np.interp(breaks, load.times, load.forces)[:, None] * row
+    loads += forces @ B.T
+    gravity = np.asarray(scene.gravity)
+    vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
+    if np.any(gravity):
+        for name, body in bodies.items():
+            if not np.any(body.omega == 0):
+                continue
+            if gravity.ndim == 1:
+                pull = _weights(body, axes[name], True) @ gravity
+            else:
+                pull = _weights(body, axes[name], False)[:, 0] * float(gravity)
+            if body.supported:
+                pull = np.where(body.omega == 0, pull, 0.0)
+            loads[:, spans[name]] += pull
+    if scene.base is not None:
+        if not any(body.grounded for body in bodies.values()):
+            raise InputError(
+                "base moves the ground, and no body of the scene stands on it: all are free; leave"
+                " base out, or add a support or an Obstacle."
+            )
+        given = scene.base.accelerations
+        given = given if given.ndim == 2 else given[:, None]
+        moved = np.stack(
+            [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
+        )
+        for name, body in bodies.items():
+            weights = _weights(body, axes[name], vector and given.shape[1] == 3)
+            if weights.size:
+                _tell_if_oblique(body, axes[name], moved)
+                loads[:, spans[name]] -= moved @ weights.T
+    return breaks, loads, gaps - forces @ r @ G.T
+
+
+def _tell_if_oblique(body: Placed, axis: Array | None, moved: Array) -> None:
+    """InputError where the ground (K, 3) moves across the one direction that a body knows."""
+    if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
+        return
+    if axis is None or moved.shape[1] != 3:
+        return
+    across, size = np.abs(moved - np.outer(moved @ axis, axis)).max(), np.abs(moved).max()
+    if across > 1e-6 * size:
+        raise InputError(
+            f"the ground moves with {across:.3g} m/s² across the direction of the site of "
+            f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
+            "name the site, extract(part, {'tip': Site(…)}), which gives a model that knows all "
+            "directions, or give base along the site's direction."
+        )
+
+
+def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
+    """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
+    if isinstance(body.body, Obstacle):
+        return np.zeros((0, 3 if vector else 1))
+    if vector and body.inertia is not None:
+        return body.inertia.momentum[:, :3]
+    if body.weight is not None and body.weight.ndim == 2:
+        if vector:
+            return body.weight
+        pushes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
+        if len(pushes) == 1:
+            return np.asarray(body.weight @ pushes[0])[:, None]
+        raise InputError(
+            f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
+            "ground, as a vector."
+        )
+    if body.weight is None:
+        raise InputError(
+            f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
+            f" extract the model anew, give participation= or inertia="
+            + (", or a vector where the body moves in space." if body.inertia is not None else ".")
+        )
+    if not vector:
+        return body.weight[:, None]
+    if axis is None:
+        raise InputError(
+            f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"
+            f" (an extracted model, a RigidBody); else give gravity as a number."
+        )
+    return body.weight[:, None] * axis

@@ -1,0 +1,451 @@
+"""An impact of two bodies as a scene, and many of them as rows that the march solves in one call.
+
+The signs are those of `antiosc.simulation.scene`. Each body moves along the direction in which
+the contact pushes it, whatever the axes of its mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from ctypes import byref, c_int64, c_void_p
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import checks, march, process
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, AntioscError, InputError
+from antiosc.contact import ContactLaw
+from antiosc.contact.base import Compiled, is_compiled
+from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Motion
+from antiosc.simulation.assembly import Assembly, Parts, expected_impact, freed
+from antiosc.simulation.bodies import (
+    Obstacle,
+    Placed,
+    RigidMass,
+    Sphere,
+    first_order_of,
+    may_turn,
+    of_one_site,
+)
+from antiosc.simulation.march.system import System
+from antiosc.simulation.scene_parts import LAW, of_two
+
+#: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
+LARGEST_PHASE = 1e15
+#: The row of the one contact in the displacements of both bodies along their pushes.
+_ROW = np.array([[-1.0, -1.0]])
+_NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
+
+
+@dataclass(eq=False)
+class Pair:
+    """Two bodies side by side in their modes, without the contact between them.
+
+    Attributes
+    ----------
+    bodies : the structure and the impactor, with their modal velocities at the start.
+    block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
+    omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
+    mobilities : inverse [1/kg] of the inertia that each puts behind the contact.
+    local : half-space compliance [m/N] of the patches.
+    """
+
+    bodies: tuple[Placed, Placed]
+    block: Array
+    omega: Array
+    decay: Array
+    beta: Array
+    v: Array
+    load: Array
+    r: float
+    mobilities: tuple[float, float]
+    local: float
+
+    @property
+    def mass(self) -> float:
+        """Inertia [kg] behind the contact."""
+        mobility = sum(self.mobilities)
+        return 1 / mobility if mobility > 0 else 1.0
+
+    def check_span(self, duration: float) -> None:
+        """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
+        `duration` [s]."""
+        if not self.omega.size:
+            raise InputError(
+                "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
+                " or an impactor with a mass."
+            )
+        fastest = float(self.omega[self.omega.argmax()])
+        if fastest * duration > LARGEST_PHASE:
+            raise AccuracyError(
+                f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
+                f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g}"
+                " s, or take fewer anti-oscillators."
+            )
+
+
+def pair(
+    model: LinearBody,
+    impactor: LinearBody,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+) -> Pair:
+    """The bodies of an impact in their modes, with their start and gravity."""
+    one, other = checked_body("model", model), checked_body("impactor", impactor)
+    if one.velocity != 0.0:
+        raise InputError(
+            f"the model has a velocity of {one.velocity:g} m/s, which only the impactor may have: "
+            "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
+        )
+    structure, striker = one.modal(), other.modal()
+    starts = _starts(structure, striker, initial_velocity, other.velocity)
+    loads = _loads(structure, striker, gravity)
+    count = structure.omega.size
+    size, r = count + striker.omega.size, structure.r + striker.r
+    block = np.zeros(6 * size + 3)
+    rows = block[: 3 * size].reshape(3, size)
+    rows[:, :count], rows[:, count:] = structure.closing, striker.closing
+    omega, decay, beta = rows
+    load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
+    v[:count], v[count:] = starts
+    for own, pull in zip((load[:count], load[count:]), loads, strict=True):
+        if pull is not None:
+            own[...] = pull
+    block[3 * size] = r
+    return Pair(
+        bodies=(
+            of_one_site("structure", model, one, structure, starts[0]),
+            of_one_site("impactor", impactor, other, striker, starts[1]),
+        ),
+        block=block,
+        omega=omega,
+        decay=decay,
+        beta=beta,
+        v=v,
+        load=load,
+        r=r,
+        mobilities=(structure.mobility, striker.mobility),
+        local=one.local_compliance + other.local_compliance,
+    )
+
+
+def pose(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
+) -> Assembly:
+    """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
+    made = pair(model, impactor, initial_velocity, gravity)
+    made.check_span(duration)
+    checks.instance("contact", contact, ContactLaw, LAW)
+    law, notes = freed(contact, made.local, "structure", "impactor")
+    gap = made.bodies[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    mass = made.mass
+    depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
+    parts = partial(_parts, contact, gap, gravity, made)
+    uncoupled = all(body.modes.damping is None for body in made.bodies)
+    block, size = made.block, made.omega.size
+    block[4 * size + 2] = gap
+    scales = np.array([mass, depth, speed, 0.0])
+    system = System(
+        omega=made.omega,
+        decay=made.decay,
+        beta=made.beta[None],
+        R=block[3 * size : 3 * size + 1, None],
+        breaks=block[3 * size + 1 : 3 * size + 2],
+        loads=made.load[None],
+        offsets=block[4 * size + 2 : 4 * size + 3, None],
+        laws=[law],
+        slip=_NO_FRICTION,
+        tangents=_NO_TANGENTS,
+        q=block[4 * size + 3 : 5 * size + 3],
+        v=made.v,
+        mass=scales[:1],
+        depth=scales[1:2],
+        speed=scales[2:3],
+        pressed=scales[3:],
+        first=None if uncoupled else first_order_of(made.bodies),
+    )
+    system.block = block
+    turns = any(map(may_turn, made.bodies))
+    return Assembly(parts, _ROW, [law], notes, system, lasting, turns)
+
+
+def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
+    """The bodies "structure" and "impactor" as a scene has them."""
+    bodies = {body.name: body for body in made.bodies}
+    model, impactor = (body.body for body in made.bodies)
+    return of_two(model, impactor, contact, gap, gravity), bodies
+
+
+def _starts(
+    structure: ModalBody, striker: ModalBody, initial: float | Motion, speed: float | Motion
+) -> tuple[Array, Array]:
+    """Modal velocities of both bodies; numbers are > 0 when they close the gap."""
+    if not isinstance(initial, Motion):
+        initial = -checks.number("initial_velocity", initial, "m/s")
+    own = striker.rigid_motion(speed)
+    return structure.rigid_motion(initial), own if isinstance(speed, Motion) else -own
+
+
+def _loads(
+    structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
+) -> tuple[Array | None, Array | None]:
+    """Modal forces of gravity on both bodies; None: there are none."""
+    listed = isinstance(gravity, list | tuple)
+    if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
+        along = checks.number("gravity", gravity, "m/s^2")
+        return _pull("structure", structure, along), _pull("impactor", striker, -along)
+    vector = checks.array("gravity", gravity, (3,))
+    if structure.direction is None:
+        raise InputError(
+            "gravity as a vector needs a model that knows the direction of impact: extract it from"
+            " a mesh, or give gravity as a number along the impact."
+        )
+    along = float(vector @ structure.direction)
+    loads: list[Array | None] = []
+    for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
+        if body.inertia is None:
+            loads.append(_pull(name, body, sign * along))
+        else:
+            loads.append(_falling(body, body.inertia.momentum[:, :3] @ vector))
+    return loads[0], loads[1]
+
+
+def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
+    """Modal forces of gravity along the push of the contact."""
+    if gravity == 0.0 or not np.any(body.omega == 0):
+        return None
+    if body.weight is None:
+        raise InputError(
+            f"gravity on the {name} with a rigid-body mode needs the model's participation;"
+            f" extract the model anew, give participation=, or set gravity=0."
+        )
+    return _falling(body, gravity * body.weight)
+
+
+def _falling(body: ModalBody, load: Array) -> Array:
+    """`load` on free bodies; none on a body with a supported site, measured from its
+    equilibrium."""
+    rigid = body.omega == 0
+    return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
+
+
+#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
+#: T has its first zero there
+BAND_OVER_PULSE = 3.0
+
+
+@checks.within_range
+def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+    """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
+
+    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
+    the structure can have. Raises InputError for an impactor at rest.
+    """
+    velocity = checked_body("impactor", impactor).velocity
+    if not checks.number("velocity", velocity, "m/s") > 0:
+        raise InputError(
+            "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
+            "give the band as a number."
+        )
+    endless = 1e6  # s
+    return BAND_OVER_PULSE * np.pi / pose(Obstacle(), impactor, contact, endless).lasting
+
+
+IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
+OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
+
+#: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
+_AT_ONCE = 4_000_000
+#: Least nodes that a call may write.
+_NODES = 200_000
+
+
+class Impact(NamedTuple):
+    """An impact as `simulate` and `pose` take it."""
+
+    model: LinearBody
+    impactor: LinearBody
+    contact: ContactLaw
+    duration: float
+    initial_velocity: float | Motion = 0.0
+    gravity: float | Sequence[float] = 0.0
+    gap: float | None = None
+
+    def group(self) -> tuple[object, ...] | None:
+        """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
+        if not is_compiled(self.contact) or _coupled(self.model) or _coupled(self.impactor):
+            return None
+        still = isinstance(self.gravity, int | float) and self.gravity == 0
+        rigid = still and type(self.impactor) in (RigidMass, Sphere)
+        moving = self.initial_velocity
+        speed = moving if isinstance(moving, int | float) else id(moving)
+        return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
+
+
+def _coupled(body: LinearBody) -> bool:
+    """Whether damping couples the modes of a body; False for what is none, which `pair` tells."""
+    if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
+        return False
+    try:
+        return getattr(body.modal(), "damping", None) is not None
+    except AntioscError:
+        return False
+
+
+class Rows:
+    """Impacts of one group: the two bodies of the first, and what the march takes.
+
+    Attributes
+    ----------
+    pair : the bodies of the first impact; those of the others differ in a rigid impactor alone.
+    laws : without the half-space compliance of the patches.
+    given : (S,) `aom_impact`.
+    """
+
+    def __init__(
+        self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
+    ) -> None:
+        model, first, _, _, velocity, gravity, _ = impacts[0]
+        self.pair = made = pair(model, first, velocity, gravity)
+        count, size = len(impacts), made.omega.size
+        beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
+        mobility = np.full(count, sum(made.mobilities))
+        if any(each.impactor is not first for each in impacts):  # rigid ones, see `group`
+            strikers = [cast("RigidMass | Sphere", each.impactor) for each in impacts]
+            b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
+            beta[:, -1] = -b
+            v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
+            mobility = made.mobilities[0] + b * b
+        self.laws = cast("list[Compiled]", _freed([each.contact for each in impacts], made.local))
+        self.given = given = np.zeros(count, IMPACT)
+        self._held = [made.omega, made.decay, beta, v, made.load, *_turning(made)]
+        omega, decay, rows, speeds, load, *turning = map(march.address, self._held)
+        each = 8 * size * np.arange(count, dtype=np.uintp)
+        given["n_modes"], given["omega"], given["decay"] = size, omega, decay
+        given["beta"], given["v"], given["load"] = rows + each, speeds + each, load
+        if turning:
+            given["n_turning"], given["turning"] = len(self._held[-1]), turning[0]
+        kernels = [law.kernel[0] for law in self.laws]
+        for name in ("kind", "n_params", "params"):
+            given["law"][name] = [getattr(kernel, name) for kernel in kernels]
+        given["residual"] = made.r
+        given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
+        own = made.bodies[1].gap
+        given["gap"] = [
+            own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
+            for each in impacts
+        ]
+        given["duration"] = [checks.positive("duration", each.duration, "s") for each in impacts]
+        made.check_span(float(given["duration"].max()))
+        given["rel_tol"], given["max_contacts"], given["max_steps"] = tol, max_contacts, max_steps
+
+    def solved(
+        self, done: Callable[[int], None]
+    ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
+        """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each.
+
+        `done` is told how many are solved, now and then.
+        """
+        given, size = self.given, self.pair.omega.size
+        space = _space(size)
+        outcomes, count = np.zeros(len(given), OUTCOME), c_int64()
+        pulses: list[tuple[Array, Array]] = []
+        arguments = (
+            space.batch, len(given), march.address(given), march.address(outcomes),
+            byref(space.nodes), max(_AT_ONCE // (size + 20), 16), byref(count),
+        )  # fmt: skip
+        answer = march.PAUSED
+        while answer in (march.PAUSED, march.FULL):
+            answer = march.library.aom_batch_solve(*arguments)
+            pulses += space.taken(outcomes["n_nodes"][len(pulses) : count.value])
+            done(count.value)
+        _spaces.append(space)
+        return outcomes, pulses
+
+
+def _freed(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
+    """The laws as the march takes them."""
+    found: dict[int, ContactLaw] = {}
+    laws = []
+    for contact in contacts:
+        if id(contact) not in found:
+            checks.instance("contact", contact, ContactLaw, LAW)
+            found[id(contact)] = freed(contact, local, "structure", "impactor")[0]
+        laws.append(found[id(contact)])
+    return laws
+
+
+def _turning(made: Pair) -> list[Array]:
+    """Rotation vectors (n, 3, J) by the modes of the bodies that may turn, [] without one."""
+    found, begin = [], 0
+    for body in made.bodies:
+        span = slice(begin, begin + body.omega.size)
+        begin = span.stop
+        if may_turn(body):
+            turning = np.zeros((3, made.omega.size))
+            turning[:, span] = body.rotation(np.eye(body.omega.size)).T
+            found.append(turning)
+    return [np.array(found)] if found else []
+
+
+class _Space:
+    """Memory that the march solves impacts with so many modes in."""
+
+    def __init__(self, size: int) -> None:
+        need = march.library.aom_batch_size(size)
+        process.require(need, f"an impact with {size} modes", "use fewer of them")
+        self.memory = np.empty(-(-need // 16), dtype=np.complex128)
+        room = max(march.library.aom_batch_nodes(size), _NODES)
+        self.time, self.force = np.empty(room), np.empty(room)
+        self.nodes = march.PulseNodes(room, 0, *map(march.address, (self.time, self.force)))
+        self.batch, self.size = c_void_p(), -1
+
+    def renew(self, size: int) -> bool:
+        """Be for other impacts; False if there is too little memory.
+
+        With as many modes as before the march goes on with the responses that it has.
+        """
+        at = march.address(self.memory), self.memory.nbytes, byref(self.batch)
+        self.nodes.n_nodes = 0
+        if size != self.size:
+            room = int(march.library.aom_batch_nodes(size)) <= self.time.size
+            made = room and march.library.aom_batch_create(size, *at) == march.DONE
+            self.size = size if made else -1
+        return size == self.size
+
+    def taken(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
+        """The nodes that were written, so many of each impact."""
+        time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
+        self.nodes.n_nodes = 0
+        ends = np.cumsum(counts).tolist()
+        begins = [0, *ends[:-1]]
+        return [(time[a:b], force[a:b]) for a, b in zip(begins, ends, strict=True)]
+
+
+_spaces: list[_Space] = []
+
+
+def _space(size: int) -> _Space:
+    """Memory of an earlier call, if it is enough; taken out, so that no other thread has it."""
+    while _spaces:
+        try:
+            found = _spaces.pop()
+        except IndexError:  # another thread took it
+            break
+        if found.renew(size):
+            return found
+    found = _Space(size)
+    found.renew(size)
+    return found

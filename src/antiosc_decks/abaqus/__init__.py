@@ -1,1 +1,0 @@
-"""Decks of Abaqus and CalculiX (`.inp`)."""

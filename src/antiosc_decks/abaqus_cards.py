@@ -1,0 +1,348 @@
+"""Keyword cards of Abaqus and CalculiX, `*KEYWORD, OPTION=VALUE` and the data lines below it.
+
+The tables say what becomes of each card, and of the options of those that are read.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place, Placed, real_number, whole_number
+from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
+
+#: Cards whose data may be in a separate file (INPUT=).
+WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
+#: Cards of loads, whose data may be in a file that is not there.
+LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
+#: The comment over a surface that cgx of Debian writes without its keyword line.
+SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
+
+
+class Row(Placed):
+    """The fields of a data line; a comma at the end adds none."""
+
+    def __init__(self, line: str, place: Place) -> None:
+        self.place = place
+        self.fields = [part.strip() for part in line.split(",")]
+        while self.fields and not self.fields[-1]:
+            self.fields.pop()
+
+    def word(self, k: int) -> str:
+        """A field, "" where there is none."""
+        return self.fields[k] if k < len(self.fields) else ""
+
+    def real(self, k: int, default: float = 0.0) -> float:
+        """A number, the default where the field is empty."""
+        return real_number(self.fields[k], self.place) if self.word(k) else default
+
+    def whole(self, k: int, default: int = 0) -> int:
+        """An integer, the default where the field is empty."""
+        return whole_number(self.fields[k], self.place) if self.word(k) else default
+
+    def reals(self, count: int = 0) -> list[float]:
+        """Its numbers, or so many; an empty field is 0."""
+        return [self.real(k) for k in range(count or len(self.fields))]
+
+
+@dataclass
+class Card(Placed):
+    """One keyword with its options and data lines."""
+
+    #: without `*` and spaces, upper case
+    keyword: str
+    #: name in upper case -> value as written; "" for those without one
+    options: dict[str, str]
+    place: Place
+    #: data lines that are neither empty nor comments
+    lines: list[str] = field(default_factory=list)
+    #: file and line of each data line
+    places: list[Place] = field(default_factory=list)
+
+    def rows(self) -> list[Row]:
+        """The data lines that have fields."""
+        rows = map(Row, self.lines, self.places)
+        return [row for row in rows if row.fields]
+
+    def numbers(self) -> list[float]:
+        """Numbers of all data lines; an empty field is 0."""
+        return [value for row in self.rows() for value in row.reals()]
+
+    def first(self) -> Row:
+        """The first data line, which may be without fields."""
+        return Row(self.lines[0], self.places[0]) if self.lines else Row("", self.place)
+
+    def option(self, name: str, default: str = "") -> str:
+        """Value of an option, without quotes."""
+        return self.options.get(name, default).strip().strip('"').strip()
+
+    def needed(self, name: str) -> str:
+        """Value of a required option."""
+        value = self.option(name)
+        self.needs(value, f"*{self.keyword} needs {name}=.")
+        return value
+
+
+def cards(sources: Sources) -> list[Card]:
+    """All cards of a deck and of the files that it includes, in order."""
+    found: list[Card] = []
+    _collect(sources, sources.main(), sources.name, found)
+    if not found:
+        raise MeshError(f"{sources.name} contains no keyword (*NODE, …): it is not an Abaqus deck.")
+    return found
+
+
+def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -> None:
+    number, surface = 0, None
+    while number < len(lines):
+        line = lines[number].strip()
+        number += 1
+        if not line or line.startswith("**"):
+            surface = SURFACE_OF_CGX.match(line) or surface
+            continue
+        place = Place(file, number)
+        if surface and not line.startswith("*"):
+            found.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
+        surface = None
+        if not line.startswith("*"):
+            if not found and "**" in line:  # a comment behind what an editor or a mail put there
+                continue
+            if not found:
+                bulk = any(map(BULK.match, lines))
+                what = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
+                raise place.error(f"data before the first keyword: {what}.")
+            found[-1].lines.append(line)
+            found[-1].places.append(place)
+            continue
+        while line.endswith(",") and number < len(lines):
+            following = lines[number].strip()
+            if following[:1] in "*+-.0123456789":  # numbers are data
+                break
+            line += following
+            number += 1
+        card = _card(line, place)
+        if card.keyword == "INCLUDE" and not _of_loads(sources, card, found):
+            _included(sources, card.needed("INPUT"), place, found)
+            continue
+        found.append(card)
+        if card.keyword in WITH_INPUT and card.option("INPUT"):
+            _included(sources, card.option("INPUT"), place, found)
+
+
+def _of_loads(sources: Sources, card: Card, found: list[Card]) -> bool:
+    """Whether a file that is not there would be of loads, which are not read either."""
+    return bool(found) and found[-1].keyword in LOADS and not sources.holds(card.needed("INPUT"))
+
+
+def _included(sources: Sources, named: str, place: Place, found: list[Card]) -> None:
+    lines = sources.enter(named, place)
+    _collect(sources, lines, named.strip().strip('"'), found)
+    sources.leave()
+
+
+def _card(line: str, place: Place) -> Card:
+    head, *rest = _outside_quotes(line[1:])
+    keyword = "".join(head.split()).upper()
+    options = {}
+    for part in rest:
+        name, _, value = part.partition("=")
+        name = "".join(name.split()).upper()
+        if name:
+            options[name] = value.strip()
+    return Card(keyword, options, place)
+
+
+def _outside_quotes(text: str) -> list[str]:
+    """Fields between the commas outside quotes."""
+    if '"' not in text:
+        return text.split(",")
+    fields, quoted = [""], False
+    for letter in text:
+        quoted ^= letter == '"'
+        if letter == "," and not quoted:
+            fields.append("")
+        else:
+            fields[-1] += letter
+    return fields
+
+
+#: Cards that are read -> options that are read or harmless, with their values if not all are.
+READ = {
+    "NODE": "NSET INPUT SYSTEM",
+    "ELEMENT": "TYPE ELSET INPUT",
+    "NGEN": "NSET LINE",
+    "NFILL": "NSET BIAS SINGULAR",
+    "ELGEN": "ELSET",
+    "NSET": "NSET ELSET GENERATE UNSORTED INSTANCE INTERNAL INPUT",
+    "ELSET": "ELSET GENERATE UNSORTED INSTANCE INTERNAL INPUT",
+    "PART": "NAME",
+    "INSTANCE": "NAME PART",
+    "MATERIAL": "NAME",
+    "ELASTIC": "TYPE DEPENDENCIES",
+    "DENSITY": "DEPENDENCIES",
+    "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
+    "SHELLSECTION": "ELSET MATERIAL ORIENTATION COMPOSITE OFFSET NODALTHICKNESS SECTIONINTEGRATION "
+    "POISSON TEMPERATURE CONTROLS LAYUP STACKDIRECTION THICKNESSMODULUS",
+    "BEAMSECTION": "ELSET MATERIAL SECTION OFFSET1 OFFSET2 POISSON TEMPERATURE CONTROLS LUMPED "
+    "ROTARYINERTIA",
+    "BEAMGENERALSECTION": "ELSET MATERIAL SECTION OFFSET1 OFFSET2",
+    "NODALTHICKNESS": "",
+    "ORIENTATION": "NAME SYSTEM DEFINITION",
+    "TRANSFORM": "NSET TYPE",
+    "BOUNDARY": "OP=MOD|NEW AMPLITUDE FIXED TYPE INPUT",
+    "EQUATION": "INPUT",
+    "MPC": "",
+    "RIGIDBODY": "NSET ELSET REFNODE ROTNODE TIENSET PINNSET ISOTHERMAL POSITION=INPUT",
+    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE",
+    "SURFACE": "NAME TYPE INTERNAL",
+    "COUPLING": "CONSTRAINTNAME REFNODE SURFACE ORIENTATION",
+    "KINEMATIC": "",
+    "DISTRIBUTING": "WEIGHTINGMETHOD=UNIFORM",
+    "KINEMATICCOUPLING": "REFNODE ORIENTATION",
+    "DISTRIBUTINGCOUPLING": "ELSET",
+    "MASS": "ELSET",
+    "ROTARYINERTIA": "ELSET ORIENTATION",
+    "NONSTRUCTURALMASS": "ELSET UNITS DISTRIBUTION",
+    "SPRING": "ELSET ORIENTATION",
+    "DASHPOT": "ELSET ORIENTATION",
+}
+#: Options that would change the result.
+REFUSED_OPTIONS = {
+    ("SOLIDSECTION", "COMPOSITE"): "a solid of layers",
+    ("SHELLSECTION", "SYMMETRIC"): "a half of the layers",
+    ("SHELLSECTION", "SHELLTHICKNESS"): "a distribution of the thickness",
+    ("COUPLING", "INFLUENCERADIUS"): "a limit of the surface",
+    ("RIGIDBODY", "POSITION"): "a change of the place of the reference node",
+    ("INSTANCE", "LIBRARY"): "a part of another analysis",
+    ("EQUATION", "REMOVE"): "a change of the equations between steps",
+    ("EQUATION", "REMOVEALL"): "a change of the equations between steps",
+    **dict.fromkeys(
+        (("TIE", kind) for kind in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC")),
+        "a sector of a whole ring",
+    ),
+    ("BOUNDARY", "SUBMODEL"): "a submodel",
+    ("SPRING", "NONLINEAR"): "a nonlinear law",
+    ("DASHPOT", "NONLINEAR"): "a nonlinear law",
+}
+#: Cards that are also read in the first step.
+IN_STEPS = (
+    *("NSET", "ELSET", "SURFACE", "BOUNDARY", "EQUATION", "MPC", "RIGIDBODY", "TIE", "COUPLING"),
+    *("KINEMATIC", "DISTRIBUTING", "KINEMATICCOUPLING"),
+)
+#: Cards that generate nodes and elements and are not supported, of meshes neither.
+GENERATORS = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
+
+_HARMLESS = """
+HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP
+OUTPUT NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT INCREMENTATIONOUTPUT MODALOUTPUT
+SURFACEOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION RADIATIONOUTPUT FILEOUTPUT FILEFORMAT
+NODEPRINT ELPRINT FACEPRINT CONTACTPRINT ENERGYPRINT SECTIONPRINT MODALPRINT RADIATIONPRINT
+NODEFILE ELFILE CONTACTFILE ENERGYFILE SECTIONFILE MODALFILE ELEMENTMATRIXOUTPUT MATRIXGENERATE
+MONITOR PRINT DISPLAYBODY DIAGNOSTICS OUTPUTVARIABLES USEROUTPUTVARIABLES
+STATIC DYNAMIC FREQUENCY BUCKLE MODALDYNAMIC STEADYSTATEDYNAMICS COMPLEXFREQUENCY VISCO GEOSTATIC
+SOILS ANNEAL RANDOMRESPONSE RESPONSESPECTRUM DIRECTCYCLIC SUBSTRUCTUREGENERATE NOANALYSIS
+HEATTRANSFER COUPLEDTEMPERATURE-DISPLACEMENT UNCOUPLEDTEMPERATURE-DISPLACEMENT
+DYNAMICTEMPERATURE-DISPLACEMENT COUPLEDTHERMAL-ELECTRICAL MASSDIFFUSION ELECTROMAGNETICS CFD
+AMPLITUDE TIMEPOINTS CONTROLS SOLVERCONTROLS SECTIONCONTROLS BULKVISCOSITY SELECTEIGENMODES
+RETAINEDNODALDOFS SUBSTRUCTUREMATRIXOUTPUT SELECTCYCLICSYMMETRYMODES DISTRIBUTIONTABLE
+SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CONTACTDAMPING CONTACTCONTROLS CHANGEFRICTION
+CHANGECONTACTTYPE CHANGESURFACEBEHAVIOR GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION
+CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTPROPERTYASSIGNMENT CONTACTINITIALIZATIONASSIGNMENT
+CONTACTINITIALIZATIONDATA CONTACTCONTROLSASSIGNMENT CONTACTFORMULATION CONTACTSTABILIZATION
+CONNECTORBEHAVIOR CONNECTORELASTICITY CONNECTORDAMPING CONNECTORFRICTION CONNECTORLOCK
+CONNECTORSTOP CONNECTORCONSTITUTIVEREFERENCE
+PHYSICALCONSTANTS CONDUCTIVITY SPECIFICHEAT LATENTHEAT SPECIFICGASCONSTANT INELASTICHEATFRACTION
+JOULEHEATFRACTION VIEWFACTOR CAVITYDEFINITION VALUESATINFINITY ELECTRICALCONDUCTIVITY
+MAGNETICPERMEABILITY DIELECTRIC PIEZOELECTRIC FLUIDCONSTANTS DEPVAR
+BOUNDARYF EQUATIONF TRANSFORMF
+SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE CONSTRAINT FEASIBLEDIRECTION FILTER
+"""
+_IGNORED = """
+INCLUDE
+STEP CLOAD DLOAD DSLOAD TEMPERATURE FIELD FILM SFILM RADIATE SRADIATE CFLUX DFLUX DSFLUX MASSFLOW
+INITIALCONDITIONS INITIALSTRAININCREASE BASEMOTION INERTIARELIEF CONNECTORLOAD CONNECTORMOTION
+DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS SLIDEDAMPING
+FIXEDMASSSCALING VARIABLEMASSSCALING EXPANSION NORMAL
+PLASTIC CREEP CYCLICHARDENING DEFORMATIONPLASTICITY RATEDEPENDENT VISCOELASTIC HYSTERESIS
+HYPERELASTIC HYPERFOAM MULLINSEFFECT LOWDENSITYFOAM USERMATERIAL NOCOMPRESSION NOTENSION CONCRETE
+TENSIONSTIFFENING POTENTIAL CAPPLASTICITY DRUCKERPRAGER DRUCKERPRAGERHARDENING MOHRCOULOMB
+MOHRCOULOMBHARDENING CONCRETEDAMAGEDPLASTICITY CONCRETECOMPRESSIONHARDENING
+CONCRETETENSIONSTIFFENING DAMAGEINITIATION DAMAGEEVOLUTION SHEARFAILURE TENSILEFAILURE
+CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
+"""
+_REFUSED = {
+    "a contact pair": "CONTACTPAIR CLEARANCE",
+    "general contact": "CONTACT",
+    "a pre-tensioned bolt": "PRE-TENSIONSECTION",
+    "cyclic symmetry": "CYCLICSYMMETRYMODEL",
+    "a submodel": "SUBMODEL",
+    "a change of the model between steps": "MODELCHANGE",
+    "a gap element": "GAP",
+    "a connector": "CONNECTORSECTION",
+    "a fastener": "FASTENER FASTENERPROPERTY",
+    "a joint between elements": "JOINT JOINTELASTICITY",
+    "embedded elements": "EMBEDDEDELEMENT",
+    "a coupling of shells and solids": "SHELLTOSOLIDCOUPLING",
+    "a fluid": "FLUIDSECTION FLUIDSECTIONS FLUIDCAVITY BEAMFLUIDINERTIA AQUA",
+    "a membrane": "MEMBRANESECTION",
+    "a surface without stiffness": "SURFACESECTION",
+    "a layer of glue or a gasket": "COHESIVESECTION GASKETSECTION",
+    "a frame element": "FRAMESECTION",
+    "a shell given by its stiffness": "SHELLGENERALSECTION",
+    "a rigid surface": "RIGIDSURFACE",
+    "a user element": "USERELEMENT UELPROPERTY",
+    "a matrix": "MATRIXINPUT MATRIXASSEMBLE",
+    "a substructure": "SUBSTRUCTUREPROPERTY",
+    "a model of another analysis": "IMPORT SYMMETRICMODELGENERATION",
+    "a change of the sections between steps": "CHANGESOLIDSECTION",
+    "a change of a material between steps": "CHANGEMATERIAL",
+    "an elastic foundation (use springs)": "FOUNDATION",
+    "a release of beams' ends": "RELEASE",
+    "a distribution over elements": "DISTRIBUTION",
+    "a change of the nodes' places": "IMPERFECTION",
+    "added inertia of beams": "BEAMADDEDINERTIA",
+    "an adjustment of the mass": "MASSADJUST",
+    "reinforcement": "REBAR REBARLAYER",
+    "a stiffness against transverse shear": "TRANSVERSESHEARSTIFFNESS",
+    "a generator of nodes or elements": " ".join(GENERATORS),
+}
+
+CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), refused=_REFUSED)
+
+
+def account_for(cards: list[Card], name: str) -> Account:
+    """What becomes of the cards of a deck: the model and its first step are read."""
+    account = Account(name)
+    count, step = 0, -1
+    for card in cards:
+        if card.keyword == "STEP":
+            count, step = count + 1, count
+        fate = _at_step(card.keyword, CARDS.get(card.keyword, UNKNOWN), step)
+        account.cards.append((f"*{card.keyword}", card.place, fate))
+        if fate.kind == "read":
+            for option in card.options:
+                label = f"*{card.keyword}, {option}="
+                account.options.append((label, card.place, _of_option(card, option)))
+        if card.keyword == "ENDSTEP":
+            step = -1
+    return account
+
+
+def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
+    """The fate of a card in a step, counted from 0; -1: in the model."""
+    if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
+        return fate
+    if step > 0:
+        return Fate("ignored", "of later steps")
+    return fate if fate.kind == "refused" or keyword in IN_STEPS else Fate("refused", "in a step")
+
+
+def _of_option(card: Card, option: str) -> Fate:
+    known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
+    values = known.get(option, "").split("|")
+    value = "".join(card.option(option).split()).upper()
+    if option in known and (values == [""] or value in values):
+        return Fate("read")
+    what = REFUSED_OPTIONS.get((card.keyword, option))
+    return Fate("refused", what) if what else UNKNOWN

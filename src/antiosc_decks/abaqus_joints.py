@@ -1,0 +1,508 @@
+"""Joints of Abaqus and CalculiX decks: equations, multi-point constraints, rigid bodies, ties.
+
+A tie (*SURFACE, *TIE) joins the nodes of one surface to faces of another by the shape functions of
+these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from antiosc.io.deck import Array, Block, IntArray, Place, real_number, whole_number
+from antiosc.io.neutral import CORNERS, EDGES, Term
+from antiosc_decks.abaqus_assembly import NONE, Instance, Whole
+from antiosc_decks.abaqus_cards import Card, Row
+from antiosc_decks.abaqus_sections import Orientations
+from antiosc_decks.constraints import Constraints
+
+#: Corners of the faces S1, S2, … of solids.
+SOLID_FACES = {
+    "hexahedron": (
+        *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
+        *((1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    ),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+}
+
+
+@dataclass
+class Surface:
+    """Faces, by (corners, middles of edges; -1: none) in order around each; its nodes.
+
+    An edge of a shell has nodes of its own, and the face that it belongs to.
+    """
+
+    faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
+    of: list[IntArray] = field(default_factory=list)
+
+    @property
+    def nodes(self) -> IntArray:
+        """All of its nodes."""
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *self.of]))
+        return nodes[nodes >= 0]
+
+
+def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[str, Surface]:
+    """The surfaces of a deck by name in upper case."""
+    found: dict[str, Surface] = {}
+    for card, within in cards:
+        if card.keyword != "SURFACE" or not card.option("NAME"):
+            continue
+        surface = found.setdefault((within.prefix + card.option("NAME")).upper(), Surface())
+        of_nodes = card.option("TYPE").upper().startswith("NODE")
+        for row in card.rows():
+            if of_nodes:
+                surface.of.append(whole.nodes(row.word(0), row.place, within))
+                continue
+            elements, side = whole.elements(row.word(0), row.place, within), row.word(1).upper()
+            for block, _ in whole.deck.blocks_of(elements):
+                faces = list(_faces(block, side, row.place))
+                surface.faces += faces
+                edge = _edge(block, side, row.place)
+                if edge is None:
+                    surface.of += [nodes for face in faces for nodes in face]
+                else:
+                    ends = block.corners[:, list(EDGES[block.shape][edge])]
+                    surface.of += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
+    return found
+
+
+def _edge(block: Block, side: str, place: Place) -> int | None:
+    """The number of an edge of flat elements: S3, … of shells, S1, … of plane ones, E1, …"""
+    if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
+        return None
+    edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
+    place.needs(edge < CORNERS[block.shape], f"{side!r} is no edge of a {block.shape}.")
+    return edge if edge >= 0 else None
+
+
+def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
+    corners = _corners(block.shape, side, place)
+    edges = [frozenset(edge) for edge in EDGES[block.shape]]
+    ring = zip(corners, (*corners[1:], corners[0]), strict=True)
+    around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
+    yield from zip(block.corners[:, list(corners)], block.mids[:, around], strict=True)
+
+
+def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
+    if shape in ("triangle", "quad"):
+        return tuple(range(CORNERS[shape]))
+    sides = SOLID_FACES.get(shape, ())
+    number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+    place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a {shape}; it "
+                f"must be S1 to S{len(sides)}.")  # fmt: skip
+    return sides[number - 1]
+
+
+#: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
+TIE_REACH = 0.05
+#: Faces that are tried for each node, the nearest first.
+TRIED = 12
+NEWTON_STEPS = 12
+
+
+def tie(
+    joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
+) -> list[str]:
+    """Tie the slave's nodes; a sentence where some are too far away.
+
+    `tolerance` is in the deck's unit of length.
+    """
+    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+    faces, edges = [], []
+    for corners, mids in master.faces:
+        there = len(mids) and (mids >= 0).all()
+        nodes = np.concatenate([corners, mids]) if there else corners
+        x = np.array([joints.place(int(node)) for node in nodes])
+        faces.append((nodes, x))
+        ring = x[: len(corners)]
+        edges.append(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).mean())
+    size = float(np.mean(edges))
+    centres = np.array([x.mean(axis=0) for _, x in faces])
+    reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
+    far = 0
+    nodes = slave.nodes
+    for node in nodes[~np.isin(nodes, master.nodes)].tolist():
+        point = joints.place(node)
+        order = np.argsort(np.linalg.norm(centres - point, axis=1), kind="stable")[:TRIED]
+        distance, leaders, weights = _nearest([faces[k] for k in order], point)
+        if distance > reach:
+            far += 1
+            continue
+        both = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
+        followed = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
+        for c in range(6 if both else 3):
+            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
+    place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
+                f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
+    if not far:
+        return []
+    return [
+        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
+        "the master surface and are not tied (POSITION TOLERANCE=)."
+    ]
+
+
+def _nearest(
+    faces: Sequence[tuple[IntArray, Array]], point: Array
+) -> tuple[float, IntArray, Array]:
+    """(distance from the nearest of some faces, its nodes, their weights)."""
+    best: tuple[float, IntArray, Array] | None = None
+    for nodes, x in faces:
+        weights = _projected(x, point)
+        distance = float(np.linalg.norm(weights @ x - point))
+        if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
+            best = distance, nodes, weights
+    assert best is not None
+    return best
+
+
+def _projected(x: Array, point: Array) -> Array:
+    """Shape functions of the face at its place nearest to the point."""
+    triangle = len(x) in (3, 6)
+    xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
+    for _ in range(NEWTON_STEPS):
+        values, slopes = _shapes(len(x), xi)
+        step = np.linalg.lstsq((slopes.T @ x).T, point - values @ x, rcond=None)[0]
+        new = np.clip(xi + step, 0.0 if triangle else -1.0, 1.0)
+        if triangle:
+            new /= max(float(new.sum()), 1.0)
+        if np.abs(new - xi).max() < 1e-12:
+            break
+        xi = new
+    return _shapes(len(x), xi)[0]
+
+
+def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
+    """Values (count,) and slopes (count, 2) of a triangle's or a serendipity quadrilateral's."""
+    r, s = xi
+    if count in (3, 6):
+        L = np.array([1 - r - s, r, s])
+        dL = np.array([[-1.0, -1], [1, 0], [0, 1]])
+        if count == 3:
+            return L, dL
+        pairs = ((0, 1), (1, 2), (2, 0))
+        values = [*(L * (2 * L - 1)), *(4 * L[a] * L[b] for a, b in pairs)]
+        between = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
+        return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, between])
+    c = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    a, b = 1 + c[:, 0] * r, 1 + c[:, 1] * s
+    values = a * b / 4
+    slopes = np.stack([c[:, 0] * b, a * c[:, 1]], axis=1) / 4
+    if count == 4:
+        return values, slopes
+    p, q = 1 - r * r, 1 - s * s
+    mids = np.array([p * (1 - s), (1 + r) * q, p * (1 + s), (1 - r) * q]) / 2
+    by_r = [-r * (1 - s), q / 2, -r * (1 + s), -q / 2]
+    by_s = [-p / 2, -s * (1 + r), p / 2, -s * (1 - r)]
+    dmids = np.stack([by_r, by_s], axis=1)
+    values -= (mids + np.roll(mids, 1)) / 2
+    slopes -= (dmids + np.roll(dmids, 1, axis=0)) / 2
+    return np.concatenate([values, mids]), np.vstack([slopes, dmids])
+
+
+#: Most terms of an equation: more are damage.
+LONGEST_EQUATION = 1_000_000
+#: The degree of freedom that is the temperature.
+TEMPERATURE = "11"
+
+
+def read_joints(whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]) -> None:
+    """Give `joints` what the cards say."""
+    reader = _Joints(whole, joints, surfaces_of(whole, cards))
+    readers: dict[str, Callable[[Card, Instance], None]] = {
+        "EQUATION": reader.equations,
+        "MPC": reader.mpc,
+        "RIGIDBODY": reader.rigid_body,
+        "TIE": reader.tie,
+        "COUPLING": reader.coupling,
+        "KINEMATIC": reader.coupled,
+        "DISTRIBUTING": reader.coupled,
+        "KINEMATICCOUPLING": reader.kinematic_coupling,
+        "DISTRIBUTINGCOUPLING": reader.distributing_coupling,
+    }
+    for card, within in cards:
+        if card.keyword in readers:
+            readers[card.keyword](card, within)
+    whole.deck.left = {kind: n for kind, n in whole.deck.left.items() if n}
+
+
+class _Joints:
+    """One method a card."""
+
+    def __init__(self, whole: Whole, joints: Constraints, surfaces: dict[str, Surface]) -> None:
+        self.whole, self.joints, self.surfaces = whole, joints, surfaces
+        self.orientations = Orientations(whole.cards)
+        #: reference node and nodes of the last *COUPLING, and that
+        self.current: tuple[int, IntArray, Card] | None = None
+
+    def _surface(self, name: str, place: Place) -> Surface:
+        if name.upper() not in self.surfaces:
+            raise place.error(f"there is no surface {name!r} (*SURFACE, NAME=).")
+        return self.surfaces[name.upper()]
+
+    def tie(self, card: Card, within: Instance) -> None:
+        given = card.option("POSITIONTOLERANCE")
+        reach = real_number(given, card.place) if given else None
+        for row in card.rows():
+            if len(row.fields) > 1:
+                slave, master = (self._surface(word, row.place) for word in row.fields[:2])
+                self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
+
+    def equations(self, card: Card, within: Instance) -> None:
+        """*EQUATION, whose terms may take several lines."""
+        within.refuse_turned(card)
+        rows = iter(card.rows())
+        for row in rows:
+            count = whole_number(row.word(0), row.place)
+            row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
+            words: list[str] = []
+            while len(words) < 3 * count:
+                place, more = row.place, next(rows, None)
+                if more is None:
+                    found = len(words) // 3
+                    raise place.error(f"the *EQUATION ends after {found} of {count} terms.")
+                row = more
+                words += row.fields + [""] * (-len(row.fields) % 3)
+            if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
+                continue
+            for terms in self._of_sets(words[: 3 * count], row.place, within):
+                self.joints.equation(terms, row.place)
+
+    def _of_sets(self, words: list[str], place: Place, within: Instance) -> Iterator[list[Term]]:
+        """One equation, or one for each node of the sets that stand first."""
+        triples = [words[k : k + 3] for k in range(0, len(words), 3)]
+        nodes = [self.whole.nodes(word, place, within) for word, _, _ in triples]
+        for (word, _, _), some in zip(triples, nodes, strict=True):
+            place.needs(len(some), f"*EQUATION names {word!r}, a set without nodes.")
+        count = len(nodes[0])
+        if count > 1 and sum(len(some) > 1 for some in nodes) > 1:
+            raise place.error(
+                "*EQUATION between several sets of nodes pairs them by their order, "
+                "which is not kept here; write one equation for each pair."
+            )
+        for k in range(count):
+            terms = []
+            for (_, dof, factor), some in zip(triples, nodes, strict=True):
+                motion = whole_number(dof, place) - 1
+                place.needs(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
+                node = int(some[k if len(some) > 1 else 0])
+                terms.append((node, motion, real_number(factor, place)))
+            place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
+            yield terms
+
+    def mpc(self, card: Card, within: Instance) -> None:
+        """*MPC, whose lists of nodes may take several lines."""
+        lists: list[tuple[str, list[str], Place]] = []
+        for row in card.rows():
+            words = [word for word in row.fields if word]
+            if not (words[0].isdigit() and lists):
+                lists.append((words[0].upper(), words[1:], row.place))
+            else:  # a continued list
+                lists[-1][1].extend(word for word in words if word != "0")
+        for kind, words, place in lists:
+            nodes = [int(n) for w in words for n in self.whole.nodes(w, place, within)]
+            if kind == "1" and "USER" in card.options:  # as cgx writes it
+                kind = "MEANROT"
+            if kind in GEOMETRIC:
+                least, read = GEOMETRIC[kind]
+                nodes = list(dict.fromkeys(nodes))
+                if len(nodes) < least:
+                    raise place.error(f"the *MPC of type {kind} needs {least} nodes or more.")
+                x = np.array([self.joints.place(node) for node in nodes])
+                equations = list(read(nodes, x, place))
+                for terms in equations:
+                    self.joints.equation(terms, place)
+                left = set(nodes) - {node for terms in equations for node, _, _ in terms}
+                if left:
+                    self.whole.deck.told.append(f"{place}: {len(left)} nodes of the *MPC of type "
+                                                f"{kind} lie on its axis: left out.")  # fmt: skip
+            elif len(nodes) != 2 or not self._of_two(kind, nodes, place):
+                raise place.error(
+                    f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here "
+                    "and would change the result; write it as *EQUATION, or remove it."
+                )
+
+    def _of_two(self, kind: str, nodes: list[int], place: Place) -> bool:
+        """TIE, PIN, LINK and BEAM of two nodes; whether it is one of these."""
+        joints, (a, b) = self.joints, nodes
+        if kind in ("TIE", "PIN"):
+            turn = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)
+            for c in range(6 if kind == "TIE" and turn else 3):
+                joints.equation([(a, c, 1.0), (b, c, -1.0)], place)
+        elif kind == "LINK":
+            along = (joints.place(b) - joints.place(a)).tolist()
+            joints.equation([(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0))
+                             for c in range(3)], place)  # fmt: skip
+        elif kind == "BEAM" and joints.has_rotations[b]:
+            joints.rigid(np.array([a]), b, range(6), place)
+        else:
+            return False
+        return True
+
+    def rigid_body(self, card: Card, within: Instance) -> None:
+        whole, joints, place = self.whole, self.joints, card.place
+        every = [whole.nodes(word, place, within)
+                 for option in ("NSET", "TIENSET") if (word := card.option(option))]  # fmt: skip
+        if card.option("ELSET"):
+            every.append(whole.deck.nodes_of(whole.elements(card.option("ELSET"), place, within)))
+        nodes = np.unique(np.concatenate([NONE, *every]))
+        if not len(nodes) and not card.option("PINNSET"):
+            raise place.error(f"*{card.keyword} names no nodes (NSET= or ELSET=).")
+        words = card.option("REFNODE"), card.option("ROTNODE")
+        reference, rotation = (whole.node(w, place, within) if w else None for w in words)
+        if reference is None:  # a body that nothing else acts on: its nodes lead themselves
+            reference = joints.point(joints.deck.points[nodes].mean(axis=0))
+        leader = joints.leader(reference, rotation)
+        own = [n for n in (reference, rotation) if n is not None]
+        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), place)
+        if card.option("PINNSET"):
+            pinned = whole.nodes(card.option("PINNSET"), place, within)
+            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), place)
+
+    def coupling(self, card: Card, within: Instance) -> None:
+        """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
+        surface = self._surface(card.needed("SURFACE"), card.place)
+        node = self.whole.node(card.needed("REFNODE"), card.place, within)
+        self.current = node, surface.nodes, card
+
+    def coupled(self, card: Card, within: Instance) -> None:
+        if self.current is None:
+            raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
+        rows = card.rows()
+        if rows:
+            within.refuse_turned(card)
+        motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
+        node, nodes, given = self.current
+        if card.keyword == "KINEMATIC":
+            self._rigid(node, nodes, motions, given, within)
+        elif given.option("ORIENTATION") and len(motions) < 6:
+            raise card.place.error("*DISTRIBUTING of some motions is read along the deck's axes.")
+        else:
+            self._mean(card, node, motions, nodes, np.ones(len(nodes)))
+
+    def kinematic_coupling(self, card: Card, within: Instance) -> None:
+        within.refuse_turned(card)
+        node = self.whole.node(card.needed("REFNODE"), card.place, within)
+        for row in card.rows():
+            nodes = self.whole.nodes(row.word(0), row.place, within)
+            self._rigid(node, nodes, _range(row, 1), card, within)
+
+    def distributing_coupling(self, card: Card, within: Instance) -> None:
+        """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
+        groups = [self.whole.nodes(row.word(0), row.place, within) for row in card.rows()]
+        weights = [row.real(1, 1.0) for row in card.rows()]
+        nodes = np.concatenate([NONE, *groups])
+        every = np.repeat(weights, [len(some) for some in groups])
+        if not len(nodes) or every.sum() <= 0:
+            raise card.place.error("*DISTRIBUTING COUPLING names no nodes with weights.")
+        for kind, (reference, *_) in self.whole.beside(card, within):
+            self._mean(card, reference, range(6), nodes, every)
+            self.whole.deck.left[kind] -= 1
+
+    def _rigid(
+        self, node: int, nodes: IntArray, motions: Sequence[int], card: Card, within: Instance
+    ) -> None:
+        """Motions of nodes, along the axes of the card's ORIENTATION=, follow those of one."""
+        leader, joints, name = self.joints.leader(node), self.joints, card.option("ORIENTATION")
+        nodes = nodes[nodes != node]
+        if not name:
+            joints.rigid(nodes, leader, motions, card.place)
+            return
+        frames = self.orientations.at(name, card.place, within, joints.deck.points[nodes])
+        of_supports = joints.frames
+        joints.frames = dict(zip(nodes.tolist(), frames, strict=True))
+        joints.rigid(nodes, leader, motions, card.place, own=True)
+        joints.frames = of_supports
+
+    def _mean(
+        self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array
+    ) -> None:
+        card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
+                   "whose mean motion it follows; give the coupling a node of its "
+                   "own.")  # fmt: skip
+        self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
+
+
+def _range(row: Row, start: int) -> list[int]:
+    """Motions (0 to 5) from a first to a last one; all of them where none is given."""
+    given = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
+    first, last = given[0], given[-1]
+    if not 1 <= first <= last <= 6:
+        raise row.place.error(f"motions from {first} to {last}; they are counted from 1 to 6.")
+    return list(range(first - 1, last))
+
+
+def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
+    """Terms (node, factor) of motions in one direction; its largest component comes first."""
+    order = [int(c) for c in np.argsort(-np.abs(unit), kind="stable")]
+    return [(node, c, factor * float(unit[c])) for node, factor in terms for c in order]
+
+
+def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+    """Nodes that stay in one plane, for small motions."""
+
+    def normal(c: Sequence[int]) -> Array:
+        return np.asarray(np.cross(x[c[1]] - x[c[0]], x[c[2]] - x[c[0]]))
+
+    some = combinations(range(min(len(nodes), 12)), 3)
+    first = max(some, key=lambda c: float(np.linalg.norm(normal(c))))
+    area = float(np.linalg.norm(normal(first)))
+    if area <= 1e-9 * float(np.ptp(x, axis=0).max()) ** 2:
+        raise place.error("the nodes of the *MPC of type PLANE lie on one line.")
+    a, b, c = x[list(first)]
+    basis = np.column_stack([b - a, c - a])
+    for k, node in enumerate(nodes):
+        if k not in first:
+            s, t = np.linalg.lstsq(basis, x[k] - a, rcond=None)[0]
+            others = [(nodes[i], -w) for i, w in zip(first, (1 - s - t, s, t), strict=True)]
+            yield _along(normal(first) / area, [(node, 1.0), *others])
+
+
+def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+    """Nodes that stay on one straight line, for small motions."""
+    far = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
+    axis = x[far] - x[0]
+    length = float(np.linalg.norm(axis))
+    place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
+    across = np.linalg.svd(axis[None] / length)[2][1:]
+    for k, node in enumerate(nodes):
+        if k not in (0, far):
+            s = float((x[k] - x[0]) @ axis) / length**2
+            for t in across:
+                yield _along(t, [(node, 1.0), (nodes[0], s - 1), (nodes[far], -s)])
+
+
+def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+    """CalculiX: motion 1 of the last node is the mean rotation of the others about its direction.
+
+    Its coordinates are the direction of the axis, which goes through the mean of the others.
+    """
+    axis = x[-1]
+    length = float(np.linalg.norm(axis))
+    place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
+    axis = axis / length
+    r = x[:-1] - x[:-1].mean(axis=0)
+    r = r - np.outer(r @ axis, axis)
+    size = np.einsum("pi,pi->p", r, r)
+    off = size > 1e-18 * size.max()
+    if not off.any():
+        raise place.error("the nodes of the *MPC of type MEANROT lie on its axis.")
+    if not off.all():  # as CalculiX leaves them out
+        kept = np.append(np.flatnonzero(off), len(off))
+        yield from _mean_rotation([nodes[k] for k in kept], x[kept], place)
+        return
+    turn = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²
+    turn = turn - turn.mean(axis=0)  # of motions from their mean
+    terms = [(n, c, -float(turn[p, c])) for p, n in enumerate(nodes[:-1]) for c in range(3)]
+    yield [(nodes[-1], 0, 1.0), *terms]
+
+
+#: Types of *MPC -> least number of nodes, its equations.
+GEOMETRIC = {"PLANE": (4, _plane), "STRAIGHT": (3, _straight), "MEANROT": (3, _mean_rotation)}

@@ -1,0 +1,366 @@
+"""Nodes and elements of a part of an Abaqus or CalculiX deck, or of a flat deck.
+
+Also those made by *NGEN, *NFILL and *ELGEN.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import LARGEST_NUMBER, Array, Block, IntArray, Numbering, Place, whole_number
+from antiosc.io.neutral import CORNERS, EDGES
+from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
+
+Role = Literal["solid", "shell", "beam", "plane stress", "plane strain", "rod", "other"]
+
+#: Nodes of an element -> its shape.
+SHEETS = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
+VOLUMES = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra", 13: "pyramid"}
+VOLUMES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
+LINES = {2: "line", 3: "line"}
+#: Names of types, the number of nodes in brackets; what they are; their shapes. "other": cells
+#: without a family here: rigid, membranes, heat, surfaces.
+TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
+    (r"C3D(\d+)[A-Z]*", "solid", VOLUMES),
+    (r"(?:DC|AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
+    (r"SC(6|8)[A-Z]*", "other", VOLUMES),
+    (r"(?:S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SHEETS),
+    (r"DS([34689]|65)(?:R5|R?S?W?T?)", "other", SHEETS),
+    (r"CPS([3468])[A-Z]*", "plane stress", SHEETS),
+    (r"CPE([3468])[A-Z]*", "plane strain", SHEETS),
+    (r"(?:CPEG|CAX|CGAX|DC2D|DCAX|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),
+    (r"(?:R3D|M3D|SFM3D)([3468])[A-Z]*", "other", SHEETS),
+    (r"(?:B|PIPE)[23]([123])[A-Z]*", "beam", LINES),
+    (r"T[23]D(2)[A-Z]*", "rod", LINES),
+    (r"T[23]D(3)[A-Z]*", "other", LINES),
+)
+#: Number in the name of a type -> its nodes, where these differ.
+NODES = {"65": 6}
+BEAM_NODES = {"1": 2, "2": 3, "3": 2}
+#: Inner nodes of C3D27: Abaqus gives the centre, then bottom, top and the four sides.
+INNER_27 = (26, 24, 23, 25, 21, 22, 20)
+#: Types that are not cells -> their number of nodes.
+POINTS = {
+    r"MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP": 1,
+    r"SPRINGA|SPRING2|DASHPOTA|DASHPOT2|GAPUNI|GAPCYL|GAPSPHER|CONN[23]D2": 2,
+    r"D": 3,
+}
+
+
+@dataclass(frozen=True)
+class ElementType:
+    """How one element type is read."""
+
+    #: a key of `CORNERS`
+    shape: str
+    role: Role
+    nodes: int
+    #: places of the corners and of the middles of the edges in the deck's order
+    corners: tuple[int, ...]
+    mids: tuple[int, ...]
+    inner: tuple[int, ...] = ()
+
+
+def element_type(name: str) -> ElementType | None:
+    """The type named `name` (upper case); None if it is not a cell of a mesh."""
+    for pattern, role, shapes in TYPES:
+        match = re.fullmatch(pattern, name)
+        if match is None:
+            continue
+        nodes = (BEAM_NODES if role == "beam" else NODES).get(match[1], int(match[1]))
+        if nodes not in shapes:
+            return None
+        shape = shapes[nodes]
+        if shape == "line":
+            ends = (0, 1) if nodes == 2 else (0, 2)
+            return ElementType(shape, role, nodes, ends, (1,) * (nodes - 2))
+        corners = CORNERS[shape]
+        mids = range(corners, corners + len(EDGES[shape])) if nodes > corners else range(0)
+        inner: Sequence[int] = ()
+        if shape == "quad":
+            inner = range(corners + len(mids), nodes)
+        elif nodes == 27:
+            inner = INNER_27
+        return ElementType(shape, role, nodes, tuple(range(corners)), tuple(mids), tuple(inner))
+    return None
+
+
+def nodes_of_other(name: str) -> int | None:
+    """Number of nodes of an element that is not a cell; None if it is not known."""
+    found = (count for pattern, count in POINTS.items() if re.fullmatch(pattern, name))
+    return next(found, None)
+
+
+#: Most nodes or elements from one card; more indicate a damaged file.
+MOST_GENERATED = 5_000_000
+
+Points = Mapping[int, list[float]]
+Made = Iterator[tuple[int, list[float]]]
+
+
+def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
+    """Nodes on straight lines between two others (*NGEN)."""
+    card.needs(not card.option("LINE"), "*NGEN makes straight lines only here (LINE=).")
+    for row in card.rows():
+        row.needs(len(row.fields) >= 2, "*NGEN needs the numbers of two nodes on a line.")
+        first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
+        count = (last - first) // step if step > 0 else 0
+        if first not in known or last not in known:
+            raise row.place.error(f"*NGEN from {first} to {last}: both nodes must exist.")
+        if not 0 < count <= MOST_GENERATED or (last - first) % step:
+            raise row.place.error(f"*NGEN from {first} to {last} by {step} does not fit.")
+        yield first, known[first]
+        yield from _between(known, first, last, count, step)
+        yield last, known[last]
+
+
+def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
+    """Nodes on lines between those of two sets (*NFILL)."""
+    if card.option("BIAS", "1") not in ("1", "1.", "1.0") or "SINGULAR" in card.options:
+        raise card.place.error("*NFILL is read with equal distances only.")
+    for row in card.rows():
+        row.needs(len(row.fields) >= 4, "*NFILL needs two sets, a number of lines and a step.")
+        names, lines, step = row.fields[:2], row.whole(2), row.whole(3)
+        one, other = (sets.get(name.upper(), []) for name in names)
+        if len(one) != len(other) or not one:
+            raise row.place.error(
+                f"*NFILL between {names[0]!r} ({len(one)} nodes) and {names[1]!r} "
+                f"({len(other)}): both sets must be made by *NODE or *NGEN and be equally long."
+            )
+        if not 0 < lines * len(one) <= MOST_GENERATED:
+            raise row.place.error(f"*NFILL over {lines} lines does not fit.")
+        for first, last in zip(one, other, strict=True):
+            yield from _between(known, first, last, lines, step)
+
+
+def _between(known: Points, first: int, last: int, count: int, step: int) -> Made:
+    a, b = np.array(known[first]), np.array(known[last])
+    for k in range(1, count):
+        yield first + k * step, list(a + (b - a) * (k / count))
+
+
+def element_copies(
+    card: Card, blocks: Sequence[Block], labels: Sequence[IntArray], nodes: Numbering
+) -> Iterator[tuple[Block, IntArray, int]]:
+    """Elements in rows, layers and blocks of one (*ELGEN), with the number of that one.
+
+    Each is numbered and has its nodes numbered by steps from the master element's.
+    """
+    for row in card.rows():
+        master, *rest = (whole_number(word, row.place) for word in row.fields if word)
+        row.needs(rest, "2 numbers are needed at least.")
+        counts, shifts, steps = np.array([*rest, *[1] * (9 - len(rest))][:9]).reshape(3, 3).T
+        counts = np.maximum(counts, 1)
+        total = int(np.prod(counts.astype(object)))
+        row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
+        i = np.indices(counts).reshape(3, -1).T[1:]
+        at = [(b, int(k)) for b, own in zip(blocks, labels, strict=True)
+              for k in np.flatnonzero(own == master)]  # fmt: skip
+        row.needs(at, f"*ELGEN copies the element {master}, which is not defined before.")
+        block, k = at[0]
+        copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
+        yield copies, master + i @ steps, master
+
+
+def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
+    label = np.empty(len(nodes.labels), dtype=np.int64)
+    label[nodes.order] = nodes.labels
+
+    def moved(rows: IntArray) -> IntArray:
+        wanted = label[rows] + shift[:, None]
+        found = nodes.rows(wanted)
+        lost = wanted[found < 0]
+        if len(lost):
+            raise place.error(f"*ELGEN needs the node {lost[0]}, which the deck does not define.")
+        return found
+
+    return block.mapped(moved)
+
+
+NONE = np.zeros(0, dtype=np.int64)
+
+
+@dataclass
+class Mesh:
+    """Nodes and elements with their own numbers."""
+
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    nodes: Numbering = field(default_factory=lambda: Numbering(NONE))
+    blocks: list[Block] = field(default_factory=list)
+    #: of the cells of the blocks, then of `others`
+    elements: Numbering = field(default_factory=lambda: Numbering(NONE))
+    cells: int = 0
+    #: elements that are not cells: (type, its number and nodes as written)
+    others: list[tuple[str, Row]] = field(default_factory=list)
+    #: sets of the options NSET= and ELSET=: (which, name, rows)
+    sets: list[tuple[str, str, IntArray]] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+
+def mesh_of(cards: list[Card], name: str) -> Mesh:
+    """What some cards define; `name`: of the part, in messages."""
+    for card in cards:
+        card.needs(card.keyword not in GENERATORS, f"*{card.keyword} is not read here; write the "
+                   "nodes and elements that it makes into the deck.")  # fmt: skip
+    mesh = Mesh()
+    _read_nodes(mesh, cards)
+    _read_elements(mesh, cards, name)
+    return mesh
+
+
+def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
+    labels: list[int] = []
+    points: list[list[float]] = []
+    made: dict[str, list[int]] = {}
+    makers = {"NGEN": generated, "NFILL": filled}
+    for card in cards:
+        start, name = len(labels), card.option("NSET")
+        if card.keyword in makers:
+            known = dict(zip(labels, points, strict=True))
+            for label, x in makers[card.keyword](card, known, made):
+                labels.append(label)
+                points.append(x)
+        elif card.keyword == "NODE" and "PRINT" not in card.options:
+            if card.option("SYSTEM", "R").upper() not in ("R", ""):
+                raise card.place.error(
+                    f"*NODE, SYSTEM={card.option('SYSTEM')} is not read here; give "
+                    "rectangular coordinates."
+                )
+            for row in card.rows():
+                labels.append(whole_number(row.word(0), row.place))
+                points.append([row.real(1), row.real(2), row.real(3)])
+        else:
+            continue
+        if name:
+            made.setdefault(name.upper(), []).extend(labels[start:])
+            mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
+    every = np.array(labels, dtype=np.int64)
+    # later definitions replace earlier ones
+    last = np.sort(len(every) - 1 - np.unique(every[::-1], return_index=True)[1])
+    given = np.array(points, dtype=float).reshape(-1, 3)
+    mesh.points = given[last]
+    mesh.nodes = Numbering(every[last])
+    apart = np.abs(mesh.points[mesh.nodes.rows(every)] - given).max(axis=1)
+    moved = apart > 1e-9 * np.abs(given).max(initial=0.0)
+    if moved.any():
+        mesh.told.append(
+            f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such "
+            "lines): the last one is taken."
+        )
+    mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
+
+
+def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
+    cells: list[IntArray] = []
+    others: list[int] = []
+    sets: list[tuple[str, IntArray]] = []
+    for card in cards:
+        made = [NONE]
+        if card.keyword == "ELGEN":
+            for block, labels, master in element_copies(card, mesh.blocks, cells, mesh.nodes):
+                mesh.blocks.append(block)
+                cells.append(labels)
+                made += [labels, np.array([master])]
+        elif card.keyword == "ELEMENT" and "OUTPUT" not in card.options:
+            kind = card.needed("TYPE").upper().replace(" ", "")
+            if element_type(kind) is None:
+                made.append(np.array(_others(mesh, card, kind), dtype=np.int64))
+                others += made[-1].tolist()
+            else:
+                made.append(_cells(mesh, card, kind))
+                cells.append(made[-1])
+        if card.option("ELSET") and len(every := np.concatenate(made)):
+            sets.append((card.option("ELSET"), every))
+    mesh.cells = sum(map(len, cells))
+    every = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
+    numbers, count = np.unique(every, return_counts=True)
+    if (count > 1).any():
+        raise MeshError(
+            f"{name} defines {int((count > 1).sum())} elements twice, one of them "
+            f"{numbers[count > 1][0]}; every element needs a number of its own."
+        )
+    mesh.elements = Numbering(every)
+    mesh.sets += [("ELSET", label, mesh.elements.rows(own)) for label, own in sets]
+
+
+def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
+    """Read one card's elements that are not cells; returns their numbers."""
+    width = nodes_of_other(kind) or 0
+    rows = [row for row in card.rows() if row.word(0)]
+    for row in rows:
+        if len(row.fields) <= width:
+            raise _short(row.place, row.word(0), kind, len(row.fields) - 1, width)
+        row.fields = row.fields[: 1 + width]
+    mesh.others += [(kind, row) for row in rows]
+    return [row.whole(0) for row in rows]
+
+
+def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
+    """Read one card's cells; returns their numbers."""
+    known = element_type(kind)
+    assert known is not None
+    rows, places = _numbers(mesh, card, known.nodes, kind)
+    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + known.nodes)
+    nodes = mesh.nodes.rows(table[:, 1:])
+    wrong = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
+    if not len(wrong):  # a middle node may be left out
+        wrong = np.flatnonzero((nodes[:, list(known.corners)] < 0).any(axis=1))
+    if len(wrong):
+        row = int(wrong[0])
+        missing = int(table[row, 1:][nodes[row] < 0][0])
+        raise places[row].error(
+            f"element {table[row, 0]} ({kind}) has the node {missing}, which "
+            f"the deck does not define ({len(wrong)} such elements)."
+        )
+    if len(table):
+        corners, mids, inner = (
+            nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)
+        )
+        mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
+    return table[:, 0]
+
+
+def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[int]], list[Place]]:
+    """(number and nodes of every element, which may take several lines; its place)."""
+    least = 1 + width
+    found: list[list[int]] = []
+    places: list[Place] = []
+    current: list[int] = []
+    start, longer = card.place, 0
+    for line, place in zip(card.lines, card.places, strict=True):
+        if not current:
+            start = place
+        words = line.split(",")
+        try:
+            numbers = [int(word) for word in words if word and not word.isspace()]
+        except ValueError:
+            numbers = [whole_number(word, place) for word in words if word.strip()]
+        if max(map(abs, numbers), default=0) > LARGEST_NUMBER:
+            raise place.error("a number of a node or element is too large.")
+        current += numbers
+        if len(current) >= least:
+            longer += len(current) > least
+            found.append(current[:least])
+            places.append(start)
+            current = []
+    if current:
+        raise _short(start, current[0], kind, len(current) - 1, width)
+    if longer:
+        mesh.told.append(
+            f"{card.place}: {longer} {kind} elements list more than their {width} nodes; the "
+            f"first {width} are taken, as CalculiX does."
+        )
+    return found, places
+
+
+def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
+    return place.error(
+        f"element {label} of type {kind} has {nodes} nodes; it must "
+        f"have {width}: the deck is cut off, or of another program."
+    )

@@ -1,0 +1,444 @@
+"""What joins the nodes of a deck: constraints, springs and dampers; and pieces that nothing joins.
+
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
+is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
+with six motions of their own.
+
+Of the pieces one is taken alone, or all where each is held. Copies, such as the skin and the
+doubler of a shell, get nodes of their own, because a mesh holds every cell once; these nodes follow
+those of the first: stiffness and mass add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Block, Deck, IntArray, Place, listed
+from antiosc.io.neutral import Joints, Term, UnitSystem
+from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
+
+#: Coefficients below this share of the largest of a constraint are rounding.
+NEGLIGIBLE_TERM = 1e-14
+
+
+def lever(r: Array) -> Array:
+    """θ × r = lever θ."""
+    return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+
+
+def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
+    """The displacement (`first` = 0) or rotation (3) of a node along an axis as terms."""
+    return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
+
+
+@dataclass
+class Constraints:
+    """Collects what joins the nodes of a deck, in its units."""
+
+    deck: Deck
+    #: nodes of elements, and those of elements with rotations
+    used: BoolArray
+    has_rotations: BoolArray
+    equations: list[list[Term]] = field(default_factory=list)
+    #: (terms, stiffness): springs between motions
+    springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (terms, damping): dampers between motions
+    dampers: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (motions as lists of terms, mass matrix of these, mass): masses on motions
+    masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
+    #: what a motion of a node stands for: those of a rotation node are rotations of another
+    alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
+    #: coordinates of points beyond the nodes of the deck
+    more: list[Array] = field(default_factory=list)
+    #: points with six motions at nodes of solids
+    leaders: dict[int, int] = field(default_factory=dict)
+    #: motions along directions of its own of a node: rows
+    frames: dict[int, Array] = field(default_factory=dict)
+
+    def place(self, node: int) -> Array:
+        """Coordinates of a node or a further point."""
+        count = len(self.deck.points)
+        return self.deck.points[node] if node < count else self.more[node - count]
+
+    def equation(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
+        self._sum_is_zero(
+            [
+                (*own, coefficient * value)
+                for node, motion, coefficient in terms
+                for own, value in self._along_axes(node, motion)
+            ],
+            place,
+        )
+
+    def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0 along the axes of the deck."""
+        found: dict[tuple[int, int], float] = {}
+        for node, motion, coefficient in terms:
+            own = self.alias.get((node, motion), (node, motion))
+            found[own] = found.get(own, 0.0) + coefficient
+        largest = max(map(abs, found.values()), default=0.0)
+        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
+        for node, motion, _ in kept:
+            if motion >= 3 and self._used(node) and not self.has_rotations[node]:
+                raise place.error(
+                    "a constraint acts on a rotation of a node of solids, which have no "
+                    "rotations; constrain displacements of several nodes."
+                )
+        if kept:
+            self.equations.append(kept)
+
+    def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
+        """Motions (6,) of a node along rows of `frame` are zero.
+
+        Which of those along the axes (6,) are: they become supports, the others constraints.
+        """
+        result = np.zeros(6, dtype=bool)
+        for first in (0, 3):
+            own = fixed[first : first + 3]
+            along = fixed_along_axes(own, frame)
+            if along is not None:
+                result[first : first + 3] = along
+                continue
+            for direction in frame[own]:
+                order = np.argsort(-np.abs(direction), kind="stable")
+                if abs(direction[order[0]]) > AXIS_COSINE:
+                    result[first + order[0]] = True
+                    continue
+                terms = [(node, first + int(k), float(direction[k])) for k in order]
+                self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
+        return result
+
+    def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
+        """(how much longer the line between two nodes becomes, its length).
+
+        `first` = 3: how much more twisted.
+        """
+        along = self.place(b) - self.place(a)
+        length = float(np.linalg.norm(along))
+        place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
+        unit = (along / length).tolist()
+        return [
+            (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)
+        ], length
+
+    def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
+        if (node, motion) in self.alias:
+            return [(self.alias[node, motion], 1.0)]
+        frame = self.frames.get(node)
+        if frame is None:
+            return [((node, motion), 1.0)]
+        first = 3 * (motion // 3)
+        row = frame[motion - first]
+        order = np.argsort(-np.abs(row), kind="stable")
+        return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
+
+    def _used(self, node: int) -> bool:
+        return node < len(self.deck.points) and bool(self.used[node])
+
+    def point(self, x: Array) -> int:
+        """A further point with six motions."""
+        self.more.append(np.asarray(x, dtype=float))
+        return len(self.deck.points) + len(self.more) - 1
+
+    def leader(self, node: int, rotation_node: int | None = None) -> int:
+        """A point with six motions at a node.
+
+        Its rotations are the displacements of `rotation_node`.
+        """
+        point = self.leaders.get(node, node)
+        if point == node and self._used(node) and not self.has_rotations[node]:
+            self.leaders[node] = point = self.point(self.place(node))
+            for c in range(3):
+                self.equations.append([(node, c, 1.0), (point, c, -1.0)])
+        if rotation_node is not None and rotation_node != node:
+            for c in range(3):
+                known = self.alias.setdefault((rotation_node, c), (point, 3 + c))
+                if known != (point, 3 + c):  # bodies that turn alike
+                    self.equations.append([(point, 3 + c, 1.0), (*known, -1.0)])
+        return point
+
+    def rigid(
+        self,
+        nodes: IntArray,
+        leader: int,
+        motions: Sequence[int],
+        place: Place,
+        own: bool = False,
+        twisted: tuple[Array, Array] | None = None,
+    ) -> None:
+        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
+
+        `own`: motions along the directions of a node's own, where it has such. `twisted`: an axis,
+        and the last part of the arm, which a rotation about the axis does not move.
+        """
+        x = self.place(leader)
+        for node in map(int, nodes):
+            if node == leader:
+                continue
+            r = self.place(node) - x
+            arm = lever(r)
+            if twisted is not None:
+                axis, last = twisted
+                arm = lever(r - last) + np.outer(axis, axis) @ lever(last)
+            for first in (0, 3):
+                if first and self._used(node) and not self.has_rotations[node]:
+                    continue
+                for pivot, along in self._directions(node, motions, first, own):
+                    terms = [(node, first + pivot, float(along[pivot]))]
+                    rest = [k for k in range(3) if along[k]]
+                    terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
+                    terms += [(leader, first + k, -float(along[k])) for k in rest]
+                    if not first:
+                        led = along @ arm
+                        terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
+                    self.equations.append(terms)
+
+    def _directions(
+        self, node: int, motions: Sequence[int], first: int, own: bool
+    ) -> list[tuple[int, Array]]:
+        """(the dependent axis, direction) of each of some motions; the axes differ."""
+        some = [c - first for c in motions if first <= c < first + 3]
+        if not own or node not in self.frames or len(some) == 3:
+            return [(k, np.eye(3)[k]) for k in some]
+        rows = self.frames[node][some].copy()
+        pivots: list[int] = []
+        for i in range(len(rows)):
+            # the same plane of directions, each with an axis that the others lack
+            left = np.abs(rows[i:]).copy()
+            left[:, pivots] = 0.0
+            j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+            rows[[i, i + int(j)]] = rows[[i + int(j), i]]
+            rows[i] /= rows[i, pivot]
+            for k in range(len(rows)):
+                if k != i:
+                    rows[k] -= rows[k, pivot] * rows[i]
+            pivots.append(int(pivot))
+        rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
+        return list(zip(pivots, rows, strict=True))
+
+    def mean(
+        self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
+    ) -> None:
+        """Motions of a node follow the weighted mean ones of others (RBE3)."""
+        x = np.array([self.place(int(node)) for node in nodes])
+        w = weights / weights.sum()
+        centre = w @ x
+        r = x - centre
+        J = np.einsum("p,pi,pj->ij", w, r, r)
+        J = np.trace(J) * np.eye(3) - J
+        values, axes = np.linalg.eigh(J)
+        good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
+        inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+        # θ = J⁻¹ Σ w r × u
+        skew = -np.array([lever(arm) for arm in r])
+        rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
+        arm = self.place(follower) - centre
+        cross = lever(arm)
+        led = np.einsum("ij,jpk->ipk", cross, rotations)
+        displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
+        # rotations about the line do not matter for displacements of what lies on it
+        unknown = np.abs(cross @ axes[:, ~good]).max(initial=0.0) > 1e-9 * np.abs(r).max()
+        if not good.all() and any(c >= 3 or unknown for c in motions):
+            raise place.error(
+                "the nodes whose mean motion is taken lie on one line, so that their "
+                "rotation is not known; take more nodes, or displacements alone at their centre."
+            )
+        pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
+        for first, table in ((0, displacements), (3, rotations)):
+            for pivot, along in self._directions(follower, motions, first, own=True):
+                followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
+                mean = np.einsum("i,ipk->pk", along, table)
+                terms = [(follower, first + int(k), float(along[k])) for k in followed]
+                terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
+                self._sum_is_zero(terms, place)
+
+    def keep(self, stays: Callable[[list[Term]], bool]) -> int:
+        """Drop what acts on motions that do not stay; how many are dropped."""
+        before = len(self.every())
+        self.equations = [terms for terms in self.equations if stays(terms)]
+        self.springs = [one for one in self.springs if stays(one[0])]
+        self.dampers = [one for one in self.dampers if stays(one[0])]
+        self.masses = [one for one in self.masses if stays([*chain(*one[0])])]
+        return before - len(self.every())
+
+    def loose(self) -> list[int]:
+        """Nodes of no element, and further points, that constraints, springs and dampers act on."""
+        nodes = {node for terms in self.every() for node, _, _ in terms}
+        return sorted(node for node in nodes if not self._used(node))
+
+    def every(self, dampers: bool = True) -> list[list[Term]]:
+        """The terms of all constraints, springs, dampers and masses."""
+        masses = [terms for rows, _, _ in self.masses for terms in rows]
+        sprung = [*self.springs, *(self.dampers if dampers else ())]
+        return [*self.equations, *(terms for terms, _ in sprung), *masses]
+
+    def finished(self, units: UnitSystem) -> Joints:
+        """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
+        length = units.length
+        loose = self.loose()
+        number = {node: -1 - k for k, node in enumerate(loose)}
+
+        def scaled(terms: list[Term]) -> list[Term]:
+            return [(number.get(n, n), m, c * (length if m >= 3 else 1.0)) for n, m, c in terms]
+
+        return {
+            "equations": [scaled(terms) for terms in self.equations],
+            "springs": [(scaled(terms), k * units.force / length) for terms, k in self.springs],
+            "dampers": [(scaled(terms), c * units.force / length) for terms, c in self.dampers],
+            "masses": [
+                ([[(number.get(n, n), m, c) for n, m, c in terms] for terms in rows], M.tolist(), m)
+                for rows, M, m in self.masses
+            ],
+            "points": [[float(c) * length for c in self.place(node)] for node in loose],
+        }
+
+
+#: Roles of elements that are springs between other elements; rods alone are a truss.
+SPRINGS = {"rod", "panel"}
+#: Share of the largest eigenvalue below which no support resists a rigid motion; rounding: 1e-16.
+UNHELD = 1e-10
+
+
+def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
+    """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
+    tables = [block.corners[chosen[own]] for block, own in deck.numbered()]
+    label = connected(tables, len(deck.points))
+    label = label[np.concatenate([block.corners[:, 0] for block in deck.blocks])]
+    pieces, count = np.unique(label[chosen], return_counts=True)
+    if not 1 <= (deck.piece or 0) <= len(pieces):
+        raise MeshError(
+            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
+            f"{deck.piece}."
+        )
+    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
+    return np.asarray(chosen & (label == wanted))
+
+
+def held_apart(
+    deck: Deck,
+    x: Array,
+    moves: BoolArray,
+    fixed: BoolArray,
+    rows: Sequence[Sequence[tuple[int, int, float]]],
+) -> tuple[int, bool]:
+    """(pieces of the deck that nothing joins, whether they are several and each is held).
+
+    `x` (n, 3): nodes of the deck and further points; `moves`, `fixed` (n, 6): the motions that they
+    have, and those that supports hold; `rows`: sums of motions that constraints and springs resist.
+    """
+    tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
+    tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
+    acting = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(t.ravel() for t in tables)]))
+    acting = acting[acting >= 0]
+    pieces = np.unique(connected(tables, len(x))[acting], return_inverse=True)[1]
+    count = int(pieces.max(initial=0)) + 1
+    if count < 2:
+        return count, False
+    piece = np.zeros(len(x), dtype=np.int64)
+    piece[acting] = pieces
+    centre = np.zeros((count, 3))
+    np.add.at(centre, pieces, x[acting])
+    r = x - (centre / np.bincount(pieces)[:, None])[piece]
+    r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
+    there = np.zeros(len(x), dtype=bool)
+    there[acting] = True
+    own = moves & there[:, None]
+    moved, resisted = (_gram(one, r, piece, count) for one in (own, own & fixed))
+    for terms in filter(None, rows):
+        nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
+        row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
+        resisted[piece[nodes[0]]] += np.outer(row, row)
+    for against, motion in zip(resisted, moved, strict=True):
+        values, vectors = np.linalg.eigh(against)
+        free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
+        if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
+            return count, False
+    return count, True
+
+
+def _gram(which: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
+    """Sums of the squares of some motions (n, 6) in the rigid ones of each piece (count, 6, 6)."""
+    nodes, motions = np.nonzero(which)
+    result = np.zeros((count, 6, 6))
+    rows = _motion(r[nodes], motions)
+    np.add.at(result, piece[nodes], rows[:, :, None] * rows[:, None, :])
+    return result
+
+
+def _motion(r: Array, motions: IntArray) -> Array:
+    """Motions (0 to 5) of nodes at r (n, 3) in six rigid motions (n, 6): θ × r beside shifts."""
+    rows = np.eye(6)[motions]
+    x, y, z = r.T
+    none = np.zeros(len(r))
+    turns = np.stack([[none, z, -y], [-z, none, x], [y, -x, none], *np.zeros((3, 3, len(r)))])
+    rows[:, 3:] += turns[motions, :, np.arange(len(r))]
+    return rows
+
+
+def connected(tables: Iterable[IntArray], count: int) -> IntArray:
+    """The number of the piece of each of `count` nodes; rows of tables (n, k) hold nodes together.
+
+    Numbers below 0 are no nodes.
+    """
+    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
+    from scipy.sparse.csgraph import connected_components
+
+    some = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
+    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *some])
+    ends = ends[:, ends[1] >= 0]
+    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+# --- Copies ---------------------------------------------------------------------------------------
+
+
+def separate_copies(deck: Deck) -> list[tuple[int, int]]:
+    """Give copies nodes of their own: (own node, node that it follows); they are told."""
+    some = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
+    made: dict[tuple[int, int], int] = {}
+    copies: dict[str, int] = {}
+    for block, ranks in zip(some, _ranks(some), strict=True):
+        for element in np.flatnonzero(ranks):
+            copies[block.type] = copies.get(block.type, 0) + 1
+            for table in (block.corners, block.mids, block.inner):
+                for k in np.flatnonzero(table[element] >= 0):
+                    own = (int(table[element, k]), int(ranks[element]))
+                    table[element, k] = made.setdefault(own, len(deck.points) + len(made))
+    if made:
+        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
+        deck.told.append(
+            f"{listed(copies)} of {deck.name} repeat other elements node by node: their "
+            "stiffness and mass add to those of these."
+        )
+    return [(own, node) for (node, _), own in made.items()]
+
+
+def _ranks(blocks: list[Block]) -> list[IntArray]:
+    """How many elements before it each element of some blocks repeats.
+
+    A triangle repeats the halves of a quadrilateral.
+    """
+    ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
+    for shape in {block.shape for block in blocks}:
+        own = [k for k, block in enumerate(blocks) if block.shape == shape]
+        tables = [blocks[k].corners for k in own]
+        if shape == "triangle":
+            quads = [block.corners for block in blocks if block.shape == "quad"]
+            tables = [np.delete(quad, k, axis=1) for quad in quads for k in range(4)] + tables
+        rows = np.sort(np.vstack(tables), axis=1)
+        label = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+        order = np.argsort(label, kind="stable")
+        rank = np.empty(len(rows), dtype=np.int64)
+        rank[order] = np.arange(len(rows)) - np.searchsorted(label[order], label[order])
+        ends = np.cumsum([len(table) for table in tables])
+        for k, part in zip(own[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
+            ranks[k] = part
+    return ranks

@@ -1,0 +1,411 @@
+"""The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
+
+The result consists of numbers, texts and lists, because the reading process returns it as JSON;
+`antiosc.fem.assembly.from_deck` builds the structure from it. With elements that are not chosen,
+what acts on their nodes is left out. A support on an edge holds all of it; a middle node without
+the ends of its edge is held by a constraint.
+
+Rods (CROD, CONROD, CTUBE, T2D2, T3D2) between other elements are springs, with masses at their
+nodes; rods alone make a truss. The forces along the four sides of a shear panel (CSHEAR) that are
+in equilibrium with each other are known but for a factor: it is one spring in the motion on which
+they do work, whose compliance is the energy of that shear (S. J. Garvey, *The quadrilateral shear
+panel*, Aircraft Engineering 23, 1951), exact for parallelograms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from antiosc.base._types import BoolArray
+from antiosc.base.errors import MeshError
+from antiosc.io.conversion import kept_apart
+from antiosc.io.deck import Array, Place
+from antiosc.io.neutral import EDGES, Model, Term
+from antiosc_decks.builder import MOTIONS, Arguments, Family, ModelBuilder, Rod
+from antiosc_decks.constraints import SPRINGS, connected, held_apart
+from antiosc_decks.sources import lines
+
+#: Component of a rod's direction over the largest below which it is rounding.
+FLAT = 1e-8
+
+
+def join_rods(builder: ModelBuilder) -> BoolArray:
+    """Springs and masses in place of the chosen rods and panels; which elements they are.
+
+    The rods of a truss stay elements.
+    """
+    rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
+    masses: dict[int, tuple[float, Place]] = {}
+    for block, some in deck.numbered():
+        if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
+            continue
+        rods[some] = True
+        kept = np.flatnonzero(builder.chosen[some])
+        for k in kept:
+            nodes = list(map(int, block.corners[k]))
+            rod = builder.rods.get(int(some[k]))
+            if rod is None:
+                raise MeshError(
+                    f"{deck.name} has {block.type} elements without a section, so that their "
+                    "material is not known."
+                )
+            size = (_spring if rod.effective is None else _panel)(builder, nodes, rod)
+            for node in nodes:
+                before = masses.get(node, (0.0,))[0]
+                masses[node] = before + rod.mass * size / len(nodes), rod.place
+        deck.told.append(
+            f"the {len(kept)} {block.type} of {deck.name} are springs, with their mass at their "
+            f"{'ends' if block.role == 'rod' else 'corners'}."
+        )
+    for node, (mass, place) in masses.items():
+        if mass:
+            builder.mass(node, mass, [0.0] * 3, place)
+    return rods
+
+
+def make_truss(builder: ModelBuilder) -> None:
+    """Sections of the family `Truss` for all rods."""
+    units = builder.units
+    alike: dict[Rod, list[int]] = {}
+    for k in np.flatnonzero(builder.chosen):
+        rod = builder.rods.get(int(k))
+        if rod is not None and rod.effective is None:
+            alike.setdefault(rod, []).append(int(k))
+    for rod, elements in alike.items():
+        arguments = {
+            "E": rod.E * units.stress,
+            "nu": rod.nu,
+            "rho": rod.mass / rod.across * units.density,
+            "area": rod.across * units.length**2,
+        }
+        builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
+    if any(rod.torsion for rod in alike):
+        builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
+
+
+def hold_without_stiffness(builder: ModelBuilder) -> None:
+    """Hold motions along the axes against which nothing is stiff, as AUTOSPC of Nastran does."""
+    stiff = np.zeros((len(builder.used), 3))
+    for block in builder.deck.blocks:
+        along = np.ptp(builder.deck.points[block.corners], axis=1)
+        along /= np.maximum(along.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        np.add.at(stiff, block.corners, along[:, None])
+    joints = builder.joints
+    for terms in (*joints.equations, *(terms for terms, _ in joints.springs)):
+        for node, motion, _ in terms:
+            if node < len(stiff) and motion < 3:
+                stiff[node, motion] = 1.0
+    for node, _ in joints.alias:  # motions along axes of its own
+        if node < len(stiff):
+            stiff[node] = 1.0
+    loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
+    if loose.any():
+        builder.fixed[:, :3] |= loose
+        builder.deck.told.append(
+            f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod is "
+            "stiff are held (AUTOSPC)."
+        )
+
+
+def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
+    """Add the springs of a rod between two nodes; its length."""
+    a, b = nodes
+    terms, length = builder.joints.elongation(a, b, rod.place)
+    builder.sprung(terms, rod.E * rod.across / length)
+    if rod.torsion and builder.has_rotations[[a, b]].all():
+        twist, _ = builder.joints.elongation(a, b, rod.place, 3)
+        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length)
+    return length
+
+
+def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
+    """Add the springs of a shear panel between its corners, and along its sides; its area."""
+    x = builder.deck.points[nodes]
+    normal = np.cross(x[2] - x[0], x[3] - x[1])
+    size = float(np.linalg.norm(normal))
+    if not size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2:
+        raise panel.place.error("the corners of a shear panel lie on one line.")
+    sides, area = np.roll(x, -1, axis=0) - x, size / 2
+    builder.sprung(*_shear(panel, nodes, x, sides, normal / size))
+    length, t = np.linalg.norm(sides, axis=1), panel.across
+    for k, factor in enumerate((panel.effective or ()) * 2):
+        width = area / (length[k] + length[(k + 2) % 4])
+        if across := factor * t * (width if factor <= 1.01 else t / 2):
+            rod = Rod(panel.E, panel.nu, across, 0.0, panel.place)
+            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
+    return area
+
+
+def _shear(
+    panel: Rod, nodes: list[int], x: Array, sides: Array, normal: Array
+) -> tuple[list[Term], float]:
+    """(motion of the corners at x (4, 3), in one plane or nearly so, stiffness against it)."""
+    plane = np.linalg.svd(normal[None])[2][1:]
+    flat, along = (x - x.mean(axis=0)) @ plane.T, sides @ plane.T
+    length = np.linalg.norm(along, axis=1)
+    unit = along / length[:, None]
+    arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
+    forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
+    flow = forces / length
+    if not np.abs(flow).min() > 1e-6 * np.abs(flow).max():
+        raise panel.place.error("a shear panel needs four corners of less than 180°.")
+    pair = int(np.argmax([abs(unit[k] @ unit[k + 2]) for k in (0, 1)]))
+    upright = np.array([-unit[pair, 1], unit[pair, 0]])
+    s, c = ((unit[k] @ unit[pair]) / (unit[k] @ upright) for k in (1 - pair, 3 - pair))
+    skew = 1 + 2 / (3 * (1 + panel.nu)) * (s * s + s * c + c * c)
+    shear = float(np.sqrt(np.abs(np.prod(flow))))
+    area = float(np.linalg.norm(np.cross(x[2] - x[0], x[3] - x[1]))) / 2
+    G = panel.E / (2 * (1 + panel.nu))
+    loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
+    terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
+    return terms, G * panel.across / (area * shear * skew)
+
+
+#: Numbers of points of no element, and motions that are held.
+Held = list[tuple[int, list[str]]]
+#: What may be joined in one structure.
+JOINED = {"solid", "shell", "beam"}
+
+
+def finished(builder: ModelBuilder) -> Model:
+    """The model.
+
+    Raises
+    ------
+    MeshError
+        Elements without a section, or families that cannot be combined in a structure.
+    """
+    if builder.truss:
+        make_truss(builder)
+    rods = join_rods(builder)
+    _keep(builder, builder.chosen & ~rods)
+    _refuse_uncovered(builder)
+    present = {block.role for block in builder.deck.blocks if len(block)}
+    if len(present) > 1 and not present <= JOINED:
+        raise MeshError(
+            f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
+            "plane elements are read alone: give each kind a deck of its own."
+        )
+    _hold_middles(builder)
+    _drop_alone(builder)
+    joints = builder.joints
+    grounded = [one for one in joints.springs if len(one[0]) == 1]
+    joints.springs = [one for one in joints.springs if len(one[0]) > 1]
+    mixed = "shell" in present and kept_apart(builder.deck)
+    stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
+    stiffened = stiffened and _on_edges(builder)
+    several = mixed or (len(present) > 1 and not stiffened)
+    attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
+    beside = any(not builder.used[node] for node in attached)
+    joined = several or beside or bool(builder.joints.every())
+    if joined:
+        _attach(builder, grounded)
+    if stiffened:
+        _shear_with_shells(builder)
+    plane = not builder.truss and not present <= JOINED
+    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
+    fixed_points = _fixed_points(builder, plane)
+    pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
+    # N/m, and N m of rotations
+    size, force = builder.units.length, builder.units.force
+    springs = [
+        (_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))})
+        for ((n, m, _),), k in (() if joined else grounded)
+    ]
+    groups: list[tuple[str, str, Arguments, str]] = []
+    for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
+        elements = np.flatnonzero(builder.of_element == number)
+        if not len(elements):
+            continue
+        sets = builder.deck.element_sets
+        if name not in sets or not np.array_equal(sets[name], elements):
+            name = f"{name} ({family.place})"
+            name = f"{name} {number}" if name in sets else name
+            sets[name] = elements
+        groups.append((name, family.kind, family.arguments, str(family.place)))
+    return {
+        "families": groups,
+        "supports": _supports(builder, count),
+        "masses": [(_point(builder, n), mass, inertia) for n, _, mass, inertia in builder.masses],
+        "springs": springs,
+        "ignored": builder.ignored,
+        "gdim": 2 if count == 2 else 3,
+        "halve": "beam" in present and not stiffened,
+        "joined": joined,
+        "mixed": mixed,
+        "joints": builder.joints.finished(builder.units),
+        "apart": builder.apart,
+        "fixed_points": fixed_points,
+        "pieces": pieces,
+        "held": held,
+    }
+
+
+def _held(
+    builder: ModelBuilder, count: int, fixed_points: Held, grounded: list[list[Term]]
+) -> tuple[int, bool]:
+    """(pieces of the deck, whether they are several and supports or springs hold each)."""
+    joints, nodes = builder.joints, len(builder.deck.points)
+    x = np.vstack([builder.deck.points, *joints.more])
+    moves, fixed = np.zeros((2, len(x), 6), dtype=bool)
+    moves[:nodes, :count] = True
+    moves[:nodes, 3:] &= builder.has_rotations[:, None]
+    fixed[:nodes] = builder.fixed
+    loose = joints.loose()
+    moves[loose] = True
+    for number, motions in fixed_points:
+        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs), *grounded]
+    return held_apart(builder.deck, x, moves, fixed, rows)
+
+
+def _drop_alone(builder: ModelBuilder) -> None:
+    """Masses on nodes of no element that do not move; what nothing joins to an element."""
+    joints, used = builder.joints, builder.used
+    every = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
+    label = connected(every, len(used) + len(joints.more))
+    joined = np.isin(label, label[: len(used)][used])
+
+    def moves(node: int) -> bool:
+        return bool(joined[joints.alias.get((node, 0), (node, 0))[0]])
+
+    still = [one for one in builder.masses if not used[one[0]] and builder.fixed[one[0], :3].all()]
+    alone = [one[1] for one in builder.masses if not moves(one[0])]
+    builder.ignored += [f"a mass on a held node of no element ({one[1]})" for one in still]
+    if alone:
+        builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
+    builder.masses = [one for one in builder.masses if moves(one[0]) and one not in still]
+    left = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
+    for node, _, mass, inertia in builder.masses:
+        acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
+
+    def resists(terms: Sequence[Term]) -> bool:
+        """Whether a damper has no end without mass that nothing else holds."""
+        return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
+
+    dampers = [one for one in joints.dampers if resists(one[0])]
+    left, joints.dampers = left + len(joints.dampers) - len(dampers), dampers
+    if left:
+        builder.ignored.append(
+            f"{left} springs, dampers, masses and constraints that nothing joins to an element"
+        )
+
+
+def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
+    """Masses and grounded springs as those between numbered nodes."""
+    masses, builder.masses = builder.masses, []
+    size, joints = builder.units.length, builder.joints
+    for node, place, mass, inertia in masses:
+        own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
+        builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
+    for ((node, motion, _),), value in grounded:
+        joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
+
+
+def _point(builder: ModelBuilder, node: int) -> list[float]:
+    """Coordinates of a node in m."""
+    return [float(c) * builder.units.length for c in builder.deck.points[node]]
+
+
+def _on_edges(builder: ModelBuilder) -> bool:
+    found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
+    for block in builder.deck.blocks:
+        ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
+        found[block.shape == "line"].update(map(tuple, np.sort(ends, axis=1).tolist()))
+    return found[True] <= found[False]
+
+
+def _shear_with_shells(builder: ModelBuilder) -> None:
+    """Beams on the edges of shells deform in shear, as these do."""
+    for family in builder.families:
+        if family.kind == "Beam" and not family.arguments.get("shear", True):
+            family.arguments["shear"] = True
+            builder.ignored.append(
+                f"the rigidity in shear of beams on edges of shells ({family.place})"
+            )
+
+
+def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
+    """[(number of a point of no element, motions)] that are fixed, or that nothing acts on."""
+    loose = builder.joints.loose()
+    acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
+    found: dict[int, set[str]] = {}
+    for k, node in enumerate(loose):
+        found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
+    for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
+        given = int(node), int(motion)
+        own, along = builder.joints.alias.get(given, given)
+        if own in loose:
+            found[-1 - loose.index(own)].add(MOTIONS[along])
+    known = {"x", "y", "rz"} if plane else set(MOTIONS)
+    return [(n, sorted(fixed & known)) for n, fixed in found.items() if fixed & known]
+
+
+def _refuse_uncovered(builder: ModelBuilder) -> None:
+    for block, own in builder.deck.numbered():
+        if block.role == "other":
+            raise MeshError(
+                f"{builder.deck.name} has {len(block)} {block.type} elements, which no element "
+                "family here carries (solids, plane stress and strain, shells, beams)."
+            )
+        bare = int((builder.of_element[own] < 0).sum())
+        if bare:
+            raise MeshError(
+                f"{builder.deck.name}: {bare} of {len(block)} {block.type} elements have no "
+                "section, so their material is not known."
+            )
+
+
+def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
+    """[(group, motions)], one for each motion: an entity between nodes needs all of them."""
+    fixed = builder.fixed[:, :count] & builder.used[:, None]
+    supports = []
+    for k in range(count):
+        nodes = np.flatnonzero(fixed[:, k])
+        if len(nodes):
+            name = f"fixed {MOTIONS[k]}"
+            builder.deck.fixed[name] = nodes
+            supports.append((name, [MOTIONS[k]]))
+    return supports
+
+
+def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
+    """Leave out elements, and what acts on nodes of those that are not chosen."""
+    if kept.all():
+        return
+    deck, gone = builder.deck, builder.gone
+    blocks = [block[kept[own]] for block, own in deck.numbered()]
+    deck.blocks = [block for block in blocks if len(block)]
+    number = np.cumsum(kept) - 1
+    sets = deck.element_sets.items()
+    deck.element_sets = {name: number[one[kept[one]]] for name, one in sets}
+    builder.of_element = builder.of_element[kept]
+    left = builder.joints.keep(
+        lambda terms: not any(n < len(gone) and gone[n] for n, _, _ in terms)
+    )
+    masses = [one for one in builder.masses if not gone[one[0]]]
+    left, builder.masses = left + len(builder.masses) - len(masses), masses
+    if left:
+        builder.ignored.append(
+            f"{left} constraints, springs, dampers or masses on parts that are left out"
+        )
+
+
+def _hold_middles(builder: ModelBuilder) -> None:
+    """Constraints for middle nodes whose edges have an end that is free."""
+    fixed = builder.fixed
+    held: set[tuple[int, int]] = set()
+    for block in builder.deck.blocks:
+        if not block.mids.shape[1] or block.shape == "line":
+            continue
+        ends = block.corners[:, np.array(EDGES[block.shape])]  # (n, edges, 2)
+        for motion in range(6):
+            alone = (block.mids >= 0) & fixed[block.mids, motion]
+            alone &= ~fixed[ends, motion].all(axis=2)
+            held.update((int(node), motion) for node in np.unique(block.mids[alone]))
+    for node, motion in sorted(held):
+        if motion < 3 or builder.has_rotations[node]:
+            builder.joints.equations.append([(node, motion, 1.0)])

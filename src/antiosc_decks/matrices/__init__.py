@@ -1,1 +1,0 @@
-"""Files of matrices of Nastran (OP4, DMIG) and Ansys (Harwell–Boeing)."""

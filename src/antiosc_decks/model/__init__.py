@@ -1,1 +1,0 @@
-"""The model that a deck of any program describes."""

@@ -1,1 +1,0 @@
-"""Nastran bulk data (`.bdf`, `.nas`, `.fem`, …)."""

@@ -1,0 +1,474 @@
+"""Nastran's beams: their cross-sections, orientation, offsets and pin flags.
+
+PBAR, PBARL, PBEAM, PBEAML, PBEND; tapered and curved beams are divided. A beam whose ends lie
+beside its nodes, or are released, gets ends of its own, which follow its nodes as rigid bodies but
+for the released motions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from antiosc.io.deck import Array, Block, IntArray
+from antiosc_decks import properties as profiles
+from antiosc_decks.builder import ModelBuilder
+from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
+from antiosc_decks.nastran_mesh import Beam, NastranDeck, property_of
+
+#: Those whose centroid need not be their shear centre, on which the nodes of a CBEAM lie.
+LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
+#: Of a second moment that is 0 the share of the other one that is taken.
+SLIGHT = 1e-6
+#: Property -> fields of A, I1, I2, I12, J, NSM, and of K1 (-1: none, or behind the sections).
+FIELDS = {
+    "PBAR": ((2, 3, 4, 18, 5, 6), 16),
+    "PBEND": ((2, 3, 4, -1, 5, 18), 16),
+    "PBEAM": ((2, 3, 4, 5, 6, 7), -1),
+}
+#: What is not taken of a PBEAM -> its fields behind the sections.
+BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
+BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
+
+
+@dataclass(frozen=True)
+class BeamProfile:
+    """The cross-section of a beam at one place."""
+
+    profile: profiles.Profile
+    #: nonstructural mass per length
+    extra: float
+    #: whether it deforms in shear
+    sheared: bool
+    #: from plane 1 to the first principal axis, about the beam's axis, radians
+    angle: float = 0.0
+
+    @property
+    def numbers(self) -> list[float]:
+        """What changes along a tapered beam."""
+        p = self.profile
+        return [p.A, p.I, p.I_side, p.mixed, p.J, self.extra]
+
+
+class BeamProfiles:
+    """The cross-sections along the beams of one property."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        #: what is not taken, in the deck's terms
+        self.told: list[str] = []
+        #: places (end, along planes 1 and 2) of the neutral axis beside the shear centre
+        self.neutral = np.zeros((2, 2))
+        read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
+        #: (place from 0 to 1, cross-section), ascending
+        self.stations: list[tuple[float, BeamProfile]] = sorted(read(), key=lambda one: one[0])
+        places = [place for place, _ in self.stations]
+        inside = 0 <= places[0] <= places[-1] <= 1
+        entry.needs(inside, f"X/XB of {entry.name} lies between 0 and 1.")
+        ended = len(places) == 1 or places[-1] == 1
+        entry.needs(ended, f"{entry.name} gives no section at X/XB = 1.")
+
+    @property
+    def tapered(self) -> bool:
+        """Whether the cross-section changes along the beam."""
+        first, *others = (one.numbers for _, one in self.stations)
+        return any(not np.allclose(one, first, rtol=1e-6, atol=0) for one in others)
+
+    def at(self, s: float) -> BeamProfile:
+        """The cross-section at s from 0 to 1, linear between stations."""
+        places, some = zip(*self.stations, strict=True)
+        table = np.array([one.numbers for one in some]).T
+        A, first, second, mixed, J, extra = (float(np.interp(s, places, c)) for c in table)
+        mean, half = (first + second) / 2, math.hypot((first - second) / 2, mixed)
+        angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
+        if mixed:
+            first, second = mean + half, mean - half
+        told = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
+        self.entry.needs(min(A, first, second) > 0, told)
+        own = replace(some[0].profile, A=A, I=first, I_side=second, J=J or (first + second) / 2)
+        return BeamProfile(own, extra, some[0].sheared, angle)
+
+    def _by_constants(self) -> list[tuple[float, BeamProfile]]:
+        entry = self.entry
+        label = f"{entry.name} {entry.text(0)}"
+        fields, start = FIELDS[entry.name]
+        values = [entry.real(k) if k > 0 else 0.0 for k in fields]
+        values[0] = entry.real(2, None)
+        rows = {0.0: values}
+        if entry.name == "PBEND":
+            last = 19
+            if "." not in entry.text(2):  # a pipe by its mean radius and its wall
+                self.told.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
+                pipe = profiles.tube(entry.real(3) + entry.real(4) / 2, entry.real(4))
+                values[:] = pipe.A, pipe.I, pipe.I_side, 0.0, pipe.J, entry.real(10)
+                start, last = len(entry.fields), 11
+            beside = entry.real(last) or entry.real(last + 1)
+            entry.needs(not beside, "PBEND with RC or ZC is not supported; move its nodes.")
+        elif entry.name == "PBEAM":
+            start = self._along(rows)
+            self._behind(start)
+        elif max(values[1:3]) > min(values[1:3]) == 0:
+            self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
+                             "of the other is taken")  # fmt: skip
+            values[1:3] = (max(one, SLIGHT * max(values[1:3])) for one in values[1:3])
+        blank = 1.0 if entry.name == "PBEAM" else 0.0
+        k1, k2 = entry.real(start, blank), entry.real(start + 1, blank)
+        entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
+        shear = (k1 + k2) / 2 if k1 and k2 else 0.0
+        if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
+            what = "their mean is taken" if shear else "both planes are taken as rigid in shear"
+            self.told.append(f"K1 and K2 of {label}, which differ: {what}")
+        if not values[4]:
+            self.told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
+        found = []
+        for place, (area, first, second, mixed, torsion, extra) in rows.items():
+            factor = shear or profiles.RECTANGLE
+            own = profiles.Profile(area, first, second, torsion, factor, mixed=mixed)
+            found.append((place, BeamProfile(own, extra, shear > 0)))
+        return found
+
+    def _along(self, rows: dict[float, list[float]]) -> int:
+        """Add the values of PBEAM at further places to those at 0; the field after them."""
+        entry, starts = self.entry, {}
+        given = ("YES", "YESA", "NO")
+        # the places of stresses at the first end may be left out
+        start = 8 if entry.text(8).upper() in given else 16
+        while entry.text(start).upper() in given:
+            starts[entry.real(start + 1, None)] = start + 2
+            start += 16 if entry.text(start).upper() == "YES" else 8
+        first = last = np.array(rows[0.0])
+        for place in sorted(starts, reverse=True):
+            # blank at the end: as at the start; between the ends: linear
+            blank = (first + place * (last - first)).tolist()
+            rows[place] = [entry.real(starts[place] + k, blank[k]) for k in range(6)]
+            last = np.array(rows[place]) if place == 1 else last
+        entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
+        return start
+
+    def _behind(self, start: int) -> None:
+        entry = self.entry
+        ends = [start + 12, start + 13]
+        own = [k + 2 if entry.text(k + 2) else k for k in ends]  # blank: as at the first end
+        self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, own)]
+        if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
+            self.told.append(f"{', '.join(given)} of PBEAM {entry.text(0)}")
+
+    def _listed(self) -> list[tuple[float, BeamProfile]]:
+        entry = self.entry
+        kind = entry.text(3).upper()
+        entry.needs(
+            kind in DIMENSIONS,
+            f"{entry.name} of the type {kind!r} is not supported; give its "
+            f"constants by PBAR, or take one of {', '.join(DIMENSIONS)}.",
+        )
+        entry.needs(
+            entry.name != "PBEAML" or kind not in LOPSIDED,
+            f"PBEAML of the type {kind!r} has its neutral axis off the shear "
+            "centre, which is not supported; give its constants by PBAR.",
+        )
+        count = DIMENSIONS[kind]
+        first = self._dimensions(8, count, [None] * count)
+        if entry.name == "PBEAML" and kind == "L":
+            middle = np.array([first[2], first[3]]) / 2
+            self.neutral[:] = profiles.centroid(WALLS["L"](*first)) - middle
+        extra = entry.real(8 + count)
+        stations = [(0.0, BeamProfile(self._shape(kind, first), extra, True))]
+        start = 9 + count
+        while entry.name == "PBEAML" and entry.words(start, start + 2):
+            own = self._dimensions(start + 2, count, first)
+            beside = entry.real(start + 2 + count, extra)
+            one = BeamProfile(self._shape(kind, own), beside, True)
+            stations.append((entry.real(start + 1, 1.0), one))
+            start += 3 + count
+        if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
+            self.told.append(
+                f"the shear coefficients and the torsion constant that Nastran gives {entry.name} "
+                f"{entry.text(0)} ({kind}), {profiles.THIN:g} and that of thin walls are taken"
+            )
+        return stations
+
+    def _dimensions(self, start: int, count: int, blank: Sequence[float | None]) -> list[float]:
+        d = [self.entry.real(start + k, blank[k]) for k in range(count)]
+        full = self.entry.text(3).upper() == "TUBE" and d[0] > 0 and d[1] == 0
+        self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
+        return d
+
+    def _shape(self, kind: str, d: Sequence[float]) -> profiles.Profile:
+        try:
+            if kind in FULL:
+                return FULL[kind](*d)
+            bredt = profiles.box_torsion(*d) if kind == "BOX1" else None
+            found = profiles.walled(WALLS[kind](*d), bredt)
+            return found if kind in ("L", "Z") else replace(found, mixed=0.0)
+        except ValueError as error:
+            raise self.entry.place.error(
+                f"the dimensions of {self.entry.name} {self.entry.text(0)} do "
+                f"not fit into each other for the type {kind!r}."
+            ) from error
+
+
+#: Cross-sections by closed forms, from dimensions, plane 1 upright.
+FULL: dict[str, Callable[..., Any]] = {
+    "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
+    "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
+    "TUBE2": profiles.tube,
+    "BAR": lambda width, h: profiles.rectangle(h, width),
+    "BOX": lambda width, h, flange, web: profiles.box(h, width, (flange, web, flange, web)),
+    "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
+}
+Walls = list[profiles.Wall]
+
+
+def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
+    middle = (t_low, h - t_top, -web / 2, web / 2)
+    return [(0, t_low, -low / 2, low / 2), middle, (h - t_top, h, -top / 2, top / 2)]
+
+
+def _t(width: float, h: float, flange: float, web: float) -> Walls:
+    return [(h - flange, h, -width / 2, width / 2), (0, h - flange, -web / 2, web / 2)]
+
+
+def _chan(width: float, h: float, web: float, flange: float) -> Walls:
+    ends = [(0, flange, 0, width), (h - flange, h, 0, width)]
+    return [ends[0], (flange, h - flange, 0, web), ends[1]]
+
+
+def _h(between: float, legs: float, h: float, bar: float) -> Walls:
+    a, b = between / 2, (between + legs) / 2
+    return [(-h / 2, h / 2, a, b), (-h / 2, h / 2, -b, -a), (-bar / 2, bar / 2, -a, a)]
+
+
+def _cross(arms: float, t: float, h: float, bar: float) -> Walls:
+    a, b = t / 2, (t + arms) / 2
+    return [(-h / 2, h / 2, -a, a), (-bar / 2, bar / 2, a, b), (-bar / 2, bar / 2, -b, -a)]
+
+
+def _hat(h: float, t: float, top: float, brim: float) -> Walls:
+    a, b = top / 2 - t, top / 2
+    webs = [(t, h - t, -b, -a), (t, h - t, a, b)]
+    return [(h - t, h, -b, b), *webs, (0, t, -b - brim, -a), (0, t, a, b + brim)]
+
+
+def _z(arm: float, web: float, inner: float, h: float) -> Walls:
+    flange, a = (h - inner) / 2, web / 2
+    ends = [(0, flange, -a, a + arm), (h - flange, h, -a - arm, a)]
+    return [*ends, (flange, h - flange, -a, a)]
+
+
+def _box1(width: float, h: float, top: float, low: float, left: float, right: float) -> Walls:
+    sides = [(low, h - top, 0, left), (low, h - top, width - right, width)]
+    return [(0, low, 0, width), (h - top, h, 0, width), *sides]
+
+
+#: Cross-sections of walls: rectangles from dimensions, plane 1 upright.
+WALLS: dict[str, Callable[..., Walls]] = {
+    "I": _i,
+    "I1": lambda arms, web, inner, h: _i(
+        h, arms + web, arms + web, web, (h - inner) / 2, (h - inner) / 2
+    ),
+    **{"T": _t, "T2": _t, "CHAN": _chan, "H": _h, "CROSS": _cross, "HAT": _hat},
+    "T1": lambda flange, web, t_flange, t_web: [
+        (-flange / 2, flange / 2, 0, t_flange),
+        (-t_web / 2, t_web / 2, t_flange, t_flange + web),
+    ],
+    "CHAN1": lambda arm, web, inner, h: _chan(arm + web, h, web, (h - inner) / 2),
+    "CHAN2": lambda leg, base, h, width: [
+        (0, base, 0, width),
+        (base, h, 0, leg),
+        (base, h, width - leg, width),
+    ],
+    "L": lambda width, h, base, leg: [(0, base, 0, width), (base, h, 0, leg)],
+    **{"Z": _z, "BOX1": _box1},
+}
+#: Supported cross-sections and the number of their dimensions.
+DIMENSIONS = {
+    **{"ROD": 1, "TUBE": 2, "TUBE2": 2, "BAR": 2, "BOX": 4, "HEXA": 3, "CROSS": 4, "H": 4},
+    **{"I": 6, "I1": 4, "T": 4, "T1": 4, "T2": 4, "CHAN": 4, "CHAN1": 4, "CHAN2": 4, "HAT": 4},
+    **{"BOX1": 6, "Z": 4, "L": 4},
+}
+
+
+#: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
+PIECES = 16
+#: Sine below which a direction lies along the chord of a curved beam.
+ALONG = 1e-9
+
+
+@dataclass(frozen=True)
+class End:
+    """An end that is not its node: rows of both, what holds them together, along which axes."""
+
+    row: int
+    node: int
+    held: tuple[int, ...]
+    axes: Array
+    entry: Entry
+    #: from the shear centre, about which the beam twists, to the end
+    beside: Array
+
+
+def divide(found: NastranDeck) -> list[End]:
+    """Give beams their own ends and tapered beams their pieces; the ends to be joined."""
+    along = {entry.number(0): BeamProfiles(entry) for entry in found.named(*BEAMS)}
+    tapered = {number for number, one in along.items() if one.tapered}
+    ends: list[End] = []
+    points: list[Array] = list(found.deck.points)
+    elements: list[Entry] = []
+    for k, (block, numbers) in enumerate(found.deck.numbered()):
+        entries = [found.elements[number] for number in numbers]
+        if block.role != "beam":
+            elements += entries
+            continue
+        lines: list[tuple[int, int]] = []
+        for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
+            known = along.get(property_of(entry))
+            neutral = known.neutral if known else np.zeros((2, 2))
+            own = _own_ends(found, entry, nodes, neutral)
+            rows = list(nodes)
+            for end, (place, held, axes) in own.items():
+                rows[end] = len(points)
+                points.append(place)
+                ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
+            bend = known.entry if known and entry.name == "CBEND" else None
+            pieces = PIECES if bend or property_of(entry) in tapered else 1
+            heights: list[Array | None] = [None] * pieces
+            x = np.array([points[row] for row in rows])
+            shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
+            inner = (1 - shares) * x[0] + shares * x[1]
+            if bend:
+                inner, directions = arc(entry, bend, x, _vector(found, entry), pieces)
+                heights = list(directions)
+            chain = [rows[0], *range(len(points), len(points) + len(inner)), rows[1]]
+            points += list(inner)
+            for piece in range(pieces):
+                middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
+                found.beams[len(elements)] = Beam(middle, bool(own), heights[piece])
+                lines.append((chain[piece], chain[piece + 1]))
+                elements.append(entry)
+        none = np.zeros((len(lines), 0), dtype=np.int64)
+        table: IntArray = np.array(lines, dtype=np.int64).reshape(-1, 2)
+        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none, block.role)
+    found.elements = elements
+    found.deck.points = np.array(points)
+    return ends
+
+
+def join(builder: ModelBuilder, ends: list[End]) -> None:
+    """Let the beams' own ends follow their nodes."""
+    for end in ends:
+        builder.apart.append(end.row)
+        leader = builder.joints.leader(end.node)
+        builder.joints.frames[end.row] = end.axes
+        if end.beside.any():
+            builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
+        builder.joints.rigid(np.array([end.row]), leader, end.held, end.entry.place, own=True,
+                             twisted=(end.axes[0], end.beside))  # fmt: skip
+        del builder.joints.frames[end.row]
+
+
+def _own_ends(
+    found: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
+) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
+    """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
+    pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
+    offsets = _offsets(found, entry)
+    if not any(pins) and not offsets.any() and not neutral.any():
+        return {}
+    x = found.deck.points[nodes]
+    line = x[1] + offsets[1] - x[0] - offsets[0]
+    length = float(np.linalg.norm(line))
+    long = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
+    entry.needs(long, f"{entry.name} {entry.text(0)} has no length.")
+    height = orientation(found, entry, line / length)
+    if not any(pins) and not neutral.any() and _alike(offsets, height):
+        return {}  # by the section
+    axes = np.stack([line / length, height, np.cross(line / length, height)])
+    places = x + offsets + neutral @ axes[1:]
+    return {
+        k: (places[k], tuple(c for c in range(6) if c not in pins[k]), axes)
+        for k in (0, 1)
+        if pins[k] or offsets[k].any() or neutral[k].any()
+    }
+
+
+def _offsets(found: NastranDeck, entry: Entry) -> Array:
+    """Offsets (2, 3) of the ends from their nodes along the axes of the deck."""
+    given = np.reshape(entry.reals(10, 16), (2, 3))
+    if not given.any():
+        return given
+    kind = entry.text(7).upper()
+    plain = not kind.isalpha() or not set(kind[1:]) & set("OE")
+    entry.needs(plain, f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
+                "not supported; give them in the displacement system (GGG).")  # fmt: skip
+    frames = [found.frame(found.at(entry, k), entry.place) for k in (2, 3)]
+    return np.stack([w @ frame for w, frame in zip(given, frames, strict=True)])
+
+
+def _alike(offsets: Array, height: Array) -> bool:
+    """Whether both ends lie equally far off their nodes along the height."""
+    along = float(offsets[0] @ height)
+    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - along * height])).max()
+    return bool(rest <= 1e-6 * abs(along))
+
+
+def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
+    """Direction of plane 1 across the axis."""
+    v = _vector(found, entry)
+    across = v - (v @ tangent) * tangent
+    size = float(np.linalg.norm(across))
+    told = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
+    entry.needs(size > 1e-9 * float(np.linalg.norm(v)), told)
+    return np.asarray(across / size)
+
+
+def _vector(found: NastranDeck, entry: Entry) -> Array:
+    """The vector in fields 5 to 7 of an element, or from its first node to the node in field 5."""
+    a = found.at(entry, 2)
+    if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
+        return np.asarray(found.deck.points[found.at(entry, 4)] - found.deck.points[a])
+    v = np.array(entry.reals(4, 7))
+    return v if entry.text(7).upper()[:1] == "B" else np.asarray(v @ found.frame(a, entry.place))
+
+
+def offset_along(found: NastranDeck, entry: Entry, height: Array) -> float:
+    """Equal offsets of both ends along the height."""
+    return float(_offsets(found, entry)[0] @ height)
+
+
+def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Array, Array]:
+    """(points (pieces - 1, 3) between the ends, directions of plane 1 (pieces, 3)) of a CBEND.
+
+    `bend`: its PBEND; `x` (2, 3): its ends; `v`: the vector, or the arm of the node, that it gives.
+    """
+    chord = x[1] - x[0]
+    long = float(np.linalg.norm(chord))
+    label = f"CBEND {entry.text(0)}"
+    up = v - (v @ chord) * chord / long**2
+    across = np.linalg.norm(up) > ALONG * np.linalg.norm(v)
+    entry.needs(across, f"the plane of {label} is not known: its vector lies along its chord.")
+    up /= np.linalg.norm(up)
+    kind = entry.whole(7)
+    entry.needs(kind in (1, 2, 3, 4), f"GEOM of CBEND is 1 to 4; got {kind}.")
+    if kind in (3, 4):  # radius or angle; the centre lies across the chord from the point
+        radius = bend.real(6)
+        if kind == 4:
+            radius = long / 2 / max(math.sin(math.radians(bend.real(7)) / 2), ALONG)
+        told = f"the radius of {label} is {radius:.4g}, its chord {long:.4g}: give RB or THETAB "
+        entry.needs(radius >= long / 2, told + "of its PBEND.")
+        centre = x.mean(axis=0) - math.sqrt(radius**2 - long**2 / 4) * up
+    else:  # the vector points to the centre, or along the arc
+        w = v if kind == 1 else (v @ up) * chord - (v @ chord) * up
+        curved = abs(w @ chord) > ALONG * long * np.linalg.norm(w)
+        entry.needs(curved, f"{label} has no centre of curvature.")
+        centre = x[0] + w * long**2 / (2 * (w @ chord))
+    first, last = x - centre
+    angle = math.atan2(float(np.linalg.norm(np.cross(first, last))), float(first @ last))
+    ahead = last - first * math.cos(angle)
+    ahead *= np.linalg.norm(first) / np.linalg.norm(ahead)
+    at = np.arange(2 * pieces + 1)[1:-1, None] * angle / (2 * pieces)
+    arms = np.cos(at) * first + np.sin(at) * ahead
+    return centre + arms[1::2], -arms[::2] / np.linalg.norm(first)

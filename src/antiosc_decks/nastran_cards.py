@@ -1,0 +1,531 @@
+"""Entries of Nastran's bulk data, in small, large and free fields, and what becomes of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile, zip_longest
+from typing import NamedTuple
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place, Placed, real_number, whole_number
+from antiosc_decks.sources import UNKNOWN, Account, Fate, Sources, table
+
+#: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
+PROPERTY_NAMES = (
+    re.compile(r'\$HMNAME\s+PROP\s+(\d+)\s*"([^"]+)"'),
+    re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
+    re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
+)
+#: Entries of a text, whose lines have no fields.
+TEXTS = ("DEQATN",)
+#: Most copies of one entry.
+MOST_COPIES = 1_000_000
+#: A number; "+1" may mark a continuation.
+_NUMBER = re.compile(r"-?\.?\d")
+_MARK = re.compile(r"[+*][A-Za-z]")
+_INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
+_SUPER = re.compile(r"SUPER\s*=?\s*(\d+)", re.IGNORECASE)
+_SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
+_SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
+
+
+@dataclass
+class Entry(Placed):
+    """One entry: its name, and its fields without the name, eight per line."""
+
+    name: str
+    place: Place
+    fields: list[str] = field(default_factory=list)
+    #: what is wrong with its lines; an error where the entry is read
+    fault: MeshError | None = None
+
+    def text(self, k: int) -> str:
+        """Field k (from 0), "" where it is blank."""
+        return self.fields[k].strip() if k < len(self.fields) else ""
+
+    def words(self, first: int, stop: int | None = None) -> list[str]:
+        """The fields from `first` that are not blank."""
+        last = len(self.fields) if stop is None else stop
+        return [word for k in range(first, last) if (word := self.text(k))]
+
+    def _filled(self, k: int) -> str:
+        self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
+        return self.text(k)
+
+    def whole(self, k: int, default: int | None = None) -> int:
+        """An integer; MeshError if it is none, or missing without a default."""
+        if default is not None and not self.text(k):
+            return default
+        return whole_number(self._filled(k), self.place)
+
+    def number(self, k: int) -> int:
+        """The number of a node, a property, … in field k, as no other part of the deck has it."""
+        return self.whole(k) + self.place.scope
+
+    def real(self, k: int, default: float | None = 0.0) -> float:
+        """A number; MeshError if it is none, or missing without a default."""
+        if default is not None and not self.text(k):
+            return default
+        return real_number("".join(self._filled(k).split()), self.place)
+
+    def reals(self, first: int, stop: int) -> list[float]:
+        """The numbers of some fields; 0 where they are blank."""
+        return [self.real(k) for k in range(first, stop)]
+
+
+def motions_of(text: str, place: Place) -> list[int]:
+    """Motions 0 to 5 of components such as "123" or "1 2 3"; none of 0 and of a blank."""
+    digits = "".join(text.split())
+    place.needs(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
+    return sorted({int(c) - 1 for c in digits} - {-1})
+
+
+class Continuations:
+    """Which entry a continuation belongs to: by its mark (fields 10 and 1), else by order."""
+
+    def __init__(self) -> None:
+        #: mark -> entries (by identity) whose last line ends with it
+        self._open: dict[str, dict[int, Entry]] = {}
+        #: identity of an entry -> the marks of its last line
+        self._marks: dict[int, tuple[str, ...]] = {}
+        self._last: Entry | None = None
+        #: continuations that were joined to the entry before them, which has no mark
+        self._by_order: list[tuple[Entry, MeshError]] = []
+
+    def ends(self, entry: Entry, mark: str) -> None:
+        """The last line is of this entry and ends with this mark."""
+        self._last = entry
+        label = mark.strip().upper()
+        # without a sign, the first letter stands for one
+        own = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
+        if any(own):
+            self._marks[id(entry)] = own
+            for one in filter(None, own):
+                self._open.setdefault(one, {})[id(entry)] = entry
+
+    def entry_of(self, name: str, place: Place) -> Entry:
+        """The entry that a line with this first field continues."""
+        label = name[1:].strip().upper()
+        entry = self._last
+        if entry is None:
+            raise place.error("a continuation without an entry before it.")
+        before = self._marks.get(id(entry), ())
+        if label and label not in before:
+            some = list(self._open.get(label, {}).values())
+            lost = place.error(f"the continuation {name[:20]!r} does not follow its entry; write "
+                               "it behind the line that ends with its mark.")  # fmt: skip
+            if len(some) == 1:
+                entry = some[0]
+            elif some or before:
+                entry.fault = lost
+            else:
+                self._by_order.append((entry, lost))
+        for one in filter(None, self._marks.pop(id(entry), ())):
+            del self._open[one][id(entry)]
+        return entry
+
+    def find_lost(self) -> None:
+        """Note faults where a mark has no continuation, and a continuation no mark."""
+        waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
+        for entry, lost in self._by_order if waiting else ():
+            entry.fault = entry.fault or lost
+
+
+class Bulk:
+    """The entries of a deck and of the files that it includes."""
+
+    def __init__(self, sources: Sources) -> None:
+        self.entries: list[Entry] = []
+        #: number of a property -> its name in a comment
+        self.names: dict[int, str] = {}
+        #: warnings, one sentence each
+        self.told: list[str] = []
+        #: what the lines before the bulk data, if there are such, select: (what, number of the
+        #: subcase; 0: above all) -> set
+        self.selected: dict[tuple[str, int], int] | None = None
+        self._subcase = 0
+        self._sources = sources
+        lines = sources.main()
+        # a file without case control contains only bulk data
+        self._started = not any(_begins(line.split("$")[0]) for line in lines)
+        self._ended = False
+        self._continuations = Continuations()
+        #: whether the next line continues a list of free fields
+        self._continued = False
+        #: changes of the fields of the last copied entry
+        self._changes: list[str] | None = None
+        self._read(lines, sources.name)
+        if not self.entries:
+            raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
+        self._continuations.find_lost()
+
+    def _read(self, lines: list[str], file: str) -> None:
+        number = 0
+        while number < len(lines) and not self._ended:
+            number += 1
+            line, place = lines[number - 1], Place(file, number)
+            line, comment, text = line.partition("$")
+            for pattern in PROPERTY_NAMES if comment else ():
+                if noted := pattern.match("$" + text):
+                    self.names[int(noted[1][:18])] = noted[2].strip()
+            line = line.rstrip()
+            if not line.strip():
+                continue
+            if match := _INCLUDE.match(line):
+                named = match[1].strip()
+                while named[:1] in "'\"" and named and named.count(named[0]) < 2:
+                    if number >= len(lines):  # the name ends at its quote
+                        break
+                    named += lines[number].strip()
+                    number += 1
+                try:
+                    included = self._sources.enter(named, place)
+                except MeshError as error:
+                    if self._started:
+                        raise
+                    self.told.append(f"{error} It is not read: it stands before the bulk data.")
+                    continue
+                self._read(included, named.strip("'\" "))
+                self._sources.leave()
+            elif not self._started:
+                self._control(line)
+            else:
+                self._line(line.expandtabs(8), place)
+
+    def _control(self, line: str) -> None:
+        if _begins(line):
+            self._started = True
+            return
+        self.selected = self.selected or {}
+        self._subcase += bool(_SUBCASE.match(line))
+        if match := _SELECTED.match(line):
+            self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
+
+    def _line(self, line: str, place: Place) -> None:
+        words = line.upper().split()
+        if words[0].startswith("ENDDATA"):
+            self._ended = True
+            return
+        if words[0] == "BEGIN":  # of superelements, after the first
+            if words[1:] != ["BULK"]:
+                part = _SUPER.search(line) if "MASSID" not in line.upper() else None
+                name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
+                self._begin(Entry(name, place, number))
+            return
+        continued, self._continued = self._continued, "," in line and line.endswith(",")
+        if continued and words[0][0].isdigit() and "," in line:
+            line = "," + line
+        if words[0].startswith(TEXTS):
+            self._begin(Entry(words[0][:6], place))
+            return
+        if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
+            return
+        name, fields, large, mark = fields_of(line)
+        fault = None
+        if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
+            fault = place.error(
+                "a line of free fields ends with the mark of the next line, and one of GRID has up "
+                "to 8 fields after its name; write the further ones in a line of their own."
+            )
+        if name[:1] == "=":
+            self._copy(words[0].split(",")[0], fields, place)
+        elif name[:1] in ("", "+", "*"):
+            entry = self._continuations.entry_of(name, place)
+            filled = -len(entry.fields) % 8
+            if filled and not (large and filled == 4):
+                entry.fields += [""] * filled
+            entry.fields += fields
+            entry.fault = entry.fault or fault
+            self._continuations.ends(entry, mark)
+        elif name[0].isalpha():
+            self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
+        else:
+            fault = place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
+            if not self.entries:
+                raise fault
+            self.entries[-1].fault = fault
+
+    def _begin(self, entry: Entry, mark: str = "") -> None:
+        self.entries.append(entry)
+        self._continuations.ends(entry, mark)
+
+    def _copy(self, name: str, fields: list[str], place: Place) -> None:
+        """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
+        place.needs(self.entries, "a copy (=) without an entry before it.")
+        times = 1
+        if name != "=":
+            times = whole_number(name[1:].strip("()"), place)
+            if not 0 < times <= MOST_COPIES or self._changes is None:
+                raise place.error(f"{name[:20]!r} repeats no copy, or one too often.")
+        else:
+            self._changes = [*takewhile(lambda word: word != "==", fields)]
+        for _ in range(times):
+            last = self.entries[-1]
+            pairs = zip_longest(
+                last.fields, (self._changes or [])[: len(last.fields)], fillvalue="="
+            )
+            self._begin(Entry(last.name, place, [_changed(*pair, place) for pair in pairs]))
+
+
+def _begins(line: str) -> bool:
+    return line.upper().split()[:2] == ["BEGIN", "BULK"]
+
+
+def _changed(old: str, change: str, place: Place) -> str:
+    if not change.startswith("*"):
+        return old if change == "=" else change
+    step = change[1:].strip("() ")
+    if "." in step:
+        return repr(real_number(old or "0", place) + real_number(step, place))
+    return str(whole_number(old or "0", place) + whole_number(step, place))
+
+
+def fields_of(line: str) -> tuple[str, list[str], bool, str]:
+    """(name, four or eight fields, whether they are large, the mark of the continuation).
+
+    A line of free fields may have more of them: those of the lines that would follow.
+    """
+    if "," in line:
+        first, *rest = (part.strip() for part in line.split(","))
+        first, *more = first.split() if first[:1].isalpha() else [first]
+        rest = [*more, *rest]  # blanks separate free fields, too
+        large = first.endswith("*") or first.startswith("*")
+        count = 4 if large else 8
+        mark = "".join(rest[count : count + 1])
+        if any(rest[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
+            return first, rest + [""] * (-len(rest) % count), large, ""
+        return first, (rest + [""] * count)[:count], large, mark
+    name = line[:8].strip()
+    large = "*" in name
+    width, count = (16, 4) if large else (8, 8)
+    body = line[8 : 8 + width * count].ljust(width * count)
+    fields = [body[k * width : (k + 1) * width].strip() for k in range(count)]
+    return name, fields, large, line[72:80]
+
+
+def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:
+    """(first, last) of the ranges in a list with THRU; a single number is a range of one."""
+    words = [word for word in words if word]
+    k = 0
+    while k < len(words):
+        first = last = whole_number(words[k], place)
+        if k + 2 < len(words) and words[k + 1].upper() == "THRU":
+            last = whole_number(words[k + 2], place)
+            k += 2
+        k += 1
+        yield first, last
+
+
+class Cell(NamedTuple):
+    """An element that is a cell of a mesh, and the places of its fields (from 0)."""
+
+    #: a key of `antiosc.io.neutral.EDGES`
+    shape: str
+    role: str
+    #: those that give its section
+    properties: tuple[str, ...]
+    #: which of its middle nodes lies on each edge; () without such
+    middles: tuple[int, ...] = ()
+    #: of its first node
+    first: int = 2
+    #: of a shell: THETA or MCID, ZOFFS, TFLAG
+    theta: int = 0
+    offset: int = 0
+    flag: int = 9
+
+
+_SOLID, _SHELL = ("solid", ("PSOLID", "PCOMPS")), ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
+#: Properties of beams.
+BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND")
+_BEAM = Cell("line", "beam", BEAMS[:4])
+_ROD = Cell("line", "rod", ("PROD",))
+_PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
+#: Nastran lists the middles of the upright edges of solids before those of the top.
+CELLS = {
+    "CTETRA": Cell("tetra", *_SOLID, tuple(range(6))),
+    "CPYRAM": _PYRAMID,
+    "CPYRA": _PYRAMID,
+    "CPENTA": Cell("wedge", *_SOLID, (0, 1, 2, 6, 7, 8, 3, 4, 5)),
+    "CHEXA": Cell("hexahedron", *_SOLID, (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
+    **dict.fromkeys(("CTRIA3", "CTRIAR", "CTRIA3K"), Cell("triangle", *_SHELL, theta=5, offset=6)),
+    "CTRIA6": Cell("triangle", *_SHELL, (0, 1, 2), theta=8, offset=9, flag=13),
+    **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD4K"), Cell("quad", *_SHELL, theta=6, offset=7)),
+    "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
+    **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
+    "CBEND": _BEAM._replace(properties=BEAMS[4:]),
+    "CROD": _ROD,
+    "CTUBE": _ROD._replace(properties=("PTUBE",)),
+    "CONROD": _ROD._replace(properties=("PROD",), first=1),
+    "CSHEAR": Cell("quad", "panel", ("PSHEAR",)),
+}
+#: Entries that are read as the nearest that is here -> what of them is not taken.
+NEAREST = {
+    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "the rigidity in transverse shear of {} {}"),
+    "BEGIN SUPER": "the reduction of {} superelements ({}), the whole that they divide is read",
+}
+_PLATE, _MEMBRANE = (0, 1, 2, 1, None, 1, None, 3), (0, 1, 2, None, None, None, None, 3)
+#: Entries of older versions -> those that they are now, and which of the older fields is in each of
+#: the newer ones; () where they are the same, and for those that `renew` names.
+OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
+    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", ())),
+    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", ())),
+    **dict.fromkeys(("CIHEX1", "CIHEX2", "CHEXA1", "CHEXA2"), ("CHEXA", ())),
+    **dict.fromkeys(("PQUAD1", "PTRIA1"), ("PSHELL", ())),
+    **dict.fromkeys(("PQUAD2", "PTRIA2"), ("PSHELL", _PLATE)),
+    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), ("PSHELL", _MEMBRANE)),
+    **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
+    "CRIGD2": ("CRIGD2", ()),
+}
+#: Of these, elements that name their material.
+OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
+#: Properties that give sections.
+PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
+#: Elements that are read, but are no cells of a mesh.
+BESIDE = (
+    *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
+    *("CONM1", "CONM2", "CVISC", "CBUSH", "CBUSH1D", "CGAP", "RBE2", "RBE3", "RBAR"),
+)
+#: Material, element or property -> the field (from 0) of its damping GE.
+DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
+#: Elements without a counterpart; names that begin with C and are in no list are such, too.
+NO_COUNTERPART = (
+    *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
+    *("CFAST", "CWELD", "CSEAM", "CBEAM3", "CBUSH2D"),
+    *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
+    *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
+    *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
+)
+
+_READ = """
+GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR
+PGAP PELAS PDAMP PVISC PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD
+NSM NSM1 NSML NSML1 NSMADD PARAM SEBULK SECONCT SELOC
+"""
+_HARMLESS = """
+ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
+POINT SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D
+SET1 SET2 SET3 SPCOFF SPCOFF1
+ASET ASET1 BSET BSET1 CSET CSET1 OMIT OMIT1 QSET QSET1 USET USET1 BNDFIX BNDFIX1 BNDFREE BNDFREE1
+SESET SEBSET SEBSET1 SECSET SECSET1 SEQSET SEQSET1 SEUSET SEUSET1 SESUP SETREE SEEXCLD SELABEL
+SENQSET SELOAD
+EIGB EIGC EIGP EIGR EIGRL MODTRAK DYNRED DTI
+FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 FREQ6 TSTEP TSTEP1 TSTEPNL NLPARM NLPCI NLSTEP NLCNTL NLCNTL2
+NLCNTLG NLADAPT NLOUT NLMOPTS NXSTRAT ITER
+TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLED5 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST
+TABLEH1 TABLEHT TABRND1 TABRNDG RANDPS RANDT1 DELAY DPHASE LSEQ
+DESVAR DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DVPREL1 DVPREL2 DVMREL1 DVMREL2 DVCREL1 DVCREL2
+DVTREL1 DVGRID DVBSHAP DVSHAP DLINK DEQATN DTABLE DOPTPRM DSCREEN DDVAL TOPVAR DMNCON GROUP DTPG
+AERO AEROS AECOMP AECOMPL AEFACT AELINK AELIST AEPARM AESTAT AESURF AESURFS AEDW AEFORCE AEPRESS
+CAERO1 CAERO2 CAERO3 CAERO4 CAERO5 CAERO7 PAERO1 PAERO2 PAERO3 PAERO4 PAERO5 FLFACT FLUTTER MKAERO1
+MKAERO2 SPLINE1 SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM TRIM2 DIVERG UXVEC CSSCHD
+MONPNT1 MONPNT2 MONPNT3 MONDSP1 ROTORG ROTORD
+MAT4 MAT5 RADM RADBC RADCAV RADLST RADMTX RADSET VIEW VIEW3D CONV CONVM PCONV PCONVM PHBDY
+DMI DMIJ DMIJI DMIK
+BCPARA BCTPARA BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
+"""
+_IGNORED = """
+FORCE FORCE1 FORCE2 MOMENT MOMENT1 MOMENT2 PLOAD PLOAD1 PLOAD2 PLOAD4 PLOADX1 GRAV ACCEL ACCEL1
+RFORCE RFORCE1 SPCD SPCR SPCN LOAD CLOAD LOADCYN LOADCYH LOADCYT LOADT DLOAD SLOAD DEFORM
+TLOAD1 TLOAD2 RLOAD1 RLOAD2 DAREA ACSRCE TIC TICD GUST CHBDYE CHBDYG CHBDYP CHBDY
+NOLIN1 NOLIN2 NOLIN3 NOLIN4 EPOINT
+TEMP TEMPD TEMPP1 TEMPP3 TEMPRB TEMPB3 TEMPBC TEMPF TEMPG QBDY1 QBDY2 QBDY3 QHBDY QVECT QVOL
+BOLT BOLTFOR BOLTFRC BOLTLD BOLTSEQ
+MATS1 MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 CREEP MATDMG MATPLCY PELAST PBUSHT PDAMPT
+"""
+_REFUSED = {
+    "contact": "BCTABLE BCTABL1 BCONTACT BCONECT BCONP BCTSET BCTADD BCBODY BCBODY1 BCGRID BCRIGID",
+    "glue": "BGSET BGADD BGPARM",
+    "a matrix": "DMIG DMIAX TF",
+    "a superelement": "BEGIN CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY",
+    "a stiffness matrix": "GENEL",
+    "the mass of a fluid": "MFLUID ELIST FLSYM FSLIST",
+    "an axisymmetric model": "AXIC AXIF RINGAX RINGFL GRIDB CYAX CYJOIN CYSUP CYSYM SECTAX",
+    "a support of edges or surfaces": "SPCAX GMSPC GMBC GMBNDC FEEDGE FEFACE",
+    "a generator of nodes or elements": "CGEN GRIDG EGRID",
+}
+#: Properties and materials of elements that are refused; one that is read and names them says so.
+_OF_OTHERS = """
+PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
+PLSOLID PCOMPLS PBCOMP PBMSECT PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN
+MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
+"""
+
+#: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
+_SUPORT = Fate("ignored", "(what it supports stays free)")
+
+ENTRIES = table(
+    read=(*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER),
+    harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
+    ignored=_IGNORED.split(),
+    refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},
+) | dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
+
+
+def fate_of(name: str) -> Fate:
+    """What becomes of an entry."""
+    return ENTRIES.get(name, Fate("refused") if name.startswith("C") else UNKNOWN)
+
+
+def is_other(name: str) -> bool:
+    """Whether an entry is an element, but not a cell of a mesh."""
+    return name in BESIDE or name.startswith("CHBDY") or fate_of(name) == Fate("refused")
+
+
+def account_for(entries: Sequence[Entry], name: str) -> Account:
+    """What becomes of the entries of a deck."""
+    return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+
+
+def renew(entries: Sequence[Entry]) -> list[Entry]:
+    """Make entries of older versions what they are now; the further ones that this needs."""
+    made: dict[str, Entry] = {}
+    more: list[Entry] = []
+    known = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
+    for entry in entries:
+        if entry.name not in OLDER:
+            continue
+        old, (entry.name, order) = entry.name, OLDER[entry.name]
+        if old in OF_MATERIAL:
+            material = entry.text(1)
+            made.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
+        elif old == "CRIGD1":
+            entry.fields[2:2] = ["123456"]
+        elif old == "CRIGD2":  # pairs of a node and its components
+            words = entry.words(0)
+            pairs = zip(words[2::2], words[3::2], strict=False)
+            more += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
+        elif old in ("PQUAD1", "PTRIA1"):
+            entry.fields = _plate(entry)
+        elif order:
+            first, second = (
+                ["" if k is None else entry.text(start + k) for k in order] for start in (0, 4)
+            )
+            if entry.name == "PSHELL" and second[0]:  # two of them in one entry
+                more.append(Entry(entry.name, entry.place, second))
+            entry.fields = first
+        known.update([entry.text(0)] if entry.name == "PSOLID" else [])
+    return [entry for number, entry in made.items() if number not in known] + more
+
+
+def _plate(entry: Entry) -> list[str]:
+    """Fields of the PSHELL that a PQUAD1 or PTRIA1 is: I for 12I/T³, T3 for TS/T."""
+    second = entry.real(4)
+    t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
+    entry.needs(t, f"{entry.name} needs a thickness, or I, above 0.")
+    shear = repr(entry.real(6) / t) if entry.real(6) else ""
+    ratio = repr(12 * second / t**3) if second else ""
+    number, membrane, bending, across, extra = (entry.text(k) for k in (0, 1, 3, 5, 7))
+    return [number, membrane, repr(t), bending, ratio, across, shear, extra]
+
+
+def tell_damping(account: Account, entries: Sequence[Entry]) -> None:
+    """Account for the damping of materials (GE) and of the structure (PARAM,G): ignored."""
+    for entry in entries:
+        field = DAMPING.get(entry.name)
+        if entry.name == "PARAM" and entry.text(0).upper() == "G":
+            field = 1
+        if field is not None and entry.real(field):
+            label = f"{'PARAM,G' if field == 1 else f'GE of {entry.name}'}, damping"
+            account.options.append((label, entry.place, Fate("ignored")))

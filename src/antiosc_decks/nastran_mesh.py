@@ -1,0 +1,565 @@
+"""Nastran bulk data into nodes, elements and groups by property, with its coordinate systems.
+
+CORD1 and CORD2, rectangular, cylindrical, spherical. Parts (BEGIN SUPER) number their nodes,
+materials and properties anew: where they give one number to different things, or SELOC moves a
+part, each part has a scope, which is added to its numbers. Nodes of two such parts that coincide
+are one node, but for parts that SEBULK joins by SECONCT alone (MANUAL).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
+from antiosc.io.neutral import CORNERS
+from antiosc_decks.nastran_cards import (
+    CELLS,
+    NEAREST,
+    Bulk,
+    Entry,
+    account_for,
+    fate_of,
+    is_other,
+    renew,
+    through,
+)
+from antiosc_decks.sources import Account, Sources
+
+
+@dataclass(frozen=True)
+class System:
+    """A coordinate system: its origin, its axes as rows, and its kind."""
+
+    origin: Array
+    axes: Array
+    #: "R", "C" (r, θ in degrees, z) or "S" (r, θ from z, φ in degrees)
+    kind: str = "R"
+
+    def point(self, c: Array) -> Array:
+        """The point with coordinates `c`, in the basic system."""
+        if self.kind != "R":
+            theta, phi = math.radians(c[1]), math.radians(c[2 if self.kind == "S" else 1])
+            across, up = (c[0], c[2]) if self.kind == "C" else (
+                c[0] * math.sin(theta), c[0] * math.cos(theta))  # fmt: skip
+            c = np.array([across * math.cos(phi), across * math.sin(phi), up])
+        return np.asarray(self.origin + c @ self.axes)
+
+    def frame(self, x: Array) -> Array:
+        """Unit vectors (3, 3), as rows, of the system's directions at the point `x`."""
+        if self.kind == "R":
+            return self.axes
+        a, b, c = self.axes @ (x - self.origin)
+        phi = math.atan2(b, a)
+        outward = np.array([math.cos(phi), math.sin(phi), 0.0])
+        around = np.array([-outward[1], outward[0], 0.0])
+        up = np.array([0.0, 0.0, 1.0])
+        rows = [outward, around, up]
+        if self.kind == "S":
+            theta = math.atan2(math.hypot(a, b), c)
+            sine, cosine = math.sin(theta), math.cos(theta)
+            rows = [sine * outward + cosine * up, cosine * outward - sine * up, around]
+        return np.asarray(np.stack(rows) @ self.axes)
+
+
+BASIC = System(np.zeros(3), np.eye(3))
+
+
+def axes_of(points: list[Array], entry: Entry) -> System:
+    """The system of three points: its origin, x to the second, z across all."""
+    a = points[0]
+    x, arm = points[1] - a, points[2] - a
+    z, size = np.cross(x, arm), np.linalg.norm(x)
+    apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
+    entry.needs(apart, f"the three points of {entry.name} lie on one line.")
+    x, z = x / size, z / np.linalg.norm(z)
+    return System(a, np.stack([x, np.cross(z, x), z]))
+
+
+class Systems:
+    """The coordinate systems of a deck, each computed when it is first used."""
+
+    def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
+        self._node = node
+        self._placed: dict[int, System] = {}
+        self._open: set[int] = set()
+        self._given: dict[int, tuple[Entry, int]] = {}
+        self._moved: Mapping[int, System] = {}
+        for entry in entries:
+            if entry.name.startswith("CORD1"):
+                for start in (0, 4):
+                    if entry.text(start):
+                        self._give(entry, start, 4)
+            elif entry.name.startswith("CORD2"):
+                self._give(entry, 0, 16)
+
+    def move(self, moved: Mapping[int, System]) -> None:
+        """Parts of the deck lie elsewhere: scope -> where their basic system is."""
+        self._moved = moved
+        self._placed.clear()
+
+    def _give(self, entry: Entry, start: int, width: int) -> None:
+        """Define a system; MeshError if it is defined otherwise, too."""
+        known, first = self._given.setdefault(entry.number(start), (entry, start))
+        alike = known.name == entry.name and all(
+            known.text(first + k) == entry.text(start + k) for k in range(width)
+        )
+        entry.needs(alike, f"the coordinate system {entry.text(start)} is defined more than once, "
+                    f"first otherwise in {known.place}.")  # fmt: skip
+
+    def __call__(self, number: int, place: Place) -> System:
+        """The system `number`; MeshError if there is none, or it depends on itself."""
+        own = number
+        if not number:
+            return self._moved.get(place.scope, BASIC)
+        number += place.scope
+        if number not in self._placed:
+            place.needs(number in self._given, f"there is no coordinate system {own}.")
+            if number in self._open or len(self._open) > 200:
+                raise place.error(f"the coordinate system {own} depends on itself.")
+            self._open.add(number)
+            self._placed[number] = self._place(*self._given[number])
+            self._open.discard(number)
+        return self._placed[number]
+
+    def _place(self, entry: Entry, start: int) -> System:
+        if entry.name.startswith("CORD1"):
+            points = [self._node(entry.whole(start + k), entry.place) for k in (1, 2, 3)]
+        else:
+            base = self(entry.whole(1, 0), entry.place)
+            points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
+        z, x, y = axes_of(points, entry).axes  # z to the second point, y across all
+        return System(points[0], np.stack([x, y, z]), entry.name[-1])
+
+
+# --- Parts ----------------------------------------------------------------------------------------
+
+
+#: Above all numbers of a part.
+SCOPE = 10**10
+#: Beginnings of the names of entries that define what others name.
+DEFINED = ("GRID", "P", "MAT", "CORD")
+#: Nodes of two parts that are nearer are one, in the deck's unit.
+NEAR = 1e-5
+
+
+def scope_parts(entries: list[Entry]) -> None:
+    """Set the scopes of the entries, where the parts need them."""
+    part, found = 0, []
+    known: dict[tuple[str, str], tuple[int, list[str]]] = {}
+    clash = any(entry.name == "SELOC" for entry in entries)
+    for entry in entries:
+        part = entry.whole(0) if entry.name == "BEGIN SUPER" else part
+        found.append(part)
+        if entry.name.startswith(DEFINED) and entry.name not in ("PARAM", "PLOTEL"):
+            other, fields = known.setdefault((entry.name, entry.text(0)), (part, entry.fields))
+            clash = clash or (other != part and fields != entry.fields)
+    for entry, part in zip(entries, found, strict=True):
+        if clash and part:
+            entry.place = replace(entry.place, scope=part * SCOPE)
+
+
+def label_of(number: int) -> str:
+    """The name of a property of a part."""
+    part, own = divmod(number, SCOPE)
+    return f"{own}" + (f" of part {part}" if part else "")
+
+
+def place_in(entries: list[Entry], entry: Entry, k: int) -> Place:
+    """The place of an entry as if it stood in the part that its field k names."""
+    scoped = any(one.place.scope for one in entries)
+    return replace(entry.place, scope=entry.whole(k, 0) * SCOPE * scoped)
+
+
+def moved_parts(
+    entries: list[Entry], node: Callable[[int, Place], Array], systems: Systems
+) -> dict[int, System]:
+    """Scope of a part -> where SELOC moves its basic system: three of its nodes to three others."""
+    points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
+    found = {}
+
+    def aim(number: int, place: Place) -> Array:
+        if number not in points:
+            return node(number, place)
+        at = points[number]
+        return systems(at.whole(1, 0), at.place).point(np.array(at.reals(2, 5)))
+
+    for entry in entries:
+        if entry.name == "SELOC":
+            own = place_in(entries, entry, 0)
+            a = axes_of([node(entry.whole(k), own) for k in (1, 2, 3)], entry)
+            b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
+            turn = a.axes.T @ b.axes
+            found[own.scope] = System(b.origin - a.origin @ turn, turn)
+    return found
+
+
+def coincident(
+    grids: list[Entry], points: Array, entries: list[Entry]
+) -> Iterator[tuple[int, int]]:
+    """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
+    scopes = np.array([grid.place.scope for grid in grids])
+    manual = {one.whole(0) * SCOPE for one in entries if one.name == "SEBULK"
+              and one.text(3).upper() == "MANUAL"}  # fmt: skip
+    if not scopes.any():
+        return
+    from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
+
+    done: set[int] = set()
+    for first, second in sorted(cKDTree(points[: len(grids)]).query_pairs(NEAR)):
+        apart = scopes[first] != scopes[second]
+        if apart and second not in done and not {scopes[first], scopes[second]} & manual:
+            done.add(second)
+            yield second, first
+
+
+#: What the case control selects -> the entries of these sets; the one that adds them ends with ADD.
+SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
+#: Elements between scalar motions, by the first letters of their names.
+SCALARS = ("CELAS", "CDAMP", "CMASS")
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam, or a piece of one."""
+
+    #: place of its middle, from 0 to 1
+    middle: float = 0.0
+    #: whether its ends are its own
+    moved: bool = False
+    #: direction of plane 1, of a piece of a curved beam
+    height: Array | None = None
+
+
+@dataclass
+class NastranDeck:
+    """A deck, and the entries of its elements and nodes."""
+
+    deck: Deck
+    bulk: Bulk
+    nodes: Numbering
+    systems: Systems
+    #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
+    grids: list[Entry]
+    scalar: dict[int, int]
+    #: what becomes of each entry
+    account: Account
+    #: entry of each element that is a cell, in the order of the deck's elements
+    elements: list[Entry] = field(default_factory=list)
+    #: system of the displacements at each node: row -> number, where it is not the basic one
+    systems_of: dict[int, int] = field(default_factory=dict)
+    #: what is special about elements that are beams, by their number
+    beams: dict[int, Beam] = field(default_factory=dict)
+    #: entries that are read as others, in the deck's terms
+    converted: list[str] = field(default_factory=list)
+
+    def named(self, *names: str) -> list[Entry]:
+        """All entries of these names."""
+        return [entry for entry in self.bulk.entries if entry.name in names]
+
+    def parameter(self, name: str) -> Entry | None:
+        """PARAM with a name."""
+        return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
+
+    def used_sets(self, what: str) -> set[int]:
+        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
+
+        Without case control all of them are used. The choice is told; MeshError if there are no
+        supports of the number that is selected. What stands above all subcases is of each.
+        """
+        name = self.deck.name
+        present = {entry.whole(0) for entry in self.named(*SETS[what])}
+        if self.bulk.selected is None:
+            if len(present) > 1:
+                some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
+                self.deck.told.append(some)
+            return present
+        first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
+        sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
+        used = set() if first is None else {first}
+        if first in sums:
+            words, place = sums[first].words(1), sums[first].place
+            used = {whole_number(word, place) for word in words} | used & present
+        lost, others = used - present, (present | set(sums)) - used - {first}
+        if lost == used and what == "SPC" and used:
+            raise MeshError(
+                f"the case control of {name} selects SPC = {first}, which is not there."
+            )
+        if lost:
+            self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
+        if others:
+            self.deck.told.append(
+                f"not used of {name}: {what} {_sets(others)}, which the first subcase does not "
+                "select."
+            )
+        return used & present
+
+    def row(self, label: int, place: Place) -> int:
+        """Row of the node `label`."""
+        row = int(self.nodes.rows(np.array([label + place.scope]))[0])
+        place.needs(row >= 0, f"there is no GRID {label}.")
+        return row
+
+    def at(self, entry: Entry, k: int) -> int:
+        """Row of the node in field k of an entry."""
+        return self.row(entry.whole(k), entry.place)
+
+    def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
+        """Number of a property -> (its entry, its first field); `width` fields make one of them."""
+        return {
+            entry.number(k): (entry, k)
+            for entry in self.named(name)
+            for k in range(0, min(len(entry.fields), 8), width)
+            if entry.text(k)
+        }
+
+    def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
+        """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
+        two = entry.name[-1] in "12"
+        found = []
+        for k in (2, 4) if two else (2, 3):
+            if entry.whole(k, 0):
+                row = self.at(entry, k)
+                motion = entry.whole(k + 1, 0) - 1 if two else -1
+                entry.needs(
+                    motion in (-1, 0) if row in self.scalar else 0 <= motion < 6,
+                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or a scalar point.",
+                )
+                found.append((row, max(motion, 0)))
+        entry.needs(found, f"{entry.name} acts on no node.")
+        return found
+
+    def frame(self, row: int, place: Place) -> Array:
+        """Directions of the displacements at a node, as rows."""
+        number = max(self.systems_of.get(row, 0), 0)
+        place = self.grids[row].place if row < len(self.grids) else place
+        return self.systems(number, place).frame(self.deck.points[row])
+
+    def axes(self, entry: Entry, number: int) -> Array:
+        """The axes of a rectangular system as rows."""
+        system = self.systems(number, entry.place)
+        entry.needs(
+            system.kind == "R",
+            f"{entry.name} is read in rectangular systems; give the coordinate system {number} as "
+            "CORD2R.",
+        )
+        return system.axes
+
+
+def read(sources: Sources) -> NastranDeck:
+    """The deck in some files."""
+    bulk = Bulk(sources)
+    for entry in bulk.entries:
+        if entry.fault and fate_of(entry.name).kind == "read":
+            raise entry.fault
+        if entry.name == "SEBULK":
+            own = f"a superelement of the type {entry.text(1)}"
+            whole = entry.text(1).upper() in ("", "PRIMARY")
+            entry.needs(whole, f"{own} is not read; write its elements out.")
+    scope_parts(bulk.entries)
+    found = _nodes(bulk, sources.name)
+    found.deck.told += [*bulk.told, *found.account.unknown_cards()]
+    for name, sentence in NEAREST.items():
+        if count := len(found.named(name)):
+            found.converted.append(sentence.format(count, name))
+    bulk.entries += renew(bulk.entries)
+    _defaults(found)
+    _rods_of_bars(found)
+    _elements(found)
+    set_groups(found)
+    return found
+
+
+def _sets(numbers: set[int]) -> str:
+    shown = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
+    return f"set{'s' * (len(numbers) > 1)} {shown}"
+
+
+def _nodes(bulk: Bulk, name: str) -> NastranDeck:
+    grids = [entry for entry in bulk.entries if entry.name == "GRID"]
+    if not grids:
+        raise MeshError(f"{name} defines no nodes (GRID).")
+    default = grid_defaults(bulk.entries)
+    grids = list(defined_once(grids, "GRID").values())
+    labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
+    scalar = _scalar_points(bulk)
+    both = np.intersect1d(labels, scalar)
+    if len(both):
+        raise MeshError(f"{name} defines {both[0]} as a GRID and as an SPOINT.")
+    nodes = Numbering(np.concatenate([labels, scalar]))
+    placed: dict[int, Array] = {}
+
+    def position(label: int, place: Place) -> Array:
+        row = int(nodes.rows(np.array([label + place.scope]))[0])
+        place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
+        if row not in placed:
+            number = _given(grids[row], 1, default)
+            c = np.array(grids[row].reals(2, 5))
+            placed[row] = systems(number, grids[row].place).point(c)
+        return placed[row]
+
+    systems = Systems(bulk.entries, position)
+    moved = moved_parts(bulk.entries, position, systems)
+    systems.move(moved)
+    placed.clear()
+    points = [position(grid.whole(0), grid.place) for grid in grids]
+    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]))
+    rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
+    account = account_for(bulk.entries, name)
+    found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
+    for row, grid in enumerate(grids):
+        number = _given(grid, 5, default)
+        if number or grid.place.scope in moved:
+            found.systems_of[row] = number
+    return found
+
+
+def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
+    """Number -> its entry; MeshError for two that differ."""
+    first: dict[int, Entry] = {}
+    for entry in entries:
+        known = first.setdefault(entry.number(0), entry)
+        count = max(len(known.fields), len(entry.fields))
+        if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
+            raise entry.place.error(
+                f"the deck defines the {what} {entry.whole(0)} more than once, "
+                f"first otherwise in {known.place}."
+            )
+    return first
+
+
+def _scalar_points(bulk: Bulk) -> IntArray:
+    """Numbers of the scalar points: of SPOINT, and the ends of elements between such points."""
+    numbers: set[int] = set()
+    for entry in bulk.entries:
+        if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
+            numbers.update(entry.number(k) for k in (2, 3) if entry.whole(k, 0))
+        if entry.name == "SPOINT":
+            for first, last in through(entry.fields, entry.place):
+                entry.needs(last - first <= 10_000_000, f"SPOINT from {first} to {last}.")
+                numbers.update(range(first + entry.place.scope, last + entry.place.scope + 1))
+    return np.array(sorted(numbers), dtype=np.int64)
+
+
+def grid_defaults(entries: list[Entry]) -> dict[int, Entry]:
+    """GRDSET of each part of the deck, by its scope."""
+    return {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
+
+
+def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
+    """The number of a coordinate system in field k, by default that of GRDSET."""
+    given = grid if grid.text(k) else defaults.get(grid.place.scope, grid)
+    return given.whole(k, 0)
+
+
+def _defaults(found: NastranDeck) -> None:
+    """Blank fields of CBAR and CBEAM are those of BAROR and BEAMOR."""
+    for name, given in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
+        for default in found.named(given)[:1]:
+            for entry in found.named(name):
+                entry.fields += [""] * (8 - len(entry.fields))
+                for some in ((1,), (4, 5, 6), (7,)):
+                    if not any(entry.text(k) for k in some):
+                        entry.fields[some[0] : some[-1] + 1] = [default.text(k) for k in some]
+
+
+def _rods_of_bars(found: NastranDeck) -> None:
+    """CBAR of a PBAR without second moments are CROD; the model tells it."""
+    bare = {
+        entry.text(0): entry
+        for entry in found.named("PBAR")
+        if not any(entry.text(k).strip("+-.0") for k in (3, 4))
+    }
+    for entry in found.named("CBAR"):
+        if (entry.text(1) or entry.text(0)) in bare:
+            entry.name, entry.fields = "CROD", entry.fields[:4]
+    for number, entry in bare.items():
+        area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
+        entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
+        found.converted.append(f"bending, pins and offsets of PBAR {number} (no I1, I2): rods")
+
+
+def _elements(found: NastranDeck) -> None:
+    """Blocks by type and number of nodes; elements keep the order of their blocks."""
+    sorted_out: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
+    seen: set[int] = set()
+    for entry in found.bulk.entries:
+        cell = CELLS.get(entry.name)
+        if entry.name == "BEGIN SUPER":  # which numbers its elements anew
+            seen = set()
+        if cell is None:
+            if is_other(entry.name):
+                found.deck.leave(entry.name)
+            continue
+        corners = CORNERS[cell.shape]
+        blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
+        every = range(cell.first, cell.first + corners + len(cell.middles))
+        nodes = [(n := entry.whole(k, blank)) and n + entry.place.scope for k in every]
+        label = entry.whole(0)
+        entry.needs(label not in seen, f"the element {label} is defined more than once.")
+        seen.add(label)
+        sorted_out.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
+    for (name, curved), some in sorted_out.items():
+        cell = CELLS[name]
+        corners = CORNERS[cell.shape]
+        table = np.array([nodes for _, nodes in some], dtype=np.int64)
+        rows = np.where(table > 0, found.nodes.rows(table), -1)
+        lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
+        for row, k in np.argwhere(lost):
+            entry = some[row][0]
+            raise entry.place.error(
+                f"{name} {entry.whole(0)} has the node {table[row, k] % SCOPE}, for which "
+                "there is no GRID."
+            )
+        mids = rows[:, corners:][:, list(cell.middles) if curved else []]
+        tables = rows[:, :corners], mids, mids[:, :0]
+        found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
+        found.elements += [entry for entry, _ in some]
+
+
+def property_of(entry: Entry) -> int:
+    """Number of an element's property; by default that of the element."""
+    if entry.name == "CONROD":
+        return 0
+    return entry.whole(1, entry.whole(0)) + entry.place.scope
+
+
+def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
+    """(entry, first field) of an element's property among `NastranDeck.properties`."""
+    number = property_of(entry)
+    entry.needs(number in known, f"{entry.name} has no {name} {number}.")
+    return known[number]
+
+
+def set_groups(found: NastranDeck) -> None:
+    """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
+    numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
+    for number in map(int, np.unique(numbers[numbers > 0])):
+        for name in filter(None, (label_of(number), found.bulk.names.get(number))):
+            found.deck.element_sets[name] = np.flatnonzero(numbers == number)
+    for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
+        if rows := [rows for rows, _, _ in constraints(found, number)]:
+            found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
+
+
+def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
+    """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
+    result = []
+    for entry in found.named("SPC", "SPC1"):
+        if entry.whole(0) != number:
+            continue
+        if entry.name == "SPC":
+            result += [
+                (np.array([found.at(entry, k)]), entry.text(k + 1), entry)
+                for k in (1, 4)
+                if entry.text(k)
+            ]
+            continue
+        for first, last in through(entry.fields[2:], entry.place):
+            own = found.nodes.between(first + entry.place.scope, last + entry.place.scope)
+            result.append((own, entry.text(1), entry))
+    return result

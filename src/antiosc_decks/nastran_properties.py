@@ -1,0 +1,446 @@
+"""Materials and properties of Nastran decks: solids, rods, shear panels, beams and shells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Array, IntArray
+from antiosc.io.neutral import CORNERS
+from antiosc_decks import properties as geometry
+from antiosc_decks.builder import Arguments, Family, ModelBuilder, Rod
+from antiosc_decks.nastran_beams import BeamProfiles, offset_along, orientation
+from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
+from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
+from antiosc_decks.properties import Material, isotropic, symmetric, tube
+
+#: Material -> the field of its density.
+MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}
+#: Largest ν of a beam; a smaller G than it gives is in the section.
+NU_OF_BEAMS = 0.49
+#: Beginnings of properties of springs, dampers and masses, and of loads, which share numbers.
+NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS", "PARAM", "PLOTEL")
+#: Field of the thickness of the first corner.
+OWN_THICKNESS = 10
+#: Sine of the angle below which a direction is normal to an element.
+NORMAL = 0.05
+
+
+@dataclass
+class Properties:
+    """Adds the properties of a deck to its builder; masses times `factor` (PARAM,WTMASS)."""
+
+    found: NastranDeck
+    builder: ModelBuilder
+    factor: float
+
+    def read(self) -> None:
+        """Set the section of every element."""
+        entries = defined_once(self.found.named(*MATERIALS), "material")
+        self._materials = {own: self._material_of(entry) for own, entry in entries.items()}
+        known = defined_once(self.found.named(*PROPERTIES), "property")
+        every = self.found.elements
+        numbers = np.array([property_of(entry) for entry in every], dtype=np.int64)
+        for number in np.unique(numbers):
+            elements = np.flatnonzero(numbers == number)
+            names = {every[k].name for k in elements}
+            if number == 0 and "CONROD" in names:
+                for element in elements:
+                    self._rods(every[element], "", np.array([element]))
+                continue
+            entry = known.get(int(number))
+            if entry is None:
+                raise self._unknown(every[elements[0]], int(number) % SCOPE)
+            for wrong in sorted(n for n in names if entry.name not in CELLS[n].properties):
+                raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
+            add = OF_PROPERTY.get(entry.name, Properties._beams)
+            add(self, entry, label_of(int(number)), elements)
+
+    def _unknown(self, element: Entry, number: int) -> MeshError:
+        """The error of an element without a property that is read."""
+        others = [entry.name for entry in self.found.bulk.entries
+                  if entry.name.startswith("P") and entry.text(0) == str(number)]  # fmt: skip
+        kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), "")
+        what = f"which is none of {', '.join(PROPERTIES)} in the deck."
+        if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
+            instead = " or ".join(CELLS[element.name].properties)
+            what = f"a {kind}, which is not supported; give it as {instead}."
+        label = f"{element.name} {element.whole(0)}"
+        return element.place.error(f"{label} has the property {number}, {what}")
+
+    def _material_of(self, entry: Entry) -> Material:
+        number = entry.whole(0)
+        material = Material(f"{entry.name} {number}", entry.place)
+        density = entry.real(MATERIALS[entry.name])
+        material.density = density * self.factor if density else None
+        if entry.name == "MAT1":
+            E, G, nu = _moduli(entry)
+            material.constants = isotropic(E, nu)
+            if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
+                material.of_lines = E, G
+                self.builder.tell_once(
+                    f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
+                )
+        elif entry.name == "MAT2":
+            material.plane = symmetric(entry.reals(1, 7), np.triu_indices)
+        elif entry.name == "MAT9":
+            # Nastran's order of the shear stresses is 12, 23, 31
+            order = [0, 1, 2, 4, 5, 3]
+            C = symmetric(entry.reals(1, 22), np.triu_indices)
+            material.stiffness = C[np.ix_(order, order)]
+        elif entry.name == "MAT11":
+            material.constants = np.array([entry.real(k, None) for k in range(1, 10)])
+        else:
+            E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
+            G13, G23 = (entry.real(k) or G12 for k in (5, 6))
+            if not (entry.real(5) and entry.real(6)):
+                told = f"rigid transverse shear of MAT8 {number}, whose G12 is taken"
+                self.builder.tell_once(told)
+            nan = np.nan
+            material.constants = np.array([E1, E2, nan, n12, nan, nan, G12, G13, G23])
+        return material
+
+    def _material(self, entry: Entry, k: int) -> Material:
+        """The material whose number is in field k (from 0)."""
+        number = entry.number(k)
+        entry.needs(number in self._materials, "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with "
+                    f"the number {number % SCOPE}.")  # fmt: skip
+        return self._materials[number]
+
+    def _elastic(self, material: Material, what: str) -> tuple[float, float, float]:
+        """(E, nu, density) of an isotropic material, in the deck's units."""
+        units = self.builder.units
+        E, nu = self.builder.elastic(material, what)
+        return E / units.stress, nu, self.builder.rho(material) / units.density
+
+    def _beside(self, extra: float, size: float) -> float:
+        """Nonstructural mass per area or length, as density of the thickness or cross-section."""
+        return extra * self.factor / size * self.builder.units.density if size else 0.0
+
+    def _tell_beside(self, entry: Entry, extra: float) -> None:
+        if extra:
+            self.builder.tell_once(
+                f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
+                "over the section"
+            )
+
+    def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
+        fluid = entry.text(6) not in ("", "SMECH")
+        entry.needs(not fluid, f"PSOLID with FCTN={entry.text(6)} is not a solid.")
+        material = self._material(entry, 1)
+        number = entry.text(2)
+        stiffness = self.builder.anisotropic(material)
+        kind, arguments = "Solid", Arguments(rho=self.builder.rho(material))
+        if stiffness is None:
+            arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
+        else:
+            entry.needs(number not in ("", "-1"), f"PSOLID with {material.name} has its directions "
+                        "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
+                        "system.")  # fmt: skip
+            axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
+            arguments = {"stiffness": stiffness, **arguments, "axes": axes}
+            kind = "AnisotropicSolid"
+        self.builder.add(name, elements, Family(kind, arguments, entry.place))
+
+    def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """PCOMPS: layers of one isotropic material are a solid of it."""
+        numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
+        plain = Entry("PCOMPS", entry.place, [name, *numbers])
+        alike = len(numbers) == 1 and self._material(plain, 1).isotropic is not None
+        entry.needs(alike, "PCOMPS is read with layers of one isotropic material alone.")
+        self._solid(plain, name, elements)
+
+    def _rods(self, entry: Entry, name: str, elements: IntArray) -> None:
+        k = 3 if entry.name == "CONROD" else 1
+        if entry.name == "PTUBE":
+            outer, t = entry.real(2, None), entry.real(3)
+            same = entry.real(5, outer) == outer
+            entry.needs(same, "tapered tubes (PTUBE with OD2) are not supported.")
+            pipe = tube(outer / 2, t or outer / 2)
+            area, torsion, extra = pipe.A, pipe.J, entry.real(4)
+        else:
+            area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
+        entry.needs(area > 0, f"{entry.name} needs an area above 0.")
+        E, nu, density = self._elastic(self._material(entry, k), "rods")
+        mass = density * area + extra * self.factor
+        rod = Rod(E, nu, area, mass, entry.place, torsion)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
+
+    def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
+        E, nu, density = self._elastic(self._material(entry, 1), "shear panels")
+        t = entry.real(2, None)
+        entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
+        mass = density * t + entry.real(3) * self.factor
+        effective = (entry.real(4), entry.real(5))
+        panel = Rod(E, nu, t, mass, entry.place, effective=effective)
+        self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
+
+    def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add the elements of one property, grouped by place, orientation and offset."""
+        along = BeamProfiles(entry)
+        for told in along.told:
+            self.builder.tell_once(told)
+        material = self._material(entry, 1)
+        E, nu = self.builder.elastic(material, "beams")
+        # a G up to E/3 goes into the section: nu lies below 0.5
+        share = 1.0 if nu < NU_OF_BEAMS else (1 + NU_OF_BEAMS) / (1 + nu)
+        density = self.builder.rho(material)
+        length = self.builder.units.length
+        tangents = geometry.tangents_of(self.found.deck, elements)
+        apart: dict[tuple[float, ...], list[int]] = {}
+        for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
+            beam = self.found.beams.get(int(element), Beam())
+            own = self.found.elements[element]
+            height = orientation(self.found, own, tangent) if beam.height is None else beam.height
+            offset = 0.0 if beam.moved else offset_along(self.found, own, height)
+            key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
+            apart.setdefault(key, []).append(k)
+        for key, some in apart.items():
+            one = along.at(key[4])
+            self._tell_beside(entry, one.extra)
+            profile = one.profile
+            height = np.array(key[:3])
+            if one.angle:
+                entry.needs(not key[3], f"{entry.name} with I12 and with offsets of its elements "
+                            "is not supported; rotate the section to its principal "
+                            "axes.")  # fmt: skip
+                side = np.cross(tangents[some[0]], height)
+                height = math.cos(one.angle) * height + math.sin(one.angle) * side
+            profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
+            arguments: Arguments = {
+                "E": E,
+                "nu": min(nu, NU_OF_BEAMS),
+                "rho": density + self._beside(one.extra, profile.A),
+                "section": profile.section(length),
+                "orientation": height.tolist(),
+                "offset": key[3] * length,
+                "shear": one.sheared,
+            }
+            group = name if len(apart) == 1 else f"{name} along {key[:3]}"
+            self.builder.add(group, elements[some], Family("Beam", arguments, entry.place))
+
+    def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
+        number = entry.text(0)
+        for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
+            if not entry.text(k) and entry.text(other):
+                entry.fields += [""] * (4 - len(entry.fields))
+                entry.fields[k] = entry.text(other)
+                self.builder.tell_once(
+                    f"that PSHELL {number} has no stiffness against {what} (no "
+                    f"MID{(k + 1) // 2}), that of its other material is taken"
+                )
+        strained = entry.whole(3) == -1
+        entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
+        entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
+                    "is not supported; give the layers by PCOMP, or an offset.")  # fmt: skip
+        material = self._material(entry, 1)
+        same = material.plane is None and entry.whole(3) == entry.whole(1)
+        plain = same and entry.real(4, 1.0) == 1
+        share = entry.real(6, 5 / 6)
+        shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
+        if not entry.text(5):
+            its = "its material's" if plain else "that of MID1 with 5/6"
+            told = f"the rigid transverse shear of PSHELL {number} (no MID3), {its} is taken"
+            self.builder.tell_once(told)
+        self._tell_beside(entry, entry.real(7))
+        length = self.builder.units.length
+        for own, offset, some in self._by_thickness(elements, entry.real(2), entry):
+            offset += entry.real(12)
+            extra = self._beside(entry.real(7), own)
+            if not plain or not shear:
+                self._directed(entry, name, some, "GivenSheet", self._given(entry, own), offset)
+            elif material.isotropic is None:
+                layer = self.builder.layer(material, own, 0.0)
+                layer["rho"] += extra
+                self._directed(entry, name, some, "Laminate", {"layers": [layer]}, offset)
+            else:
+                E, nu = self.builder.elastic(material, "shells")
+                rho = self.builder.rho(material) + extra
+                arguments: Arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
+                if offset:
+                    arguments["offset"] = offset * length
+                    arguments |= geometry.side_of(self.found.deck, some, length)
+                    self._tell_curved(entry, some)
+                self.builder.add(name, some, Family("Shell", arguments, entry.place))
+
+    def _by_thickness(
+        self, elements: IntArray, thickness: float, entry: Entry
+    ) -> Iterator[tuple[float, float, IntArray]]:
+        """(thickness, offset, elements) of elements that are alike."""
+        apart: dict[tuple[float, float], list[int]] = {}
+        varying = 0
+        label = f"{entry.name} {entry.text(0)}"
+        for element in elements:
+            own = self.found.elements[element]
+            cell = CELLS[own.name]
+            factor = thickness if own.whole(cell.flag, 0) == 1 else 1.0
+            corners = range(OWN_THICKNESS, OWN_THICKNESS + CORNERS[cell.shape])
+            values = [own.real(k) * factor if own.text(k) else thickness for k in corners]
+            thick = min(values) >= 0 and max(values) > 0
+            own.needs(thick, f"{own.name} {own.text(0)} has no thickness, here or in {label}.")
+            varying += max(values) - min(values) > 1e-9 * max(values)
+            key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
+            apart.setdefault(key, []).append(int(element))
+        if varying:
+            self.builder.tell_once(
+                f"the variation of the thickness within {varying} elements of {label}, the mean of "
+                "the corners is taken in each"
+            )
+        return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
+
+    def _given(self, entry: Entry, thickness: float) -> Arguments:
+        """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
+        ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
+        membrane, bending, across = (
+            self._material(entry, k if entry.text(k) else 1) for k in (1, 3, 5)
+        )
+        entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
+        units = self.builder.units
+        t = thickness * units.length
+        mass = self.builder.rho(membrane) * t + self._beside(entry.real(7), 1.0) * units.length
+        return {
+            "A": (_plane(membrane) * units.stress * t).tolist(),
+            "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
+            "S": (_across(across) * units.stress * share * t).tolist(),
+            "mass": mass,
+            "inertia": mass * ratio * t**2 / 12,
+            "thickness": t,
+        }
+
+    def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
+        plies = []
+        material, thickness = "", ""
+        step, first = (8, 9) if entry.name == "PCOMPG" else (4, 8)
+        for start in range(8, len(entry.fields), step):
+            if not entry.words(start, start + 4):
+                continue
+            k = start + first - 8
+            material, thickness = entry.text(k) or material, entry.text(k + 1) or thickness
+            ply = Entry(entry.name, entry.place, [material, thickness, entry.text(k + 2)])
+            plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
+        how = entry.text(7).upper()
+        what = f"LAM={how}" if plies else "no plies"
+        read = how in ("", "SYM") and plies
+        entry.needs(read, f"{entry.name} with {what} is not supported.")
+        plies += plies[::-1] if how == "SYM" else []
+        total = sum(thickness for _, thickness, _ in plies)
+        off = entry.real(1) + total / 2 if entry.text(1) else 0.0
+        layers = [self._ply(*ply) for ply in plies]
+        extra = self._beside(entry.real(2), total)
+        self._tell_beside(entry, extra)
+        for layer in layers:
+            layer["rho"] += extra
+        for own, offset, some in self._by_thickness(elements, total, entry):
+            one = self.found.elements[some[0]]
+            alike = math.isclose(own, total, rel_tol=1e-9)
+            one.needs(alike, f"{one.name} {one.text(0)} has thicknesses of its own, which do not "
+                      f"apply to the plies of {entry.name}.")  # fmt: skip
+            offset += off if abs(off) > 1e-9 * total else 0.0
+            self._directed(entry, name, some, "Laminate", {"layers": layers}, offset)
+
+    def _ply(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
+        if material.plane is not None:
+            Q = _plane(material)
+            plain = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
+            material.needs(plain, f"{material.name} couples stretching with shear, which plies "
+                           "here do not; give the ply along its fibres by MAT8.")  # fmt: skip
+            S = np.linalg.inv(Q)
+            G, nan = Q[2, 2], np.nan
+            constants = [1 / S[0, 0], 1 / S[1, 1], nan, -S[0, 1] / S[0, 0], nan, nan, G, G, G]
+            self.builder.tell_once(f"transverse shear of {material.name}, whose G33 is taken")
+            material = replace(material, constants=np.array(constants), plane=None)
+        return self.builder.layer(material, thickness, angle)
+
+    def _directed(
+        self,
+        entry: Entry,
+        name: str,
+        elements: IntArray,
+        kind: str,
+        arguments: Arguments,
+        offset: float,
+    ) -> None:
+        """Add a family with directions: one axis, or one in each element."""
+        deck, length = self.found.deck, self.builder.units.length
+        normals = geometry.normals_of(deck, elements)
+        axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
+        axis = geometry.common_direction(axes, least=1 - 1e-6)
+        own = {**arguments, "top": geometry.top_of(deck, elements, length)}
+        given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
+        own["axis"] = given
+        if offset:
+            own["offset"] = offset * length
+            self._tell_curved(entry, elements)
+        self.builder.add(name, elements, Family(kind, own, entry.place))
+
+    def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
+        if geometry.curved(self.found.deck, elements):
+            self.builder.tell_once(
+                f"the area of the offset surface of {entry.name} {entry.text(0)}, that at the "
+                "nodes is taken"
+            )
+
+    def _axis(self, element: int, normal: Array) -> Array:
+        """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
+        entry = self.found.elements[element]
+        where = CELLS[entry.name].theta
+        word = entry.text(where)
+        if word.lstrip("+-").isdigit():
+            x, y, _ = self.found.systems(int(word), entry.place).axes
+            if np.linalg.norm(np.cross(x, normal)) > NORMAL:
+                return np.asarray(x)
+            self.builder.tell_once(f"x of the system {word} (MCID) where it is normal to elements, "
+                                   "its y is taken")  # fmt: skip
+            return np.asarray(y)
+        nodes = [self.found.at(entry, k) for k in (2, 3)]
+        side = np.diff(self.found.deck.points[nodes], axis=0)[0]
+        side -= (side @ normal) * normal
+        angle = math.radians(entry.real(where))
+        rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
+        return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
+
+
+#: Property -> what reads it; others are of beams.
+OF_PROPERTY = {
+    "PSOLID": Properties._solid,
+    "PCOMPS": Properties._layered,
+    "PSHELL": Properties._shell,
+    **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
+    **dict.fromkeys(("PROD", "PTUBE"), Properties._rods),
+    "PSHEAR": Properties._panels,
+}
+
+
+def _moduli(entry: Entry) -> tuple[float, float | None, float]:
+    """(E, G as given, nu); one of the three may be left out."""
+    E, G, nu = (entry.real(k) if entry.text(k) else None for k in (1, 2, 3))
+    if E is None and G is not None and nu is not None:
+        E = 2 * G * (1 + nu)
+    if nu is None and E and G:
+        nu = E / (2 * G) - 1
+    if not E:
+        raise entry.place.error("MAT1 needs E, or G and NU, above 0.")
+    return E, G, nu or 0.0
+
+
+def _plane(material: Material) -> Array:
+    """Stresses (σ1, σ2, τ12) of plane strains (3, 3)."""
+    if material.plane is not None:
+        sound = np.linalg.eigvalsh(material.plane).min() > 0
+        material.needs(sound, f"the stiffness of {material.name} is not positive definite.")
+        return material.plane
+    E1, E2, _, n12, _, _, G12, *_ = material.elasticity()
+    n21 = n12 * E2 / E1
+    Q = np.array([[E1, n21 * E1, 0], [n21 * E1, E2, 0], [0, 0, (1 - n12 * n21) * G12]])
+    return np.asarray(Q / (1 - n12 * n21))
+
+
+def _across(material: Material) -> Array:
+    """Stresses (τ13, τ23) of transverse shear strains (2, 2)."""
+    if material.plane is not None:  # G11, G12, G22 of a MAT2
+        return np.asarray(material.plane[:2, :2])
+    return np.diag(material.elasticity()[7:9])
