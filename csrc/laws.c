@@ -474,7 +474,7 @@ void aom_law_advance(const aom_law *law, double delta, double *state) {
     double before = law_energy(law, state[1], state);
     state[0] = larger(state[0], delta);
     state[1] = delta;
-    state[2] += work - (law_energy(law, delta, state) - before);
+    state[2] += larger(work - (law_energy(law, delta, state) - before), 0.0); /* rounding */
 }
 
 double aom_law_origin(const aom_law *law, const double *state) { return origin(law, state); }

@@ -183,6 +183,36 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     return AOM_DONE;
 }
 
+/* Mass that a contact seems to push if a constant force acts for a time t. */
+static double mass_felt(const aom_stepper *st, int c, double t) {
+    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
+    const double *beta = beta_row(st, c);
+    for (int j = 0; j < st->system.n_modes; j++) {
+        double z = 0.5 * st->system.omega[j] * t;
+        double part = beta[j] * (z > 1e-4 ? t * sin(z) / z : t);
+        give += 0.5 * part * part;
+    }
+    return give > 0.0 ? 0.5 * t * t / give : INFINITY;
+}
+
+/* The scales of a contact that begins or goes on at a speed, and how deep it goes, roughly. */
+static double expect(aom_stepper *st, int c, double speed) {
+    const aom_contact *contact = st->system.contacts + c;
+    contact_state *state = st->contacts + c;
+    double depth, force;
+    law_expected(st, &contact->law, contact->mass, speed, state->memory, &depth, &force);
+    state->depth_scale = larger(state->depth_scale, depth);
+    if (st->options.force_scale > 0.0)
+        return depth;
+    double all = depth;
+    for (int tries = 0; tries < 3; tries++) { /* with the mass that takes part while it lasts */
+        double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
+        law_expected(st, &contact->law, mass, speed, state->memory, &depth, &force);
+    }
+    st->now.force_scale = larger(st->now.force_scale, force);
+    return all;
+}
+
 /* The contact is closed from the start, or goes on from touches before it; the rows know their
  * indentations. */
 static void resume(aom_stepper *st, int c) {
@@ -194,8 +224,11 @@ static void resume(aom_stepper *st, int c) {
             resumed_branch(&contact->law, contact, row->depth, row->rate, state->memory);
     else if (contact->preload > 0.0)
         state->branch = next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, 0.0, state->memory);
-    if (state->branch != AOM_APART)
-        st->now.level = 10;
+    if (state->branch == AOM_APART)
+        return;
+    st->now.level = 10;
+    if (contact->state != NULL)
+        expect(st, c, larger(fabs(row->rate), 1e-2 * state->speed_scale));
 }
 
 static void start_rows(aom_stepper *st) {
@@ -420,41 +453,12 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
 
 /* ---- a contact goes over to its next branch */
 
-/* Mass that a contact seems to push if a constant force acts for a time t. */
-static double mass_felt(const aom_stepper *st, int c, double t) {
-    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
-    const double *beta = beta_row(st, c);
-    for (int j = 0; j < st->system.n_modes; j++) {
-        double z = 0.5 * st->system.omega[j] * t;
-        double part = beta[j] * (z > 1e-4 ? t * sin(z) / z : t);
-        give += 0.5 * part * part;
-    }
-    return give > 0.0 ? 0.5 * t * t / give : INFINITY;
-}
-
-/* Peak force of a contact with the mass that takes part while it lasts, roughly; `depth` and
- * `force` are those with all the mass behind it. */
-static double force_expected(aom_stepper *st, int c, double depth, double force, double speed) {
-    const aom_contact *contact = st->system.contacts + c;
-    for (int tries = 0; tries < 3; tries++) {
-        double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
-        law_expected(st, &contact->law, mass, speed, st->contacts[c].memory, &depth, &force);
-    }
-    return force;
-}
-
 /* The scales of a contact that begins, and the level of its first step; `active`: others touch. */
 static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
     course *now = &st->now;
-    contact_state *state = st->contacts + c;
-    const aom_contact *contact = st->system.contacts + c;
-    double speed = larger(rate, 1e-2 * state->speed_scale), depth, force;
+    double speed = larger(rate, 1e-2 * st->contacts[c].speed_scale);
     now->touches++;
-    law_expected(st, &contact->law, contact->mass, speed, state->memory, &depth, &force);
-    state->depth_scale = larger(state->depth_scale, depth);
-    if (st->options.force_scale == 0.0)
-        now->force_scale = larger(now->force_scale, force_expected(st, c, depth, force, speed));
-    double lasts = 3.0 * depth / speed, cap = lasts / 4.0, first = lasts / 64.0;
+    double lasts = 3.0 * expect(st, c, speed) / speed, cap = lasts / 4.0, first = lasts / 64.0;
     if (st->options.step > 0.0)
         first = cap = smaller(st->options.step, cap);
     now->cap = active ? smaller(now->cap, cap) : cap;

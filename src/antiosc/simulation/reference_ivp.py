@@ -48,8 +48,8 @@ class JointContacts:
         self._tangents = [slice(i, i + count) for i, count in system.tangents.tolist()]
         kept = system.kept or [None] * len(laws)
         self.states: list[State | None] = [
-            state if closed or one is not None else None
-            for one, state, closed in zip(kept, system.begun(), self.closed, strict=True)
+            one.state if one is not None else law.touch(0.0) if closed else None
+            for law, one, closed in zip(laws, kept, self.closed, strict=True)
         ]
         self.anchor = np.zeros(len(system.beta))
         self.events: list[tuple[float, int, int, float]] = []

@@ -198,7 +198,7 @@ def start(assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
         system.pressed = closed(system, laws)
     if cut is not None:
         goes_on = [one is not None and one.closed for one in cut[0]]
-        system.pressed = np.where(goes_on, cut[1], system.pressed)
+        system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
     if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]

@@ -231,6 +231,7 @@ def handed_over(
 ) -> tuple[State, dict[int, Held]]:
     """The state at the end of a path, and the contacts of the points (n,) that go on.
 
+    With them go those that have parted and left a dent.
     The centre and the orientation are those of the path; momentum, angular momentum and the modes
     are those of the scene: the energy is that of the path.
     """
@@ -250,19 +251,13 @@ def handed_over(
     )
     node = int(np.argmin(np.abs(run.time - t)))
     force, kept = run.force[node], run.kept(a.system, t)
-    heights = -(run.depth[node] + a.system.R @ force)
-    each = zip(which, kept, a.system.tangents, strict=True)
-    held = {
-        int(i): Held(
-            float(heights[k]),
-            force[[k, *range(first, first + count)]],
-            float(a.system.slip[k, 1]),
-            one._replace(closed=True),
-        )
-        for k, (i, one, (first, count)) in enumerate(each)
-        if force[k] > 0 and one is not None
-    }
-    return state, held
+    heights, held = -(run.depth[node] + a.system.R @ force), {}
+    each = zip(which.tolist(), kept, a.laws, a.system.tangents.tolist(), strict=True)
+    for k, (i, one, law, (first, count)) in enumerate(each):
+        if one is not None and (one.closed or law.has_memory):
+            rows, slip = [k, *range(first, first + count)], float(a.system.slip[k, 1])
+            held[i] = Held(float(heights[k]), one.closed * force[rows], slip, one)
+    return state, held if any(one.kept.closed for one in held.values()) else {}
 
 
 #: Duration of a first run over the expected time of contact, and of the longest over the first.
