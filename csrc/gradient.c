@@ -23,12 +23,12 @@ typedef struct edge { /* derivatives by what is there at an edge between two ste
 } edge;
 
 /* Friction of a tangential row at a stage: f = stiffness (way - anchor), or, where it slips, f along
- * the way u = way + held f - anchor that the force alone would not have held. */
+ * the way u = way + held f - anchor, with any `held`. */
 typedef struct slide {
     bool slips;
     double along;   /* direction of the force */
     double turn[2]; /* how the force turns with u of the contact's rows */
-    double held;    /* the way that its own force holds back */
+    double held;    /* by the force */
 } slide;
 
 typedef struct adjoint {
@@ -320,7 +320,7 @@ static void rubbed(adjoint *a, int stage, int c) {
     const double *way = a->run->depth + 2 * a->step * m, *f = a->f;
     for (int r = 0; r < contact->n_tangential; r++) {
         int i = contact->first_tangential + r, now = (1 + stage) * m + i, before = stage * m + i;
-        double held = held_by(a, i, i)->depth[stage][1 + stage];
+        double held = held_by(a, i - r, i - r)->depth[stage][1 + stage]; /* the same for both */
         double anchor = way[before] - f[before] / stiffness;
         soft[r] = stiffness / (1.0 + stiffness * held);
         trial[r] = soft[r] * (way[now] + held * f[now] - anchor);

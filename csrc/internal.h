@@ -103,10 +103,12 @@ typedef struct course {
     int64_t steps, retries, touches, refused, idle;
 } course;
 
-/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h. */
+/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
+ * of a contact that slides, the forces of its rows over the normal one. */
 typedef struct newton_row {
     double by_delta[2], by_rate[2], rest[2];
     double inverse[2][2], step[2]; /* of its own part of the matrix; the correction */
+    double share[3][2];
 } newton_row;
 
 typedef struct workspace {

@@ -24,7 +24,7 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
-from antiosc.simulation.march.system import Kept
+from antiosc.simulation.march.system import Kept, System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
@@ -41,6 +41,8 @@ LIMITS = 10_000, 50_000
 DRAWN = 1e-5
 #: Times that an orientation is put right by the spin that it has.
 SWEEPS = 5
+#: A run that stops before this share of an expected contact time has no forces at its start.
+JAMMED = 1e-6
 #: In place of 0 where it divides.
 TINY = float(np.finfo(float).tiny)
 
@@ -150,20 +152,37 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
     """The history of a scene; its status is 2 if it stopped before its end.
 
-    AccuracyError where a force leaves the range of its law, or where none fits at the start.
+    AccuracyError where a force leaves the range of its law, or where friction jams.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
-    if found.run.time[-1] == 0.0:
-        raise AccuracyError(
-            "friction jams a point at its contact: the compliance of the modes that are left out "
-            "permits no contact forces there; take more modes (modes=) or less friction."
-        )
+    if found.run.time[-1] <= JAMMED * assembly.lasting:
+        raise _jam(assembly.system)
     error = {"force": found.force, "peak": found.peak}
     status = STOPPED if found.run.answer else COMPLETED
     history = SceneHistory(assembly, found.run, error, status, "")
     check_range(history)
     return history
+
+
+def _jam(system: System) -> AccuracyError:
+    """Why no forces fit: sliding presses a point in by more than its normal force lifts it."""
+    friction, wedge = 0.0, 0.0
+    for k, (first, count) in enumerate(system.tangents.tolist()):
+        own = float(np.linalg.norm(system.R[k, first : first + count]))
+        own /= max(float(system.R[k, k]), TINY)
+        if system.slip[k, 0] * own > friction * wedge:
+            friction, wedge = float(system.slip[k, 0]), own
+    if friction == 0:
+        return AccuracyError(
+            "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
+        )
+    return AccuracyError(
+        f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
+        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
+        f"modes that are left out, which must stay well below 1; take more modes (modes=), or less "
+        f"friction."
+    )
 
 
 def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Path:
