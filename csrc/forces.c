@@ -117,22 +117,21 @@ static void felt(const aom_stepper *st, const influence *local, int stage, int i
 
 /* T (2) of (C + x) T = b with the least x >= 0 for which |T| <= most; C: give[3] = C11, C22, C12. */
 static void bounded(const double give[3], const double b[2], double most, double T[2]) {
-    double turn = 0.5 * atan2(2.0 * give[2], give[0] - give[1]), cs = cos(turn), sn = sin(turn);
-    double middle = 0.5 * (give[0] + give[1]), off = hypot(0.5 * (give[0] - give[1]), give[2]);
-    double high = middle + off, low = larger(middle - off, 1e-12 * high), x = 0.0, size = 0.0;
-    double one = cs * b[0] + sn * b[1], two = cs * b[1] - sn * b[0], t1 = 0.0, t2 = 0.0;
+    double x = 0.0, cross = give[2], size = 0.0;
     for (int tries = 0; tries < 50; tries++) {
-        t1 = one / (high + x);
-        t2 = two / (low + x);
-        size = hypot(t1, t2);
-        if (!(size > most * (1.0 + 1e-15)) || most <= 0.0)
+        double c1 = give[0] + x, c2 = give[1] + x, all = c1 * c2;
+        double det = larger(all - cross * cross, 1e-12 * all);
+        T[0] = (c2 * b[0] - cross * b[1]) / det;
+        T[1] = (c1 * b[1] - cross * b[0]) / det;
+        size = sqrt(T[0] * T[0] + T[1] * T[1]);
+        if (!(size > most * (1.0 + 1e-14)) || most <= 0.0)
             break;
-        double steep = t1 * t1 / (high + x) + t2 * t2 / (low + x);
+        double steep = (c2 * T[0] * T[0] - 2.0 * cross * T[0] * T[1] + c1 * T[1] * T[1]) / det;
         x += (size - most) / most * size * size / steep;
     }
-    double ratio = size > most ? most / size : 1.0;
-    T[0] = ratio * (cs * t1 - sn * t2);
-    T[1] = ratio * (sn * t1 + cs * t2);
+    if (size > most)
+        for (int r = 0; r < 2; r++)
+            T[r] *= most / size;
 }
 
 /* Friction of one contact by a spring that slides, along its force; by how much its forces changed. */
