@@ -43,7 +43,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 6 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 7 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -144,8 +144,8 @@ typedef struct aom_law {
 } aom_law;
 
 /* The state of a law as a caller keeps it, n <= 3 numbers: damped (d/v0, fastest approach), with
- * memory (deepest indentation, turning point from which unloading starts, energy lost). For all
- * laws but AOM_USER: */
+ * memory (deepest indentation, turning point from which unloading starts, energy lost); AOM_USER has
+ * its own. For all laws but AOM_USER: */
 
 /* AOM_DONE, or AOM_BAD_LAW where parameters break the rules above. */
 AOM_API int aom_law_check(const aom_law *law);
@@ -180,7 +180,10 @@ typedef struct aom_contact {
     double expected_speed;       /* closing speed [m/s], roughly, > 0 */
     double slowest;              /* what begins more slowly [m/s] counts as beginning so, >= 0 */
     double preload;              /* force at the start [N]; > 0: it is closed */
-    double closing;              /* speed [m/s] at which it closed before; > 0: it is closed */
+    const double *state;         /* of the law after touches before the start, or NULL; of AOM_USER
+                                    n_state numbers, and the indentation at which the bodies part */
+    int closed;                  /* of a contact with a state: whether it is closed at the start,
+                                    also by a force of 0 */
 } aom_contact;
 
 typedef struct aom_system {

@@ -1,6 +1,7 @@
 /* Free motion under the loads, and whether a touch can hide in it. */
 #include "internal.h"
 
+#define OVERDAMPED 1.25 /* of the frequency: a decay beyond it */
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
 /* Two numbers at once, which compilers other than GCC and Clang take one by one, to the same bits. */
@@ -72,6 +73,14 @@ static inline void free_row(const aom_stepper *st, int i, const slot *const *slo
     }
 }
 
+/* What the slopes with which the last step ended add to the rate of row i at h/2 (ready_local). */
+static double slopes_before(const aom_stepper *st, int i) {
+    double total = 0.0;
+    for (int r = 0; r < st->system.n_rows; r++)
+        total += st->system.residual[(ptrdiff_t)i * st->system.n_rows + r] * st->rows[r].slope;
+    return 0.25 * total;
+}
+
 /* Indentations and rates at h/2 and h without contact forces. */
 void free_step(aom_stepper *st, int index, double h, stages *to) {
     const slot *const slots[2] = {st->slots + index + 1, st->slots + index};
@@ -79,6 +88,8 @@ void free_step(aom_stepper *st, int index, double h, stages *to) {
     for (int i = 0; i < st->system.n_rows; i++) {
         motion out[2];
         free_row(st, i, slots, t, 2, out);
+        if (with_slope(st))
+            out[0].rate += slopes_before(st, i);
         to[i] = (stages){{out[0].depth, out[1].depth}, {out[0].rate, out[1].rate}};
     }
 }
@@ -90,6 +101,7 @@ double acting_now(aom_stepper *st) {
     int k = st->now.segment, J = load_width(system), m = system->n_rows;
     while (k + 1 < system->n_breaks && system->breaks[k + 1] - t <= 1e-13 * end)
         k++;
+    st->now.smooth = st->now.smooth && k == st->now.segment;
     st->now.segment = k;
     bool last = k + 1 == system->n_breaks;
     st->rising = !last;
@@ -110,26 +122,41 @@ double acting_now(aom_stepper *st) {
     return last ? end - t : smaller(end, system->breaks[k + 1]) - t;
 }
 
-/* The amplitudes at which displacement and rate of mode j move about what the loads give; of a mode
- * without frequency the largest second derivatives. */
-static void amplitude(const aom_stepper *st, int j, double out[2]) {
+/* A part of the motion of a mode about what the loads give: the largest displacement and rate, and the
+ * second derivative over the displacement; of a mode without frequency second derivatives. */
+typedef struct mode_part {
+    double way, rate, bend;
+} mode_part;
+
+/* The parts of the motion of mode j: of one that is damped beyond OVERDAMPED two exponentials, of
+ * which the fast one has mostly died away. */
+static void parts_of(const aom_stepper *st, int j, mode_part out[2]) {
     const double *loads = st->work.load + j, *slopes = st->work.load_rate + j;
     int J = st->system.n_modes, rates = st->system.gamma == NULL ? 0 : J;
-    double w = st->system.omega[j], w2 = w * w, twice = 2.0 * st->system.decay[j];
+    double w = st->system.omega[j], w2 = w * w, d = st->system.decay[j], twice = 2.0 * d;
     double load = loads[0], rise = slopes[0], q = st->x[j], v = st->x[J + j];
     double drive = rates ? loads[rates] : 0.0, climb = rates ? slopes[rates] : 0.0;
-    if (w > 0.0) {
-        double rest = q - (load - twice * rise / w2 + climb) / w2;
-        double moving = (v - rise / w2 + drive) / w;
-        out[0] = sqrt(rest * rest + moving * moving);
-        out[1] = (w + twice) * out[0];
+    out[1] = (mode_part){0.0, 0.0, 0.0};
+    if (w == 0.0) {
+        double left = st->now.left;
+        double most = larger(fabs(load), fabs(load + rise * left)) +
+                      twice * larger(fabs(drive), fabs(drive + climb * left)) + twice * fabs(v);
+        double rate = twice * most + fabs(rise) + twice * fabs(climb);
+        out[0] = (mode_part){most + fabs(climb), rate, 0.0};
         return;
     }
-    double left = st->now.left;
-    double most = larger(fabs(load), fabs(load + rise * left)) +
-                  twice * larger(fabs(drive), fabs(drive + climb * left)) + twice * fabs(v);
-    out[0] = most + fabs(climb);
-    out[1] = twice * most + fabs(rise) + twice * fabs(climb);
+    double rest = q - (load - twice * rise / w2 + climb) / w2, moving = v - rise / w2 + drive;
+    if (d > OVERDAMPED * w) {
+        double root = sqrt((d - w) * (d + w)), fast = d + root, slow = w2 / fast;
+        double one = fabs(moving + fast * rest) / (2.0 * root);
+        double two = fabs(moving + slow * rest) / (2.0 * root);
+        out[0] = (mode_part){one, slow * one, slow * slow};
+        out[1] = (mode_part){two, fast * two, fast * fast};
+        return;
+    }
+    moving /= w;
+    double size = sqrt(rest * rest + moving * moving);
+    out[0] = (mode_part){size, (w + twice) * size, w * (w + twice)};
 }
 
 /* How each contact sees the free motion about that which the loads give. */
@@ -140,15 +167,19 @@ void amplitudes(aom_stepper *st) {
     for (int c = 0; c < p; c++)
         st->sag[c] = curved[c] = 0.0;
     for (int j = 0; j < J; j++) {
-        double w = st->system.omega[j], moving[2];
-        amplitude(st, j, moving);
-        for (int c = 0; c < p; c++) {
-            double seen = fabs(beta_row(st, c)[j]) * moving[0] + fabs(gamma_at(st, c, j)) * moving[1];
-            st->swing[(ptrdiff_t)c * J + j] = seen;
-            if (w > 0.0)
-                curved[c] += seen * w * (w + 2.0 * st->system.decay[j]);
-            else
-                st->sag[c] += seen;
+        mode_part parts[2];
+        parts_of(st, j, parts);
+        for (int k = 0; k < 2; k++) {
+            st->bend[2 * j + k] = parts[k].bend;
+            for (int c = 0; c < p; c++) {
+                double seen = fabs(beta_row(st, c)[j]) * parts[k].way +
+                              fabs(gamma_at(st, c, j)) * parts[k].rate;
+                st->swing[((ptrdiff_t)c * J + j) * 2 + k] = seen;
+                if (st->system.omega[j] > 0.0)
+                    curved[c] += seen * parts[k].bend;
+                else
+                    st->sag[c] += seen;
+            }
         }
     }
     for (int c = 0; c < p; c++)
@@ -157,14 +188,14 @@ void amplitudes(aom_stepper *st) {
 
 /* The most by which free motion rises above its chord over h at a contact. */
 static double chord(aom_stepper *st, int c, int index, double h) {
-    int J = st->system.n_modes, p = st->system.n_contacts;
-    double *kept = st->missed + (ptrdiff_t)index * p + c, part = h * h / 8.0;
+    ptrdiff_t n = 2 * (ptrdiff_t)st->system.n_modes;
+    double *kept = st->missed + (ptrdiff_t)index * st->system.n_contacts + c, part = h * h / 8.0;
     if (index < LEVELS && st->known[index])
         return *kept;
-    const double *swing = st->swing + (ptrdiff_t)c * J, *omega = st->system.omega;
+    const double *swing = st->swing + c * n;
     double total = st->sag[c] * part;
-    for (int j = 0; j < J; j++)
-        total += swing[j] * smaller(2.0, omega[j] * (omega[j] + 2.0 * st->system.decay[j]) * part);
+    for (ptrdiff_t k = 0; k < n; k++)
+        total += swing[k] * smaller(2.0, st->bend[k] * part);
     if (index < LEVELS)
         *kept = total;
     return total;

@@ -115,31 +115,49 @@ static void felt(const aom_stepper *st, const influence *local, int stage, int i
     held_back(st, local, stage, i, 2, delta, rate);
 }
 
-/* Friction of one contact by a spring that slides; by how much its forces changed. */
+/* T (2) of (C + x) T = b with the least x >= 0 for which |T| <= most; C: give[3] = C11, C22, C12. */
+static void bounded(const double give[3], const double b[2], double most, double T[2]) {
+    double x = 0.0, cross = give[2], size = 0.0;
+    for (int tries = 0; tries < 50; tries++) {
+        double c1 = give[0] + x, c2 = give[1] + x, all = c1 * c2;
+        double det = larger(all - cross * cross, 1e-12 * all);
+        T[0] = (c2 * b[0] - cross * b[1]) / det;
+        T[1] = (c1 * b[1] - cross * b[0]) / det;
+        size = sqrt(T[0] * T[0] + T[1] * T[1]);
+        if (!(size > most * (1.0 + 1e-14)) || most <= 0.0)
+            break;
+        double steep = (c2 * T[0] * T[0] - 2.0 * cross * T[0] * T[1] + c1 * T[1] * T[1]) / det;
+        x += (size - most) / most * size * size / steep;
+    }
+    if (size > most)
+        for (int r = 0; r < 2; r++)
+            T[r] *= most / size;
+}
+
+/* Friction of one contact by a spring that slides, along its force; by how much its forces changed. */
 static double rub(aom_stepper *st, const influence *local, int stage, int c) {
     const aom_contact *contact = st->system.contacts + c;
     nodes *force = st->work.force;
     double(*anchor)[2] = st->contacts[c].anchor;
     int first = contact->first_tangential, count = contact->n_tangential, node = stage + 1;
-    double stiffness = contact->tangential_stiffness, old[2] = {0.0, 0.0}, total = 0.0;
+    double soft = 1.0 / contact->tangential_stiffness, change = 0.0, rate;
+    double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2], held[3] = {0.0, 0.0, 0.0};
     for (int r = 0; r < count; r++) {
-        int i = first + r;
-        double way, rate, held = local[i].depth[stage][node];
-        felt(st, local, stage, i, &way, &rate);
-        old[r] = force[i].f[node];
-        double stuck = stiffness * (way - anchor[stage][r]);
-        anchor[node][r] = way + held * old[r]; /* the way without this force */
-        put(st, stage, i, force[i].f[node] - (old[r] - stuck) / (1.0 + stiffness * held));
-        total += force[i].f[node] * force[i].f[node];
+        felt(st, local, stage, first + r, way + r, &rate);
+        old[r] = force[first + r].f[node];
+        held[r] = local[first + r].depth[stage][node];
     }
-    double most = contact->friction * larger(force[c].f[node], 0.0), change = 0.0;
-    double ratio = total > most * most ? most / sqrt(total) : 1.0;
+    if (count == 2)
+        held[2] = local[pair_of(st, st->group[first], st->group[first + 1])].depth[stage][node];
+    for (int r = 0; r < count; r++) /* without these forces */
+        way[r] += held[r] * old[r] + held[2] * old[1 - r];
+    const double give[3] = {held[0] + soft, held[1] + soft, held[2]};
+    const double free[2] = {way[0] - anchor[stage][0], count == 2 ? way[1] - anchor[stage][1] : 0.0};
+    bounded(give, free, contact->friction * larger(force[c].f[node], 0.0), new);
     for (int r = 0; r < count; r++) {
-        int i = first + r;
-        double held = local[i].depth[stage][node];
-        put(st, stage, i, ratio * force[i].f[node]);
-        anchor[node][r] -= force[i].f[node] * (held + 1.0 / stiffness);
-        change = larger(change, fabs(force[i].f[node] - old[r]));
+        put(st, stage, first + r, new[r]);
+        anchor[node][r] = way[r] - give[r] * new[r] - held[2] * new[1 - r];
+        change = larger(change, fabs(new[r] - old[r]));
     }
     return change;
 }
@@ -223,15 +241,40 @@ static bool invert_own(const aom_stepper *st, const influence *local, int c, new
     return fabs(det) > 1e-300;
 }
 
-/* The groups of n pressing contacts, numbered in work.place (-1: none); their number. */
+/* Row k of a contact: its normal force, then those of its friction. */
+static int row_of_contact(const aom_contact *contact, int c, int k) {
+    return k == 0 ? c : contact->first_tangential + k - 1;
+}
+
+/* What the forces of a contact's rows are to its normal one while this changes: of friction that
+ * sticks, and could slide at once, nothing. */
+static void find_shares(const aom_stepper *st, int c, newton_row *row) {
+    const aom_contact *contact = st->system.contacts + c;
+    for (int s = 0; s < 2; s++) {
+        double most = contact->friction * st->work.force[c].f[s + 1], total = 0.0;
+        for (int k = 0; k <= contact->n_tangential; k++) {
+            double f = st->work.force[row_of_contact(contact, c, k)].f[s + 1];
+            row->share[k][s] = k == 0 ? 1.0 : f;
+            total += k == 0 ? 0.0 : f * f;
+        }
+        bool slides = most > 0.0 && total >= (1.0 - 1e-9) * most * most;
+        for (int k = 1; k <= contact->n_tangential; k++)
+            row->share[k][s] = slides ? row->share[k][s] / st->work.force[c].f[s + 1] : 0.0;
+    }
+}
+
+/* The groups of the rows of n pressing contacts, numbered in work.place (-1: none); their number. */
 static int pressing_groups(aom_stepper *st, int n) {
     int found = 0;
     for (int g = 0; g < st->n_groups; g++)
         st->work.place[g] = -1;
     for (int i = 0; i < n; i++) {
-        int *place = st->work.place + st->group[st->work.active[i]];
-        if (*place < 0)
-            *place = found++;
+        int c = st->work.active[i];
+        for (int k = 0; k <= st->system.contacts[c].n_tangential; k++) {
+            int *place = st->work.place + st->group[row_of_contact(st->system.contacts + c, c, k)];
+            if (*place < 0)
+                *place = found++;
+        }
     }
     return found;
 }
@@ -248,19 +291,24 @@ static bool corrections(aom_stepper *st, const influence *local, int n) {
         A[(ptrdiff_t)k * (size + 1)] = 1.0;
     for (int i = 0; i < n; i++) {
         newton_row *row = st->work.newton + i;
-        int c = st->work.active[i], at = 2 * st->work.place[st->group[c]];
+        int c = st->work.active[i];
+        const aom_contact *contact = st->system.contacts + c;
+        find_shares(st, c, row);
         if (!invert_own(st, local, c, row))
             return false;
-        for (int s = 0; s < 2; s++)
-            E[at + s] += row->inverse[s][0] * row->rest[0] + row->inverse[s][1] * row->rest[1];
-        for (int h = 0; h < st->n_groups; h++) {
-            const influence *by = local + pair_of(st, st->group[c], h);
-            int to = 2 * st->work.place[h];
-            for (int t = 0; t < 2 && to >= 0; t++) {
-                double one = slope_by(row, by, 0, t + 1), two = slope_by(row, by, 1, t + 1);
-                for (int s = 0; s < 2; s++)
-                    A[(ptrdiff_t)(at + s) * size + to + t] +=
-                        row->inverse[s][0] * one + row->inverse[s][1] * two;
+        for (int k = 0; k <= contact->n_tangential; k++) {
+            int at = 2 * st->work.place[st->group[row_of_contact(contact, c, k)]];
+            for (int s = 0; s < 2; s++) {
+                const double *inverse = row->inverse[s], share = row->share[k][s];
+                E[at + s] += share * (inverse[0] * row->rest[0] + inverse[1] * row->rest[1]);
+                for (int h = 0; h < st->n_groups && share != 0.0; h++) {
+                    const influence *by = local + pair_of(st, st->group[c], h);
+                    int to = 2 * st->work.place[h];
+                    for (int t = 0; t < 2 && to >= 0; t++)
+                        A[(ptrdiff_t)(at + s) * size + to + t] +=
+                            share * (inverse[0] * slope_by(row, by, 0, t + 1) +
+                                     inverse[1] * slope_by(row, by, 1, t + 1));
+                }
             }
         }
     }
@@ -282,11 +330,13 @@ static bool corrections(aom_stepper *st, const influence *local, int n) {
     return true;
 }
 
-/* One step of Newton's method for all normal forces of both stages, shortened if need be. */
-static bool together(aom_stepper *st, const influence *local) {
+/* One step of Newton's method for all normal forces of both stages, shortened if need be; `far`: the
+ * largest correction that it wants. */
+static bool together(aom_stepper *st, const influence *local, double *far) {
     int m = st->system.n_rows, n = 0;
     nodes *force = st->work.force, *before = st->work.before;
     double best, size, norm, length = 1.0;
+    *far = 0.0;
     for (int c = 0; c < st->system.n_contacts; c++)
         if (pressing(st->contacts[c].branch))
             st->work.active[n++] = c;
@@ -296,12 +346,17 @@ static bool together(aom_stepper *st, const influence *local) {
         return true;
     if (!corrections(st, local, n))
         return false;
+    for (int i = 0; i < n; i++)
+        *far = larger(*far, larger(fabs(st->work.newton[i].step[0]), fabs(st->work.newton[i].step[1])));
     for (int tries = 0; tries < 11; tries++) {
         for (int i = 0; i < n; i++) {
             int c = st->work.active[i];
-            for (int stage = 0; stage < 2; stage++)
-                force[c].f[stage + 1] =
-                    before[c].f[stage + 1] - length * st->work.newton[i].step[stage];
+            const aom_contact *contact = st->system.contacts + c;
+            const newton_row *own = st->work.newton + i;
+            for (int k = 0; k <= contact->n_tangential; k++)
+                for (int s = 0, r = row_of_contact(contact, c, k); s < 2; s++)
+                    force[r].f[s + 1] =
+                        before[r].f[s + 1] - length * own->share[k][s] * own->step[s];
         }
         add_up(st);
         residuals(st, local, n, &norm, &size);
@@ -311,34 +366,36 @@ static bool together(aom_stepper *st, const influence *local) {
     }
     memcpy(force, before, (size_t)m * sizeof *force);
     add_up(st);
-    return best <= 1e-20 * size; /* what is left is rounding */
+    return *far * *far <= 1e-20 * size; /* what is left is rounding */
 }
 
-/* One sweep over the contacts, each force by a step of Newton's method on its own law (`take`: it
- * is changed, else only asked for). The largest change, force and rounding into out. */
+/* One sweep over the contacts: of each the friction, and before it (`take`) the force by a step of
+ * Newton's method on its own law. The largest change, force and rounding into out. */
 static void sweep(aom_stepper *st, const influence *local, bool take, double out[3]) {
     for (int stage = 0; stage < 2; stage++)
         for (int c = 0; c < st->system.n_contacts; c++) {
             const aom_contact *contact = st->system.contacts + c;
-            double delta, rate;
+            double delta, rate, new = st->work.force[c].f[stage + 1], old = new;
             if (!pressing(st->contacts[c].branch)) {
                 put(st, stage, c, 0.0);
                 for (int r = 0; r < contact->n_tangential; r++)
                     put(st, stage, contact->first_tangential + r, 0.0);
                 continue;
             }
-            felt(st, local, stage, c, &delta, &rate);
-            tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
-                                      st->contacts[c].memory);
-            const influence *own = local + c;
-            double give = own->depth[stage][stage + 1] * law.by_delta +
-                          own->rate[stage][stage + 1] * law.by_rate;
-            double grip = 1.0 + larger(give, 0.0), old = st->work.force[c].f[stage + 1];
-            double new = old - (old - law.force) / grip;
-            double rounding = 1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
-            out[2] = larger(out[2], rounding);
-            if (take)
+            if (take) {
+                felt(st, local, stage, c, &delta, &rate);
+                tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
+                                          st->contacts[c].memory);
+                const influence *own = local + c;
+                double give = own->depth[stage][stage + 1] * law.by_delta +
+                              own->rate[stage][stage + 1] * law.by_rate;
+                double grip = 1.0 + larger(give, 0.0);
+                double rounding =
+                    1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
+                new = old - (old - law.force) / grip;
+                out[2] = larger(out[2], rounding);
                 put(st, stage, c, new);
+            }
             out[0] = larger(out[0], fabs(new - old));
             out[1] = larger(out[1], fabs(new));
             if (contact->n_tangential > 0)
@@ -347,27 +404,28 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
 }
 
 /* Forces of all rows at h/2 and h that meet laws and friction, into work.force, which holds those at 0
- * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole system by Newton's
- * method where they do not converge. */
+ * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole
+ * system by Newton's method where they do not converge, or where the rate of what has no mass couples
+ * the stages. */
 bool all_forces(aom_stepper *st, const influence *local) {
     int m = st->system.n_rows;
     nodes *force = st->work.force;
     start_forces(st, local);
-    for (int tries = 0; tries < SWEEPS + NEWTON; tries++) {
-        if (tries == SWEEPS) { /* the sweeps may have led away */
-            for (int c = 0; c < st->system.n_contacts; c++)
-                force[c].f[1] = force[c].f[2] = force[c].f[0];
+    for (int tries = st->rated ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
+        double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0, far = 0.0;
+        if (tries == SWEEPS && !st->rated) { /* the sweeps may have led away */
+            for (int i = 0; i < m; i++)
+                force[i].f[1] = force[i].f[2] = force[i].f[0];
             add_up(st);
         }
-        if (tries >= SWEEPS && !together(st, local))
+        if (tries >= SWEEPS && !together(st, local, &far))
             return false;
-        double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0;
         sweep(st, local, tries < SWEEPS, found);
         for (int i = 0; i < m; i++)
             total += fabs(force[i].f[1]) + fabs(force[i].f[2]);
         if (!(total + found[0] < 1e300) || st->law_failed)
             return false;
-        if (found[0] > SETTLED * found[1] + found[2])
+        if (found[0] > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
             continue;
         for (int stage = 0; stage < 2; stage++)
             for (int i = 0; i < m; i++)

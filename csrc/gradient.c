@@ -18,16 +18,17 @@ typedef struct edge { /* derivatives by what is there at an edge between two ste
     double *q, *v;        /* [J] the state */
     double *force;        /* [m] the forces with which the next step starts */
     double *depth, *rate; /* [m] indentation and rate where the step before ends */
+    double *slope;        /* [m] slopes of the forces there */
     double time;
 } edge;
 
 /* Friction of a tangential row at a stage: f = stiffness (way - anchor), or, where it slips, f along
- * the way u = way + held f - anchor that the force alone would not have held. */
+ * the way u = way + held f - anchor, with any `held`. */
 typedef struct slide {
     bool slips;
     double along;   /* direction of the force */
     double turn[2]; /* how the force turns with u of the contact's rows */
-    double held;    /* the way that its own force holds back */
+    double held;    /* by the force */
 } slide;
 
 typedef struct adjoint {
@@ -48,6 +49,7 @@ typedef struct adjoint {
     bool stopped;    /* it ends at a given time */
     double earlier;  /* derivative by the time of its start, all else given */
     double *f, *c;   /* [3][m] forces at the nodes; value, slope, curvature of the parabolas */
+    double *before, *by_slope; /* [m] slopes with which the last step ended, where the rates take them */
     double *load;    /* [3][J] modal forces, their slopes and curvatures */
     double *push;    /* [3][J] p, its slopes and curvatures; NULL without gamma, as by_push, by_w */
     double *w0;      /* [J] the rate of q at the start */
@@ -71,8 +73,8 @@ static void lay_out_adjoint(adjoint *a, arena *m, size_t J, size_t rows, bool co
         size_t count;
     } each[] = {
         {&a->now.q, J}, {&a->now.v, J}, {&a->q0, J}, {&a->v0, J}, {&a->no_q, J},
-        {&a->now.force, rows}, {&a->now.depth, rows}, {&a->now.rate, rows}, {&a->no_depth, rows},
-        {&a->no_rate, rows}, {&a->anchor, rows}, {&a->explicit_force, 2 * rows},
+        {&a->now.force, rows}, {&a->now.depth, rows}, {&a->now.rate, rows}, {&a->now.slope, rows},
+        {&a->before, rows}, {&a->by_slope, rows}, {&a->no_depth, rows}, {&a->no_rate, rows}, {&a->anchor, rows}, {&a->explicit_force, 2 * rows},
         {&a->span, SLOTS}, {&a->f, 3 * rows}, {&a->c, 3 * rows}, {&a->by_force, 3 * rows},
         {&a->by_parabola, 3 * rows}, {&a->rates, 2 * rows}, {&a->direct, 2 * rows},
         {&a->by_depth, 2 * rows}, {&a->by_rate, 2 * rows}, {&a->load, 3 * J}, {&a->by_load, 3 * J},
@@ -281,12 +283,15 @@ static double acting_at(aom_stepper *st, double t) {
     return acting_now(st);
 }
 
-/* The slope of the force of a row at h/2 and h, as the rate of what has no mass takes it. */
+/* The slope of the force of a row at h/2 and h, as the rate of what has no mass takes it
+ * (ready_local), but for what it takes of the last step, a->before. */
 static void force_rates(const adjoint *a, int i, double out[2]) {
     int m = a->st->system.n_rows;
     double f0 = a->f[i], f1 = a->f[m + i], f2 = a->f[2 * m + i];
-    out[0] = a->st->rated ? 2.0 * (f1 - f0) / a->h : (f2 - f0) / a->h;
-    out[1] = a->st->rated ? 2.0 * (f2 - f1) / a->h : (f0 - 4.0 * f1 + 3.0 * f2) / a->h;
+    out[0] = (f2 - f0) / a->h;
+    out[1] = (f0 - 4.0 * f1 + 3.0 * f2) / a->h;
+    if (with_slope(a->st))
+        out[0] += (f1 - 0.75 * f0 - 0.25 * f2) / a->h;
 }
 
 static double rate_at(const adjoint *a, int stage, int i) {
@@ -301,6 +306,7 @@ static double rate_at(const adjoint *a, int stage, int i) {
     }
     for (int r = 0; r < m; r++) {
         force_rates(a, r, slope);
+        slope[0] -= 0.25 * a->before[r];
         rate -= st->system.residual[(ptrdiff_t)i * m + r] * slope[stage];
     }
     return rate;
@@ -314,7 +320,7 @@ static void rubbed(adjoint *a, int stage, int c) {
     const double *way = a->run->depth + 2 * a->step * m, *f = a->f;
     for (int r = 0; r < contact->n_tangential; r++) {
         int i = contact->first_tangential + r, now = (1 + stage) * m + i, before = stage * m + i;
-        double held = held_by(a, i, i)->depth[stage][1 + stage];
+        double held = held_by(a, i - r, i - r)->depth[stage][1 + stage]; /* the same for both */
         double anchor = way[before] - f[before] / stiffness;
         soft[r] = stiffness / (1.0 + stiffness * held);
         trial[r] = soft[r] * (way[now] + held * f[now] - anchor);
@@ -329,6 +335,21 @@ static void rubbed(adjoint *a, int stage, int c) {
         for (int q = 0; q < contact->n_tangential && own->slips; q++)
             own->turn[q] = most / size * soft[q] * ((r == q) - own->along * trial[q] / size);
     }
+}
+
+/* Whether step k takes the slopes with which the last one ended, and these. */
+static void recall_slopes(adjoint *a, int64_t k) {
+    aom_stepper *st = a->st;
+    int m = st->system.n_rows;
+    const double *f = a->run->force + (2 * k - 2) * m, *time = a->run->time + 2 * k;
+    bool exits = a->exits > 0 && a->run->exits[a->exits - 1].step >= (double)k;
+    st->now.smooth = k > 0 && !exits && time[0] > time[-2] &&
+                     (st->now.segment == 0 || time[0] - st->system.breaks[st->now.segment] >
+                                                  1e-13 * st->options.duration);
+    clear(a->before, m);
+    for (int i = 0; i < m && with_slope(st); i++)
+        if (pressing(st->contacts[a->owner[i]].branch))
+            a->before[i] = (f[i] - 4.0 * f[m + i] + 3.0 * f[2 * m + i]) / (time[0] - time[-2]);
 }
 
 /* Forces, motion and slopes of the laws in step k. */
@@ -348,6 +369,7 @@ static void recall(adjoint *a, int64_t k, bool ended) {
                  fabs(h - level_step(st, level)) <= 1e-9 * h;
     a->index = whole ? level : SCRATCH;
     a->h = h = whole ? level_step(st, level) : h;
+    recall_slopes(a, k);
     ready_step(st, a->index, h);
     ready_local(st, a->index, h);
     memcpy(a->load, st->work.load, (size_t)J * sizeof(double));
@@ -401,7 +423,8 @@ static void recall(adjoint *a, int64_t k, bool ended) {
 /* Derivatives of what follows a step, by what it ends with. */
 typedef struct seeds {
     const double *q, *v, *depth, *rate; /* [J], [m] at its end */
-    const double *force;                /* [m] by its last forces; NULL: none, and nothing it reads */
+    const double *force, *slope; /* [m] by its last forces and their slopes; NULL: none, and nothing
+                                    it reads */
     bool keep;                          /* they are to be carried to the start of the step */
 } seeds;
 
@@ -441,15 +464,23 @@ static double read_back(adjoint *a, const seeds *in, double *parabola) {
     return longer;
 }
 
-/* Derivatives [3][m] by value, slope and curvature of the parabolas, from those by modal forces. */
-static void to_parabolas(const adjoint *a, double *parabola) {
+/* Derivatives [3][m] by value, slope and curvature of the parabolas, from those by modal forces and by
+ * their slopes at the end of the step; the derivative by its length that the slopes have of it alone. */
+static double to_parabolas(const adjoint *a, const seeds *in, double *parabola) {
     int J = a->st->system.n_modes, m = a->st->system.n_rows;
+    double longer = 0.0;
+    for (int i = 0; in->slope != NULL && i < m; i++) {
+        parabola[m + i] += in->slope[i];
+        parabola[2 * m + i] += a->h * in->slope[i];
+        longer += in->slope[i] * a->c[2 * m + i];
+    }
     for (int i = 0; i < m; i++)
         for (int n = 0; n < 3 && pressing(a->st->contacts[a->owner[i]].branch); n++) {
             parabola[n * m + i] -= dot(J, beta_row(a->st, i), a->by_load + n * J);
             if (a->st->system.gamma != NULL)
                 parabola[n * m + i] -= dot(J, gamma_row(a->st, i), a->by_push + n * J);
         }
+    return longer;
 }
 
 /* Derivatives [2][m] by the motion and the forces at h/2 and h that row k at a stage has of them, times
@@ -603,6 +634,7 @@ static void keep(adjoint *a, const double *mu) {
             drift -= 0.5 * (1 + s) * a->h * depth + rate;
             for (int r = 0; r < m; r++) {
                 force_rates(a, r, slope);
+                slope[0] -= 0.25 * a->before[r];
                 a->out->residual[(ptrdiff_t)i * m + r] -=
                     depth * a->f[(1 + s) * m + r] + rate * slope[s];
             }
@@ -658,7 +690,7 @@ static double go_back(adjoint *a, const seeds *in) {
     seeds once = *in;
     once.keep = false;
     read_back(a, &once, parabola);
-    to_parabolas(a, parabola);
+    to_parabolas(a, in, parabola);
     for (int i = 0; i < m; i++) {
         double one = parabola[m + i] / h, two = 4.0 * parabola[2 * m + i] / (h * h);
         by[i] = parabola[i] - 3.0 * one + two;
@@ -680,6 +712,7 @@ static double go_back(adjoint *a, const seeds *in) {
     double longer = 0.0;
     clear(a->by_depth, 2 * m);
     clear(a->by_rate, 2 * m);
+    clear(a->by_slope, m);
     clear(a->anchor, m);
     for (int s = 0; s < 2; s++)
         for (int i = 0; i < m; i++)
@@ -705,7 +738,10 @@ static double go_back(adjoint *a, const seeds *in) {
             longer -= 0.5 * (1 + s) * depth * st->work.drift[i];
             for (int r = 0; r < m; r++) {
                 force_rates(a, r, slope);
-                longer += rate * st->system.residual[(ptrdiff_t)i * m + r] * slope[s] / h;
+                double part = rate * st->system.residual[(ptrdiff_t)i * m + r];
+                longer += part * slope[s] / h;
+                if (s == 0 && with_slope(st))
+                    a->by_slope[r] += 0.25 * part;
             }
         }
         if (W != V) {
@@ -727,7 +763,7 @@ static double go_back(adjoint *a, const seeds *in) {
         if (in->keep)
             to_start(a, R, slopes_of(a, a->index + 1 - s), state, a->w0, Q, V);
     }
-    to_parabolas(a, parabola);
+    longer += to_parabolas(a, in, parabola);
     for (int i = 0; i < m; i++)
         longer -= (parabola[m + i] * a->c[m + i] + 2.0 * parabola[2 * m + i] * a->c[2 * m + i]) / h;
     if (in->keep)
@@ -830,7 +866,7 @@ static bool end_condition(adjoint *a, const seeds *in, const aom_exit *e) {
     int c = (int)e->contact, branch = (int)e->before[0];
     bound exit = (bound)e->bound;
     bool moves = exit == LOW || exit == HIGH;
-    seeds unit = {a->no_q, a->no_q, a->no_depth, a->no_rate, NULL, false};
+    seeds unit = {a->no_q, a->no_q, a->no_depth, a->no_rate, NULL, NULL, false};
     double longer = go_back(a, in) + a->now.time, *one = moves ? a->no_depth : a->no_rate;
     one[c] = 1.0;
     double pace = go_back(a, &unit), nu = longer / pace;
@@ -855,7 +891,7 @@ static bool undo_step(adjoint *a, int64_t k) {
     if (a->run->time[2 * k + 2] <= a->run->time[2 * k])
         return true;
     recall(a, k, ended != NULL);
-    seeds in = {now->q, now->v, now->depth, now->rate, now->force, false};
+    seeds in = {now->q, now->v, now->depth, now->rate, now->force, now->slope, false};
     if (ended != NULL && !end_condition(a, &in, ended))
         return false;
     in.keep = true;
@@ -864,6 +900,7 @@ static bool undo_step(adjoint *a, int64_t k) {
     memcpy(now->q, a->q0, (size_t)J * sizeof(double));
     memcpy(now->v, a->v0, (size_t)J * sizeof(double));
     memcpy(now->force, a->by_force, (size_t)m * sizeof(double));
+    memcpy(now->slope, a->by_slope, (size_t)m * sizeof(double));
     clear(now->depth, m);
     clear(now->rate, m);
     for (int i = st->system.n_contacts; i < m; i++) { /* the anchor is way - f/stiffness there */
@@ -921,7 +958,7 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     for (int c = 0; c < system->n_contacts; c++) {
         if (system->contacts[c].law.kind == AOM_USER)
             return AOM_BAD_LAW;
-        if (system->contacts[c].closing > 0.0)
+        if (system->contacts[c].state != NULL)
             return AOM_BAD_CONTACT;
     }
     arena taken = {memory, 0};

@@ -14,6 +14,9 @@ enum {
     SLOTS = LEVELS + 2
 };
 
+/* What the `local` of a slot holds: nothing, or the rate of what has no mass as ready_local says. */
+enum { NO_LOCAL, PLAIN, WITH_SLOPE };
+
 #define SHARP 1e-9 /* of the depth or the speed: a bound is met */
 
 /* What ends a step: the bounds of a branch. */
@@ -56,7 +59,8 @@ typedef struct nodes {
 /* Responses after a time `span`, for the length of a step. */
 typedef struct slot {
     double span; /* [s], NaN: none */
-    bool has_rows, has_coupling, has_local;
+    bool has_rows, has_coupling;
+    int local_kind;
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
@@ -95,13 +99,16 @@ typedef struct course {
     double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
     int level, segment, flown_segment;
     bool flying;
+    bool smooth; /* the slopes of the forces at the end of the last step go on */
     int64_t steps, retries, touches, refused, idle;
 } course;
 
-/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h. */
+/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
+ * of a contact that slides, the forces of its rows over the normal one. */
 typedef struct newton_row {
     double by_delta[2], by_rate[2], rest[2];
     double inverse[2][2], step[2]; /* of its own part of the matrix; the correction */
+    double share[3][2];
 } newton_row;
 
 typedef struct workspace {
@@ -123,7 +130,8 @@ struct aom_stepper {
     aom_system system;
     aom_options options;
     double halved[LEVELS + 1]; /* 2^-level */
-    bool loaded, shifted, rated;
+    bool loaded, shifted;
+    bool rated; /* a law depends on the rate of what has no mass */
     bool rising; /* the loads, at present */
     bool law_failed;
     /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
@@ -144,7 +152,8 @@ struct aom_stepper {
     row_state *rows;
     contact_state *contacts;
     /* bounds of a flight, found at its begin: */
-    double *swing;  /* [p][J]: how a contact sees the amplitude of a mode */
+    double *swing;  /* [p][J][2]: how a contact sees the amplitudes of the parts of a mode */
+    double *bend;   /* [J][2]: second derivatives over them */
     double *sag;    /* [p]: the largest second derivative by rigid modes */
     double *missed; /* [LEVELS + 1][p]: what a chord can miss; last row: second derivatives */
     bool *known;    /* [LEVELS]: of missed */
@@ -184,6 +193,9 @@ tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delt
 branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
 int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
                 double rate, double *memory);
+int law_state_size(const aom_law *law);
+int resumed_branch(const aom_law *law, const aom_contact *contact, double delta, double rate,
+                   double *memory);
 void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
                   const double *memory, double *depth, double *force);
 void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,
@@ -284,6 +296,8 @@ static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {
 static inline ptrdiff_t n_pairs(const aom_stepper *st) {
     return st->system.n_rows + (ptrdiff_t)st->n_groups * st->n_groups;
 }
+/* Whether the step takes the slopes with which the last one ended (ready_local). */
+static inline bool with_slope(const aom_stepper *st) { return st->rated && st->now.smooth; }
 /* Length of a step of a level. */
 static inline double level_step(const aom_stepper *st, int level) {
     return st->now.longest * st->halved[level];

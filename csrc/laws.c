@@ -342,6 +342,29 @@ int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, dou
     return AOM_FORWARD;
 }
 
+/* Numbers of the state of a contact that goes on from touches before the start. */
+int law_state_size(const aom_law *law) {
+    if (law->kind == AOM_USER)
+        return law->user->n_state + 1;
+    return law->kind == AOM_DAMPED ? 2 : remembers(law->kind) ? 3 : 0;
+}
+
+/* The branch of such a contact at an indentation and rate; the memory of its law. */
+int resumed_branch(const aom_law *law, const aom_contact *contact, double delta, double rate,
+                   double *memory) {
+    const double *state = contact->state;
+    memcpy(memory, state, (size_t)law_state_size(law) * sizeof *memory);
+    if (law->kind == AOM_USER)
+        memory[law->user->n_state + 1] = 1.0;
+    if (remembers(law->kind))
+        memory[2] = larger(delta, law_permanent(law, memory[0]));
+    if (!contact->closed && contact->preload == 0.0)
+        return AOM_APART;
+    if (law->kind == AOM_DAMPED && contact->preload == 0.0 && 1.0 + memory[0] * rate <= 0.0)
+        return AOM_CUT;
+    return remembers(law->kind) && delta < memory[1] ? AOM_BACK : AOM_FORWARD;
+}
+
 /* Depth and force at which a mass would have turned, roughly: F delta = m v^2. */
 void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
                   const double *memory, double *depth, double *force) {
@@ -451,7 +474,7 @@ void aom_law_advance(const aom_law *law, double delta, double *state) {
     double before = law_energy(law, state[1], state);
     state[0] = larger(state[0], delta);
     state[1] = delta;
-    state[2] += work - (law_energy(law, delta, state) - before);
+    state[2] += larger(work - (law_energy(law, delta, state) - before), 0.0); /* rounding */
 }
 
 double aom_law_origin(const aom_law *law, const double *state) { return origin(law, state); }

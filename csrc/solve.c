@@ -10,8 +10,7 @@
 #define NEAR 1.5
 #define FINEST 1e-6 /* share of the first run, at least: what max_steps permits is then known */
 /* Error left in the finer run, of the difference of two whose shares have the ratio f, is 1/(f - 1)
- * where errors follow the share, times this margin; where a law depends on the rate of what has no
- * mass the order is 1 in the step, f^(1/3). */
+ * where errors follow the share, times this margin. */
 #define MARGIN 2.0
 #define FLOOR 1.25 /* error at least, over the share: two runs with common steps differ by nothing */
 #define RUNS 12
@@ -22,20 +21,7 @@
 #define CHEAP 50000
 
 /* Error left in the finer of two runs, of their difference; `finer`: ratio of their shares. */
-static double left_over(double finer, bool rated) {
-    return MARGIN / ((rated ? pow(finer, 1.0 / 3.0) : finer) - 1.0);
-}
-
-/* Whether a law depends on the rate of what has no mass. */
-static bool rate_of_massless(const aom_system *system) {
-    for (int c = 0; c < system->n_contacts; c++) {
-        const aom_law *law = &system->contacts[c].law;
-        bool rated = law->kind == AOM_DAMPED || (law->kind == AOM_USER && law->user->rated);
-        if (rated && system->residual[(ptrdiff_t)c * (system->n_rows + 1)] > 0.0)
-            return true;
-    }
-    return false;
-}
+static double left_over(double finer) { return MARGIN / (finer - 1.0); }
 
 /* The largest force of a contact in a run. */
 static double highest_force(const aom_system *system, const aom_record *run) {
@@ -85,7 +71,7 @@ static bool last_run(aom_stepper *st, const aom_options *options, aom_solution *
     const aom_record *now = records + s->present;
     aom_summary told = aom_summarize(st);
     double tol = options->rel_tol;
-    bool rated = rate_of_massless(&st->system), unstable = answer == AOM_GREW || answer == AOM_STUCK;
+    bool unstable = answer == AOM_GREW || answer == AOM_STUCK;
     s->used += told.attempts;
     s->failed = unstable ? s->failed + 1 : 0;
     s->scale = highest_force(&st->system, now);
@@ -93,13 +79,13 @@ static bool last_run(aom_stepper *st, const aom_options *options, aom_solution *
         const aom_record *before = records + s->before;
         if (s->best < 0)
             take_best(s, s->before, AOM_DONE, INFINITY, INFINITY,
-                      apart(st, before, now, tol / left_over(s->finer, rated)).until, &s->earlier);
+                      apart(st, before, now, tol / left_over(s->finer)).until, &s->earlier);
         return true;
     }
     if (unstable)
         s->finer = MOST;
     else if (s->before >= 0) {
-        double part = left_over(s->finer, rated), best = s->force;
+        double part = left_over(s->finer), best = s->force;
         aom_difference d = apart(st, records + s->before, now, tol / part);
         double force = larger(part * d.force, FLOOR * s->share);
         /* the peak is one value, whose differences change sign from run to run */
@@ -110,7 +96,7 @@ static bool last_run(aom_stepper *st, const aom_options *options, aom_solution *
             take_best(s, s->present, answer, force, worst, d.until, &told);
         if (worst <= tol || s->worse >= PATIENCE)
             return true;
-        s->finer = worst <= NEAR * tol && !rated ? MORE : MOST;
+        s->finer = worst <= NEAR * tol ? MORE : MOST;
     }
     s->before = answer == AOM_DONE ? s->present : -1;
     s->earlier = told;
@@ -130,7 +116,7 @@ int aom_solve(aom_stepper *st, const aom_system *system, const aom_options *opti
         bool once = options->max_runs == 1;
         *s = (aom_solution){.best = -1, .before = -1, .scale = once ? options->force_scale : 0.0};
         s->share = once ? options->rel_tol : larger(FIRST * options->rel_tol, FINEST);
-        s->finer = rate_of_massless(system) ? MOST : SECOND;
+        s->finer = SECOND;
     }
     for (;;) {
         int answer = next ? begin_run(st, system, options, s, records) : AOM_DONE;

@@ -37,7 +37,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
         if (s != NULL)
-            *s = (slot){NAN, false, false, false, response, rows, coupling, local};
+            *s = (slot){NAN, false, false, NO_LOCAL, response, rows, coupling, local};
     }
 }
 
@@ -76,7 +76,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     to->x = take(&a, 2 * J + 1, sizeof(double));
     to->rows = take(&a, m, sizeof(row_state));
     to->contacts = take(&a, p, sizeof(contact_state));
-    to->swing = take(&a, p * J, sizeof(double));
+    to->swing = take(&a, 2 * p * J, sizeof(double));
+    to->bend = take(&a, 2 * J, sizeof(double));
     to->sag = take(&a, p, sizeof(double));
     to->missed = take(&a, (LEVELS + 1) * p, sizeof(double));
     to->known = take(&a, LEVELS, sizeof(bool));
@@ -128,9 +129,12 @@ static bool good_loads(const aom_system *s) {
 }
 
 static bool good_contact(const aom_system *s, const aom_contact *c) {
-    const double least[] = {c->friction, c->slowest, c->preload, c->closing};
+    const double least[] = {c->friction, c->slowest, c->preload};
+    double smallest = c->law.kind == AOM_USER ? ANY : 0.0;
     const double above[] = {c->expected_depth, c->expected_speed, c->mass};
-    if (!all_good(least, 4, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
+    if (c->state != NULL && !all_good(c->state, law_state_size(&c->law), smallest))
+        return false;
+    if (!all_good(least, 3, 0.0) || !(c->n_tangential >= 0 && c->n_tangential <= 2))
         return false;
     for (int k = 0; k < 3; k++)
         if (!(above[k] > 0.0) || (k < 2 && above[k] == INFINITY))
@@ -174,21 +178,57 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     (*made)->n_groups = groups;
     find_groups(*made);
     find_spans(*made);
-    (*made)->rated = false;
     for (int level = 0; level <= LEVELS; level++)
         (*made)->halved[level] = ldexp(1.0, -level);
     return AOM_DONE;
 }
 
-/* The contact is closed from the start. */
-static void preload(aom_stepper *st, int c) {
+/* Mass that a contact seems to push if a constant force acts for a time t. */
+static double mass_felt(const aom_stepper *st, int c, double t) {
+    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
+    const double *beta = beta_row(st, c);
+    for (int j = 0; j < st->system.n_modes; j++) {
+        double z = 0.5 * st->system.omega[j] * t;
+        double part = beta[j] * (z > 1e-4 ? t * sin(z) / z : t);
+        give += 0.5 * part * part;
+    }
+    return give > 0.0 ? 0.5 * t * t / give : INFINITY;
+}
+
+/* The scales of a contact that begins or goes on at a speed, and how deep it goes, roughly. */
+static double expect(aom_stepper *st, int c, double speed) {
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
-    state->branch =
-        next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, contact->closing, state->memory);
-    st->rows[c].force = contact->preload;
-    st->now.force_scale = larger(st->now.force_scale, contact->preload);
+    double depth, force;
+    law_expected(st, &contact->law, contact->mass, speed, state->memory, &depth, &force);
+    state->depth_scale = larger(state->depth_scale, depth);
+    if (st->options.force_scale > 0.0)
+        return depth;
+    double all = depth;
+    for (int tries = 0; tries < 3; tries++) { /* with the mass that takes part while it lasts */
+        double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
+        law_expected(st, &contact->law, mass, speed, state->memory, &depth, &force);
+    }
+    st->now.force_scale = larger(st->now.force_scale, force);
+    return all;
+}
+
+/* The contact is closed from the start, or goes on from touches before it; the rows know their
+ * indentations. */
+static void resume(aom_stepper *st, int c) {
+    const aom_contact *contact = st->system.contacts + c;
+    contact_state *state = st->contacts + c;
+    const row_state *row = st->rows + c;
+    if (contact->state != NULL)
+        state->branch =
+            resumed_branch(&contact->law, contact, row->depth, row->rate, state->memory);
+    else if (contact->preload > 0.0)
+        state->branch = next_branch(st, &contact->law, AOM_APART, HIGH, 0.0, 0.0, state->memory);
+    if (state->branch == AOM_APART)
+        return;
     st->now.level = 10;
+    if (contact->state != NULL)
+        expect(st, c, larger(fabs(row->rate), 1e-2 * state->speed_scale));
 }
 
 static void start_rows(aom_stepper *st) {
@@ -215,15 +255,17 @@ static void start_contacts(aom_stepper *st) {
     for (int c = 0; c < s->n_contacts; c++) {
         st->contacts[c].depth_scale = s->contacts[c].expected_depth;
         st->contacts[c].speed_scale = s->contacts[c].expected_speed;
-        if (s->contacts[c].preload > 0.0 || s->contacts[c].closing > 0.0)
-            preload(st, c);
+        st->rows[c].force = s->contacts[c].preload;
+        st->now.force_scale = larger(st->now.force_scale, s->contacts[c].preload);
     }
     for (int i = 0; i < m; i++)
         for (int c = 0; c < s->n_contacts; c++)
             st->rows[i].depth -= s->residual[(ptrdiff_t)i * m + c] * st->rows[c].force;
-    for (int c = 0; c < s->n_contacts; c++)
+    for (int c = 0; c < s->n_contacts; c++) {
+        resume(st, c);
         for (int r = 0; r < s->contacts[c].n_tangential; r++)
             st->contacts[c].anchor[0][r] = st->rows[s->contacts[c].first_tangential + r].depth;
+    }
 }
 
 /* Whether any number is not 0. */
@@ -234,18 +276,15 @@ static bool any(const double *x, ptrdiff_t n) {
     return false;
 }
 
-/* What the responses depend on besides the modes: found anew where it changed. */
-static void start_slots(aom_stepper *st) {
-    bool rated = false;
-    for (int c = 0; c < st->system.n_contacts; c++) {
-        int kind = st->system.contacts[c].law.kind;
-        rated = rated || kind == AOM_DAMPED || kind == AOM_USER;
+/* Whether a law depends on the rate of what has no mass. */
+static bool rate_of_massless(const aom_system *system) {
+    for (int c = 0; c < system->n_contacts; c++) {
+        const aom_law *law = &system->contacts[c].law;
+        bool rated = law->kind == AOM_DAMPED || (law->kind == AOM_USER && law->user->rated);
+        if (rated && system->residual[(ptrdiff_t)c * (system->n_rows + 1)] > 0.0)
+            return true;
     }
-    if (rated != st->rated)
-        for (int k = 0; k < SLOTS; k++)
-            st->slots[k].has_local = false;
-    st->rated = rated;
-    st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
+    return false;
 }
 
 int aom_start(aom_stepper *st, const aom_system *system, const aom_options *options) {
@@ -275,7 +314,8 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
         now.cap = smaller(now.cap, options->step);
     now.force_scale = options->force_scale;
     st->now = now;
-    start_slots(st);
+    st->rated = rate_of_massless(system);
+    st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
     memcpy(st->x, system->q, (size_t)J * sizeof *st->x);
     memcpy(st->x + J, system->v, (size_t)J * sizeof *st->x);
     st->x[2 * J] = 0.0;
@@ -385,6 +425,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
         now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
     now->steps++;
     now->idle = 0;
+    now->smooth = true;
     now->time += h;
     now->last_step = h;
     for (int i = 0; i < st->system.n_rows; i++) {
@@ -412,41 +453,12 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
 
 /* ---- a contact goes over to its next branch */
 
-/* Mass that a contact seems to push if a constant force acts for a time t. */
-static double mass_felt(const aom_stepper *st, int c, double t) {
-    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
-    const double *beta = beta_row(st, c);
-    for (int j = 0; j < st->system.n_modes; j++) {
-        double z = 0.5 * st->system.omega[j] * t;
-        double part = beta[j] * (z > 1e-4 ? t * sin(z) / z : t);
-        give += 0.5 * part * part;
-    }
-    return give > 0.0 ? 0.5 * t * t / give : INFINITY;
-}
-
-/* Peak force of a contact with the mass that takes part while it lasts, roughly; `depth` and
- * `force` are those with all the mass behind it. */
-static double force_expected(aom_stepper *st, int c, double depth, double force, double speed) {
-    const aom_contact *contact = st->system.contacts + c;
-    for (int tries = 0; tries < 3; tries++) {
-        double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
-        law_expected(st, &contact->law, mass, speed, st->contacts[c].memory, &depth, &force);
-    }
-    return force;
-}
-
 /* The scales of a contact that begins, and the level of its first step; `active`: others touch. */
 static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
     course *now = &st->now;
-    contact_state *state = st->contacts + c;
-    const aom_contact *contact = st->system.contacts + c;
-    double speed = larger(rate, 1e-2 * state->speed_scale), depth, force;
+    double speed = larger(rate, 1e-2 * st->contacts[c].speed_scale);
     now->touches++;
-    law_expected(st, &contact->law, contact->mass, speed, state->memory, &depth, &force);
-    state->depth_scale = larger(state->depth_scale, depth);
-    if (st->options.force_scale == 0.0)
-        now->force_scale = larger(now->force_scale, force_expected(st, c, depth, force, speed));
-    double lasts = 3.0 * depth / speed, cap = lasts / 4.0, first = lasts / 64.0;
+    double lasts = 3.0 * expect(st, c, speed) / speed, cap = lasts / 4.0, first = lasts / 64.0;
     if (st->options.step > 0.0)
         first = cap = smaller(st->options.step, cap);
     now->cap = active ? smaller(now->cap, cap) : cap;
@@ -462,6 +474,7 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
     int before = state->branch;
+    st->now.smooth = false;
     aom_exit left = {(double)st->now.steps, c, st->exit_bound, at_once ? (active ? 0 : 2) : 1, 0.0,
                      {before}, {0.0}};
     memcpy(left.before + 1, state->memory, 3 * sizeof(double));

@@ -224,20 +224,20 @@ def _remembered(
 # -- steps
 
 
-def replay(s: Inputs, run: Run, rated: bool) -> Steps:
+def replay(s: Inputs, run: Run) -> Steps:
     """The steps of the run, those that a contact ends with their own lengths."""
     assert run.exits is not None
     edges, tables = run.time[::2], _tables(s)
     n, q, v, f0 = edges.size - 1, s.q.astype(complex), s.v.astype(complex), 0j
     branch, memory = march.APART, np.zeros(3, dtype=complex)
     out, t, exits = Steps(q, v, [0j], [0j]), 0j, list(run.exits)
-    at_end = (0j, 0j)
+    at_end, before = (0j, 0j), None
     for k in range(n + 1):
         d, rate = s.beta @ q + s.gamma @ v - s.gap - s.R * f0, s.rate(q, v)
         if k > 0:
             d, rate = at_end
         while exits and int(exits[0][0]) == k:
-            row = exits.pop(0)
+            row, before = exits.pop(0), None
             if int(row[3]) == 2:  # a flight of no length before the touch
                 extra = (_bound(s, branch, HIGH, memory) - d) / rate
                 way, turn = s.rates(q, v)
@@ -257,9 +257,9 @@ def replay(s: Inputs, run: Run, rated: bool) -> Steps:
             h = edges[-1] - t
         forces = run.force[2 * k + 1 : 2 * k + 3, 0].astype(complex)
         if ended is None:
-            forces, state, motion = _solved(s, tables, h, q, v, f0, forces, branch, memory, rated)
+            forces, state, motion = _solved(s, tables, h, q, v, f0, forces, branch, memory, before)
         else:
-            which, given = int(int(ended[2]) >= SLOW), (q, v, f0, forces, branch, memory, rated)
+            which, given = int(int(ended[2]) >= SLOW), (q, v, f0, forces, branch, memory, before)
             ahead, behind = (
                 _solved(s, tables, h * (1 + e), *given)[2][which] for e in (1e-5, -1e-5)
             )
@@ -269,6 +269,7 @@ def replay(s: Inputs, run: Run, rated: bool) -> Steps:
                 if tries == 0:
                     target = g.real  # how far the run itself was off
                 h -= (g - target) * 2e-5 * h.real / (ahead - behind)
+        before = (f0 - 4 * forces[0] + 3 * forces[1]) / h
         q, v, f0, t = state[0], state[1], forces[1], t + h
         at_end = motion
         out.time.append(t)
@@ -287,11 +288,16 @@ def _solved(
     forces: np.ndarray,
     branch: int,
     memory: np.ndarray,
-    rated: bool,
+    before: complex | None,
 ) -> tuple[np.ndarray, np.ndarray, tuple[complex, complex]]:
-    """Forces at h/2 and h that meet the law, the state at the end, indentation and rate there."""
+    """Forces at h/2 and h that meet the law, the state at the end, indentation and rate there.
+
+    `before`: the slope of the force at the end of the last step, which the rate at h/2 takes.
+    """
     to_parabola = np.array([[1, 0, 0], [-3 / h, 4 / h, -1 / h], [4 / h**2, -8 / h**2, 4 / h**2]])
-    slopes = np.array([[-2, 2, 0], [0, -2, 2]] if rated else [[-1, 0, 1], [1, -4, 3]]) / h
+    slopes = np.array([[-1, 0, 1], [1, -4, 3]]) / h
+    if before is not None:
+        slopes[0] += np.array([-3, 4, -1]) / (4 * h)
     start = np.stack([q, v, s.load - 2 * s.decay * s.drive], axis=1)
     base, by = np.empty((2, 2), dtype=complex), np.empty((2, 2, 3), dtype=complex)
     for stage in range(2):
@@ -307,6 +313,7 @@ def _solved(
         by[stage, 1] = (turned + at_once) @ to_parabola
         by[stage, 0, 1 + stage] -= s.R
         by[stage, 1] -= s.R * slopes[stage]
+    base[0, 1] += 0 if before is None else s.R * before / 4
     f = np.array([f0, *forces])
     for _ in range(4 if branch in (march.FORWARD, march.BACK) else 0):
         rest, slope = np.empty(2, dtype=complex), np.empty((2, 2), dtype=complex)
@@ -328,8 +335,8 @@ def _solved(
 
 
 def derivative(
-    s: Inputs, run: Run, rated: bool, along: dict[str, Any], goal: Callable[[Steps], complex]
+    s: Inputs, run: Run, along: dict[str, Any], goal: Callable[[Steps], complex]
 ) -> float:
     """Derivative of a goal along changes of the inputs, name -> change."""
     changed = {name: getattr(s, name) + 1e-30j * change for name, change in along.items()}
-    return goal(replay(replace(s, **changed), run, rated)).imag / 1e-30
+    return goal(replay(replace(s, **changed), run)).imag / 1e-30

@@ -24,7 +24,7 @@ _PARTS: dict[str, tuple[Any, ...]] = {
     "part_chord": (c_double, c_void_p, c_int, c_double),
     "part_mass_felt": (c_double, c_void_p, c_int, c_double),
     "part_ripple": (c_double, c_void_p, c_double, c_double, c_int),
-    "part_left_over": (c_double, c_double, c_int),
+    "part_left_over": (c_double, c_double),
     "part_bounds": (None, c_void_p, c_int, c_void_p, c_void_p),
     "part_sizes": (None, c_void_p),
     "part_next_branch": (c_int, c_void_p, c_int, c_int, c_double, c_double, c_void_p),

@@ -223,6 +223,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static double params[CONTACTS][TABLE];
     static const aom_user_law user = {NULL, 1, 0, user_force, user_touch, user_advance, user_work};
     aom_contact contacts[CONTACTS];
+    double states[CONTACTS][AOM_MEMORY];
     aom_system system = {
         .n_modes = (int)(byte(s) % (MODES + 1)), .n_contacts = 1 + (int)(byte(s) % CONTACTS),
         .n_breaks = 1 + (int)(byte(s) % BREAKS), .omega = omega, .decay = decay, .beta = beta,
@@ -262,7 +263,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         to->expected_speed = number(s, 1e-3, 1e2);
         to->slowest = number(s, 0.0, 1e-3);
         to->preload = byte(s) % 4u ? 0.0 : number(s, 0.0, 1e3);
-        to->closing = byte(s) % 4u ? 0.0 : number(s, 0.0, 10.0);
+        numbers(s, states[c], AOM_MEMORY, 0.0, 1e-4);
+        to->state = byte(s) % 4u ? NULL : states[c];
+        to->closed = byte(s) % 2u;
     }
     aom_options options = aom_default_options(number(s, 1e-6, 1e-1));
     options.rel_tol = number(s, 1e-7, 0.5);

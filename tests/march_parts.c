@@ -37,7 +37,7 @@ AOM_API double part_ripple(aom_stepper *st, double h, double depth, int fresh) {
     return ripple(st, h);
 }
 
-AOM_API double part_left_over(double finer, int rated) { return left_over(finer, rated != 0); }
+AOM_API double part_left_over(double finer) { return left_over(finer); }
 
 AOM_API void part_bounds(const aom_law *law, int branch, const double *memory, double *out) {
     branch_bounds b = law_bounds(law, branch, memory);

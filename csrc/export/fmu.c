@@ -55,7 +55,7 @@ static void fill_contacts(model_file *file, const int32_t *ints, const double **
         const double *x = numbers + (ptrdiff_t)c * CONTACT_DOUBLES;
         aom_law law = {i[0], i[1], next(at, (size_t)i[1]), NULL};
         file->contacts[c] =
-            (aom_contact){law, x[0], x[1], i[2], i[3], x[2], x[3], x[4], x[5], x[6], 0.0};
+            (aom_contact){law, x[0], x[1], i[2], i[3], x[2], x[3], x[4], x[5], x[6], NULL, 0};
     }
     file->model.system.contacts = file->contacts;
 }

@@ -199,3 +199,24 @@ def test_stick_then_slip_in_closed_form(vx: float) -> None:
     assert hit.bodies["ball"].velocity("foot", (1, 0, 0))[-1] == pytest.approx(expected, abs=5e-4)
     total = hit.energy.kinetic + hit.energy.contact
     assert total.max() <= total[0] * (1 + 1e-5)  # friction makes no energy
+
+
+def test_friction_acts_along_the_slip() -> None:
+    """Also where the compliance of what has no mass couples directions."""
+    r = 1e-7 * np.array([[2.0, -1.0, 0.5], [-1.0, 6.0, 1.0], [0.5, 1.0, 3.0]])
+    axes = np.eye(3)[[2, 0, 1]]
+    body = ao.SiteModes([0.0] * 3, np.eye(3), {"tip": (0, 1, 2)}, r=r, directions=axes)
+    contact = ao.Contact("part:tip", "floor", ao.Hertz(1e8), friction=0.3)
+    start = ao.ModalState([0.0] * 3, [-1.0, 0.5, 0.3])
+    scene = ao.Scene({"part": body, "floor": ao.Obstacle()}, [contact], motion={"part": start})
+    hit = scene.run(4e-3)
+    normal, along = hit.run.force[1:, 0], hit.run.force[1:, 1:]
+    size = np.hypot(*along.T)
+    slides = (normal > 0) & (size > 0.3 * normal * (1 - 1e-9))
+    slip = np.diff(
+        hit.run.depth[:, 1:] - hit.run.force[:, 1:] / hit.assembly.system.slip[0, 1], axis=0
+    )
+    across = slip[:, 0] * along[:, 1] - slip[:, 1] * along[:, 0]
+    assert slides.sum() > 20
+    assert (np.abs(across) <= 1e-6 * np.hypot(*slip.T) * size)[slides].all()
+    assert (np.sum(slip * along, axis=1) >= 0)[slides].all()

@@ -6,12 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import antiosc as ao
 from antiosc.base import march
+from antiosc.base._types import Array
 from antiosc.simulation.assembly import mass_behind
 from antiosc.simulation.march.convergence import difference
+from antiosc.simulation.march.engine import run
 from antiosc.simulation.reference import SCENE_STEPS
 from rates import observed_order
 
@@ -103,6 +106,40 @@ def test_rate_dependent_law_on_a_massless_point():
     for method in ("conserving", "DOP853"):
         with pytest.raises(ao.InputError, match="rate-dependent law at a massless contact point"):
             strike(law, method, 1e-6, m0=0.0)
+
+
+@pytest.mark.slow
+def test_a_rate_on_a_massless_point_has_order_three() -> None:
+    """Against Radau's method for F' = (closing speed - rate of the law) / compliance."""
+    model = ao.AntiOscillators(m0=0.0, k0=1e6, m=[0.1, 0.1], omega=[5e3, 1e4])
+    k, e, mass, speed = 1e9, 0.4, 0.24, 1.0
+    soft, d = 1 / (model.k0 + model.k.sum()), 1.5 * (1 - e) / speed
+
+    def derivatives(_: float, y: Array) -> Array:
+        u, v, force, x, w = y[0], y[1], y[2], y[3:5], y[5:]
+        site = soft * (force + model.k @ x)
+        rate = (force / (k * (u - site) ** 1.5) - 1) / d
+        rise = (v - soft * (model.k @ w) - rate) / soft
+        return np.concatenate(([v, -force / mass, rise], w, model.k * (site - x) / model.m))
+
+    begin, end = 1e-8, 3e-4  # the site has not moved yet, and the contact is still closed
+    y = np.zeros(7)
+    y[:3] = speed * begin, speed, k * (speed * begin) ** 1.5 * (1 + d * speed)
+    size = np.array([1e-3, 1.0, 1e3, 1e-3, 1e-3, 1.0, 1.0])
+    truth = solve_ivp(
+        derivatives, (begin, end), y, "Radau", rtol=1e-10, atol=1e-12 * size, dense_output=True
+    )
+    hit = ao.simulate(model, ao.RigidMass(mass, speed), ao.HuntCrossley(k, e), end)
+    steps, errors = [], []
+    for share in 1e-3 * 8.0 ** -np.arange(1, 6):
+        found = run(hit.assembly.system, end, share, fine=1e-7)
+        node = found.time > begin
+        expected = truth.sol(found.time[node])[2]
+        errors.append(np.abs(found.force[node, 0] - expected).max() / expected.max())
+        steps.append(1 / found.steps)
+    assert observed_order(steps, errors) == pytest.approx(3, abs=0.3)
+    assert hit.run.steps < 100
+    assert hit.error["force"] < 1e-3
 
 
 @pytest.mark.sample

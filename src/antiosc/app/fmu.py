@@ -313,7 +313,7 @@ def _numbers(name: str, data: RunData) -> str:
         law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {at}, 0}}"
         at += c.law.n_params
         head = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
-        listed.append(f"    {{{', '.join([head, *row[2:]])}}}")
+        listed.append(f"    {{{', '.join([head, *row[2:], '0', '0'])}}}")
     if listed:
         body = ",\n".join(listed)
         lines.append(f"static const aom_contact {name}_contacts[] = {{\n{body}\n}};")
@@ -321,12 +321,12 @@ def _numbers(name: str, data: RunData) -> str:
         f"{name}_{part}"
         for part in ("omega", "decay", "beta", "residual", "breaks", "loads", "offsets")
     )
-    options = [*(_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4"]
+    options = [*(_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4", "0"]
     lines.append(
         f"static const axm_model {name} = {{\n"
         f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
         f"     {f'{name}_contacts' if listed else '0'}, {name}_q, {name}_v,"
-        f" {_number(data.system.given)}}},\n"
+        f" {_number(data.system.given)}, 0}},\n"
         f"    {{{', '.join(options)}}},\n"
         f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
         f"    {parameters}, {name}_parameters, {name}_starts, {count}, {name}_outputs\n}};\n"

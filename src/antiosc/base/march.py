@@ -30,7 +30,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 6
+VERSION = 7
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -89,7 +89,8 @@ class Contact(Structure):
         *((name, c_double) for name in ("friction", "tangential_stiffness")),
         *((name, c_int) for name in ("first_tangential", "n_tangential")),
         *((name, c_double) for name in ("mass", "expected_depth", "expected_speed")),
-        *((name, c_double) for name in ("slowest", "preload", "closing")),
+        *((name, c_double) for name in ("slowest", "preload")),
+        *(("state", c_void_p), ("closed", c_int)),
     ]
 
 

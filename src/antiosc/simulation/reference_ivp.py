@@ -46,11 +46,10 @@ class JointContacts:
         self.system, self.laws = system, laws
         self.closed = system.closed.tolist()
         self._tangents = [slice(i, i + count) for i, count in system.tangents.tolist()]
+        kept = system.kept or [None] * len(laws)
         self.states: list[State | None] = [
-            law.touch(0.0 if system.closing is None else float(system.closing[c]))
-            if closed
-            else None
-            for c, (law, closed) in enumerate(zip(laws, self.closed, strict=True))
+            one.state if one is not None else law.touch(0.0) if closed else None
+            for law, one, closed in zip(laws, kept, self.closed, strict=True)
         ]
         self.anchor = np.zeros(len(system.beta))
         self.events: list[tuple[float, int, int, float]] = []
@@ -292,6 +291,7 @@ class SceneMethod(ABC):
             q=begin[0],
             v=begin[1],
             pressed=np.zeros(self.p),
+            kept=None,
         )
         found = run(ahead, duration - t, 1.0, fine=FINE * self.step, max_contacts=0)
         ends = np.arange(found.time.size // 2 + 1)

@@ -46,6 +46,7 @@ from antiosc.simulation.histories.results import (
 from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
 from antiosc.simulation.march.given_step import checked_step, stepped
+from antiosc.simulation.march.system import Kept
 from antiosc.simulation.reference import (
     MAX_CONTACTS,
     MAX_STEPS,
@@ -182,31 +183,39 @@ def told(history: H) -> H:
     return replace(history, message=f"{history.message} {sentence}")
 
 
-def start(assembly: Assembly, cut: tuple[Array, Array] | None = None) -> None:
+def start(assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None) -> None:
     """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
 
     Without preload only a load on a site without mass closes a contact at once, or a run before.
 
     Parameters
     ----------
-    cut : closing speeds (p,) [m/s] of the contacts that go on from a run before (`Run.closing`), 0
-        of others, and their forces (p,) [N].
+    cut : the contacts that go on from a run before (`Run.kept`), and their forces (p,) [N].
     """
     system, laws = assembly.system, assembly.laws
+    system.kept = None if cut is None else cut[0]
     if assembly.scene.preload:
         system.q, system.pressed = settle(system, laws)
     else:
         system.pressed = closed(system, laws)
     if cut is not None:
-        system.closing = cut[0]
-        system.pressed = np.where(cut[0] > 0, cut[1], system.pressed)
+        goes_on = [one is not None and one.closed for one in cut[0]]
+        system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
     if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]
         delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
         system.depth = np.maximum(system.depth, delta)
+        if system.kept is not None:  # between two nodes they have gone on
+            rate = system.free_rows(system.q, system.v)[1].tolist()
+            system.kept = [
+                one._replace(state=law.advance(d, v, one.state)) if one and one.closed else one
+                for law, d, v, one in zip(laws, delta.tolist(), rate, system.kept, strict=False)
+            ]
+        each = zip(laws, delta.tolist(), system.begun(), strict=True)
         system.given = sum(
-            law.potential(float(d), law.touch(0.0)) for law, d in zip(laws, delta, strict=True)
+            law.energy(d, state) if cut is not None else law.potential(d, state)
+            for law, d, state in each
         )
         system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 

@@ -14,6 +14,7 @@ from antiosc.contact import ContactLaw, State
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.march.engine import Run
+from antiosc.simulation.march.system import Kept
 from antiosc.simulation.states import blocks, node_states, part_of, starts, touches
 
 
@@ -60,6 +61,7 @@ def replay(
     depth: Array,
     spans: Iterable[tuple[int, int]],
     speeds: Iterable[float],
+    kept: Kept | None = None,
 ) -> tuple[Array, Array, Array]:
     """What one contact can give back and has lost by plasticity [J], and its damping force [N].
 
@@ -68,15 +70,19 @@ def replay(
     law : the contact's.
     force, depth : (n,) at the nodes.
     spans, speeds : first and last node of each contact, and its closing speed [m/s].
+    kept : what goes on from a run before.
 
     Returns
     -------
     stored, plastic, damping : (n,) each; `plastic` up to the node.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
-    state: State | None = None
+    state: State | None = None if kept is None else kept.state
+    goes_on = kept is not None and kept.closed
     for (a, b), speed in zip(spans, speeds, strict=False):
-        state = law.touch(speed, state)
+        if state is None or not goes_on:
+            state = law.touch(speed, state)
+        goes_on = False
         span = slice(a, b + 1)
         if is_compiled(law):
             if law.has_memory:
@@ -347,7 +353,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             )
             for start, end in zip(closed["start"], closed["end"], strict=True)
         ]
-        each, plastic, damping = replay(law, force, depth, nodes, closed["speed"].tolist())
+        kept = None if system.kept is None else system.kept[c]
+        speeds = closed["speed"].tolist()
+        each, plastic, damping = replay(law, force, depth, nodes, speeds, kept)
         stored += each
         lost += plastic
         if law.rate_dependent:

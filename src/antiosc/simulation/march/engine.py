@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from antiosc.base import march, process
 from antiosc.base.errors import InputError
-from antiosc.simulation.march.system import Given, System
+from antiosc.contact import ContactLaw, State
+from antiosc.contact.base import is_compiled
+from antiosc.simulation.march.system import Given, Kept, System
 
 Array = NDArray[np.float64]
 
@@ -59,13 +61,37 @@ class Run:
     every: int = 1
     exits: Array | None = None
 
-    def closing(self, system: System, t: float) -> Array:
-        """Speeds (p,) [m/s] at which the contacts closed that are closed at a time [s]; else 0."""
-        p = len(system.laws)
-        found = np.zeros(p) if system.closing is None else system.closing.copy()
-        for _, c, branch, speed in self.events[self.events[:, 0] <= t].tolist():
-            found[int(c)] = speed if branch != march.APART else 0.0
+    def kept(self, system: System, t: float) -> list[Kept | None]:
+        """The contacts (p) at a time [s], for a run that goes on there; None before a touch."""
+        last = int(np.searchsorted(self.time, t * (1 + 1e-12), side="right")) - 1
+        found = list(system.kept or [None] * len(system.laws))
+        for c, law in enumerate(system.laws):
+            one, begin = found[c], 0
+            if one is None and system.closed[c]:
+                one = Kept(True, 0.0, law.touch(0.0))
+            own = self.events[:, 1] == c
+            for time, _, branch, speed in self.events[own & (self.events[:, 0] <= t)].tolist():
+                node = int(np.searchsorted(self.time, time))
+                if branch != march.APART:
+                    state = law.touch(speed, None if one is None else one.state)
+                    one, begin = Kept(True, speed, state), node
+                elif one is not None:
+                    one = Kept(False, one.speed, self._advanced(law, one.state, c, begin, node))
+            if one is not None and one.closed:
+                one = one._replace(state=self._advanced(law, one.state, c, begin, last))
+            found[c] = one
         return found
+
+    def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
+        """The state of a law after the steps of contact c between two nodes, where it is closed."""
+        if is_compiled(law):  # of the deepest indentation alone
+            return law.advance(float(self.depth[first : last + 1, c].max()), 0.0, state)
+        for n in range(first + first % 2, last - 1, 2):
+            d0, d1, d2 = self.depth[n : n + 3, c].tolist()
+            h = float(self.time[n + 2] - self.time[n])
+            rate = (d0 - 4 * d1 + 3 * d2) / h if h > 0 else 0.0
+            state = law.advance(d2, rate, state)
+        return state
 
 
 class Buffers:

@@ -78,8 +78,7 @@ def closed(system: System, laws: list[ContactLaw]) -> Array:
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not (free > 0).any():
         return np.zeros(p)
-    states = [law.touch(0.0) for law in laws]
-    return _pressed(laws, states, free, system.R[:p, :p], np.zeros(p))[1]
+    return _pressed(laws, system.begun(), free, system.R[:p, :p], np.zeros(p))[1]
 
 
 def _pressed(

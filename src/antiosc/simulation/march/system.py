@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from ctypes import addressof
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base import march
-from antiosc.contact import ContactLaw
+from antiosc.contact import ContactLaw, State
 from antiosc.models.damping import SideBySide
 from antiosc.simulation.march.laws import packed, raise_error
 
@@ -20,6 +20,15 @@ Array = NDArray[np.float64]
 
 _ONE = march.Contact * 1  # ctypes keeps this type as long as it is held, and takes 50 µs to make it
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+
+
+class Kept(NamedTuple):
+    """A contact at a time of a run: whether it is closed, the speed [m/s] at which it closed last,
+    and the state of its law."""
+
+    closed: bool
+    speed: float
+    state: State
 
 
 @dataclass(eq=False)
@@ -41,8 +50,8 @@ class System:
     mass : (p,) inertia behind each contact [kg], roughly.
     depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
     pressed : (p,) forces [N] at the start: a contact with one is closed.
-    closing : (p,) speeds [m/s] at which contacts closed that go on from a run before; 0 of others.
-    begun : closing speed [m/s] from which, at least, damped laws take their damping.
+    least_speed : closing speed [m/s] from which, at least, damped laws take their damping.
+    kept : of p contacts what goes on from a run before; None of others.
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
     block : omega to v in one array, where they already stand so.
@@ -65,8 +74,8 @@ class System:
     speed: Array
     pressed: Array
     given: float = 0.0
-    closing: Array | None = None
-    begun: float = 0.0
+    least_speed: float = 0.0
+    kept: Sequence[Kept | None] | None = None
     first: SideBySide | None = None
     gamma: Array | None = None
     block: Array | None = field(default=None, init=False)
@@ -74,7 +83,17 @@ class System:
     @property
     def closed(self) -> NDArray[np.bool_]:
         """Which contacts (p,) are closed at the start."""
-        return self.pressed > 0 if self.closing is None else (self.pressed > 0) | (self.closing > 0)
+        if self.kept is None:
+            return self.pressed > 0
+        return (self.pressed > 0) | [one is not None and one.closed for one in self.kept]
+
+    def begun(self) -> list[State]:
+        """The states of the p laws at the start; before a first touch as of one at rest."""
+        kept = self.kept or [None] * len(self.laws)
+        return [
+            law.touch(0.0) if one is None else one.state
+            for law, one in zip(self.laws, kept, strict=True)
+        ]
 
     @property
     def damped(self) -> bool:
@@ -115,7 +134,7 @@ class System:
         The damping of a law that takes it from the closing speed has no limit for a start from
         rest: this is the speed that it then has, the same for all integrators.
         """
-        return np.maximum(SLOWEST * self.speed, self.begun)
+        return np.maximum(SLOWEST * self.speed, self.least_speed)
 
     def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
@@ -163,8 +182,7 @@ class Given:
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
-            s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(),
-            [0.0] * p if s.closing is None else s.closing.tolist(), strict=True,
+            s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
         )  # fmt: skip
         self.contacts = (march.Contact * p)(
             *[
@@ -172,9 +190,20 @@ class Given:
                 for (law, _), slip, tangents, *each in each_contact
             ]
         )
+        self.states = [] if s.kept is None else self._keep(s.kept, s.laws)
         self.system = march.System(
             size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
         )
+
+    def _keep(self, kept: Sequence[Kept | None], laws: Sequence[ContactLaw]) -> list[Array]:
+        """Let contacts go on from a run before; their states, which last as long as the block."""
+        states = []
+        for contact, one, law in zip(self.contacts, kept, laws, strict=True):
+            if one is not None:
+                state = np.array([*one.state, law.origin(one.state), 0.0], dtype=float)
+                contact.state, contact.closed = march.address(state), one.closed
+                states.append(state)
+        return states
 
     def failed(self) -> None:
         """Raise the error of a law of the user's own."""

@@ -149,6 +149,7 @@ def _pushed(body: FreeBody, state: State, held: dict[int, Held], setting: Settin
     Of one contact with the force F and the way d it is (F - m g)^2 d/F: of a linear law twice the
     energy, and no less than it of a force that grows faster than the way.
     """
+    held = {i: h for i, h in held.items() if h.force[0] > 0}
     if not held:
         return 0.0
     W, points = body.rigid_modes(state.R)[0], list(held)

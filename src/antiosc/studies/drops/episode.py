@@ -24,6 +24,7 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
+from antiosc.simulation.march.system import Kept, System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
@@ -41,6 +42,8 @@ LIMITS = 10_000, 50_000
 DRAWN = 1e-5
 #: Times that an orientation is put right by the spin that it has.
 SWEEPS = 5
+#: A run that stops before this share of an expected contact time has no forces at its start.
+JAMMED = 1e-6
 #: In place of 0 where it divides.
 TINY = float(np.finfo(float).tiny)
 
@@ -49,13 +52,13 @@ class Held(NamedTuple):
     """A contact that goes on from an episode before.
 
     Its height [m] without force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], and the speed [m/s] at which it closed.
+    stiffness [N/m], and what its law remembers.
     """
 
     height: float
     force: Array
     stiffness: float
-    closing: float
+    kept: Kept
 
 
 class Path(NamedTuple):
@@ -105,21 +108,27 @@ def scene_of(
         for h, i, one in zip(heights, which.tolist(), on, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
-    closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
+    force, drawn = np.zeros((2, len(system.beta)))
     for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
         if one is not None:
-            closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
+            force[k], sides = one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
-    if body.bed is not None:
-        # the damping of a layer is that of the first touch, not that of each of its pieces
-        system.begun = max(body.bed.speed, float(closing.max()))
-        closing = np.where(closing > 0, system.begun, 0.0)
     # springs of friction begin unstrained: what they press is added with them
     drawn += system.R @ force - system.R[:, :p] @ force[:p]
     drawn[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += drawn[:p]
-    begin(assembly, (closing, force[:p]) if held else None)
+    kept = [None if one is None else one.kept for one in on]
+    if body.bed is not None:
+        # the damping of a layer is that of the first touch, not that of each of its pieces
+        closed = [one is not None and one.closed for one in kept]
+        speeds = (one.speed for one in kept if one is not None and one.closed)
+        system.least_speed = v = max([body.bed.speed, *speeds])
+        kept = [
+            Kept(True, v, law.touch(v)) if pressing else None
+            for law, pressing in zip(system.laws, closed, strict=True)
+        ]
+    begin(assembly, (kept, force[:p]) if held else None)
     if drawn.any():
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
         breaks, loads = (
@@ -156,20 +165,37 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
 def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
     """The history of a scene; its status is 2 if it stopped before its end.
 
-    AccuracyError where a force leaves the range of its law, or where none fits at the start.
+    AccuracyError where a force leaves the range of its law, or where friction jams.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
-    if found.run.time[-1] == 0.0:
-        raise AccuracyError(
-            "friction jams a point at its contact: the compliance of the modes that are left out "
-            "permits no contact forces there; take more modes (modes=) or less friction."
-        )
+    if found.run.time[-1] <= JAMMED * assembly.lasting:
+        raise _jam(assembly.system)
     error = {"force": found.force, "peak": found.peak}
     status = STOPPED if found.run.answer else COMPLETED
     history = SceneHistory(assembly, found.run, error, status, "")
     check_range(history)
     return history
+
+
+def _jam(system: System) -> AccuracyError:
+    """Why no forces fit: sliding presses a point in by more than its normal force lifts it."""
+    friction, wedge = 0.0, 0.0
+    for k, (first, count) in enumerate(system.tangents.tolist()):
+        own = float(np.linalg.norm(system.R[k, first : first + count]))
+        own /= max(float(system.R[k, k]), TINY)
+        if system.slip[k, 0] * own > friction * wedge:
+            friction, wedge = float(system.slip[k, 0]), own
+    if friction == 0:
+        return AccuracyError(
+            "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
+        )
+    return AccuracyError(
+        f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
+        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
+        f"modes that are left out, which must stay well below 1; take more modes (modes=), or less "
+        f"friction."
+    )
 
 
 def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Path:
@@ -264,6 +290,7 @@ def handed_over(
 ) -> tuple[State, dict[int, Held]]:
     """The state at the end of a path, and the contacts of the points (n,) that go on.
 
+    With them go those that have parted and left a dent.
     The centre and the orientation are those of the path; momentum, angular momentum and the modes
     are those of the scene: the energy is that of the path.
     """
@@ -282,19 +309,14 @@ def handed_over(
         whole[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(run.time - t)))
-    force, closing = run.force[node], run.closing(a.system, t)
-    heights = -(run.depth[node] + a.system.R @ force)
-    held = {
-        int(i): Held(
-            float(heights[k]),
-            force[[k, *range(first, first + count)]],
-            float(a.system.slip[k, 1]),
-            float(closing[k]),
-        )
-        for k, (i, (first, count)) in enumerate(zip(which, a.system.tangents, strict=True))
-        if force[k] > 0
-    }
-    return state, held
+    force, kept = run.force[node], run.kept(a.system, t)
+    heights, held = -(run.depth[node] + a.system.R @ force), {}
+    each = zip(which.tolist(), kept, a.laws, a.system.tangents.tolist(), strict=True)
+    for k, (i, one, law, (first, count)) in enumerate(each):
+        if one is not None and (one.closed or law.has_memory):
+            rows, slip = [k, *range(first, first + count)], float(a.system.slip[k, 1])
+            held[i] = Held(float(heights[k]), one.closed * force[rows], slip, one)
+    return state, held if any(one.kept.closed for one in held.values()) else {}
 
 
 #: Duration of a first run over the expected time of contact, and of the longest over the first.
