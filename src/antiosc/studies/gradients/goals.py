@@ -381,7 +381,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
             to.B += np.outer(slope @ q, own)
             to.r += np.outer(slope @ push, own)
     assert run.exits is not None
-    # where a contact changes, a sample has a slope before and one after: as it stands for both sides
+    # where a contact changes, a sample has a slope before and one after, and stands for both sides
     before, h = np.zeros(2 * n + 1), np.diff(found.edges)
     bends = np.unique(run.exits[:, 0].astype(int))
     bends = bends[(bends > 0) & (bends < n)]
