@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache
 
@@ -211,7 +210,7 @@ def test_sweeps_and_newtons_method_agree(
     runs = []
     for library in (built(), built("SWEEPS=0")):
         monkeypatch.setattr(march, "library", library)
-        monkeypatch.setattr(engine, "_kept", OrderedDict())
+        monkeypatch.setattr(engine, "_kept", [])
         runs.append(run(made.system, duration / 2, 1e-3, fine=made.lasting / 200))
     a, b = runs
     assert a.touches > 0

@@ -151,10 +151,9 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     if found.shape[0] != found.shape[1]:
         raise InputError(f"{name} must be square; got shape {found.shape}.")
     scale = np.sqrt(np.maximum(found.diagonal(), 0.0))
-    unit = found / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh((unit + unit.T) / 2)
+    unit, uneven = checks.in_units(found, scale)
+    values, vectors = np.linalg.eigh(unit)
     least = float(values.min(initial=0.0))
-    uneven = float(np.abs(unit - unit.T).max(initial=0.0))
     if uneven > ROUNDING or least < -ROUNDING or np.any(found[scale == 0]):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
@@ -258,6 +257,14 @@ class SideBySide:
                 moved = by_v[:, free] @ first.at_v
                 found[:, :, own] += moved.reshape(-1, 2, first.omega.size)
         return found.reshape(len(by_q), 2 * self.omega.size)
+
+    def begun(self, by_a: Array, by_b: Array) -> Array:
+        """(J,) derivatives by the displacements of `state`, from those by its (a, b)."""
+        found = np.zeros(self.free)
+        for free, own, _, first in self._spans():
+            both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
+            found[free] = both[: free.stop - free.start]
+        return found
 
     @property
     def spans(self) -> list[slice]:

@@ -123,7 +123,7 @@ def test_no_card_has_two_fates():
         if module is nastran_table:
             lists += [module._READ, module._OF_OTHERS, " ".join(module.BESIDE)]
             lists += [" ".join(module.CELLS), " ".join(module.PROPERTIES)]
-            lists += [" ".join(module.NO_COUNTERPART)]
+            lists += [module.NO_COUNTERPART]
         else:
             lists += [" ".join(module.READ)]
         twice = [card for card, n in Counter(" ".join(lists).split()).items() if n > 1]
