@@ -154,6 +154,12 @@ def test_quarter_turns_are_exact(turns):
     )
 
 
+def test_degrees_are_not_taken_for_radians():
+    with pytest.raises(ao.InputError, match=r"angle = -90 rad .* radians; .* give -1\.5708\."):
+        Placement(angle=-90)
+    assert Placement(angle=2 * np.pi).angle == 2 * np.pi
+
+
 def test_skew_is_the_cross_product():
     a, b = RNG.normal(size=(2, 6, 3))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b))
