@@ -3,7 +3,7 @@
 
 enum { SERIES = 11, POINTS = 8, DAMPED_SERIES = 26 };
 
-#define APART 20.0 /* decay times time above which a mode is two real poles far apart */
+#define APART 20.0 /* decay times time above which an over-damped mode is two real poles far apart */
 
 /* Of the series of S', J0', J1', J2' by x: the terms n + 1 over n of that of index i, without X. */
 #define RATIO(n, i) ((n + 1.0) / (n * (2.0 * n + 2.0 + i) * (2.0 * n + 3.0 + i)))
@@ -151,12 +151,15 @@ static void fast_pole(double p, double t, double value[4], double slope[4]) {
     }
 }
 
-/* The same for small phases of very strong damping: S, J0, ... = (those of the slow pole - those of
- * the fast one)/(2 r), r^2 = d^2 - x. */
+/* The same for very strong damping: S, J0, ... = (those of the slow pole - those of the fast one)/(2 r),
+ * r^2 = d^2 - x. */
 static void by_poles(double x, double d, double t, double out[8]) {
     double r = sqrt(d * d - x), fast = -d - r, slow = x / fast;
     double one[4], two[4], one_slope[4], two_slope[4];
-    slow_pole(slow, t, one, one_slope);
+    if (slow * t < -1.0)
+        fast_pole(slow, t, one, one_slope);
+    else
+        slow_pole(slow, t, one, one_slope);
     fast_pole(fast, t, two, two_slope);
     for (int k = 0; k < 4; k++) {
         double whole = (one[k] - two[k]) / (2.0 * r);
@@ -191,12 +194,12 @@ void response_slopes(int n, const double *omega, const double *decay, double t,
     for (int j = 0; j < n && by_decay; j++) {
         double x = omega[j] * omega[j], d = decay[j], each[8];
         const double *S = response + 2 * (ptrdiff_t)n + j, *J0 = S + n;
-        if (x * t * t >= 1.0)
+        if (d * t > APART && d * d > 2.0 * x) /* by_division would take the difference of large numbers */
+            by_poles(x, d, t, each);
+        else if (x * t * t >= 1.0)
             by_division(x, d, t, response[j], *S, (double[]){J0[0], J0[n], J0[2 * (ptrdiff_t)n]}, each);
         else if (d * t < 1.0)
             by_series(x, d, t, each);
-        else if (d * t > APART)
-            by_poles(x, d, t, each);
         else
             by_quadrature(x, d, t, each);
         for (int k = 0; k < 8; k++)

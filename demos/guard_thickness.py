@@ -28,7 +28,7 @@ def main(
     size: float = 0.03,
     thickness: float = 3e-3,
     mass: float = 0.3,
-    velocity: float = 3.0,
+    velocity: float = 1.0,
     n: int = 40,
     out: Path = ROOT / "out",
 ) -> dict[str, float]:

@@ -45,6 +45,21 @@ def test_the_force_of_a_blow_is_lognormal():
     assert "400" in repr(many)
 
 
+@pytest.mark.parametrize("q", [0.05, 0.5, 0.99])
+def test_a_bar_without_an_end_says_how_many_results_have_one(q):
+    def bar(n):
+        return ao.Sample({"x": np.arange(n)}, {"y": np.arange(float(n))}, {}).quantile("y", q)
+
+    few = bar(3)
+    needed = [int(each.split()[-3]) for each in few.note.split("; ")]
+    assert np.isinf([few.low, few.high]).sum() == len(needed)
+    for n in needed:
+        assert sum(np.isinf([bar(n - 1).low, bar(n - 1).high])) > sum(
+            np.isinf([bar(n).low, bar(n).high])
+        )
+    assert not bar(max(needed)).note
+
+
 @pytest.mark.slow
 def test_bars_of_quantiles_and_probabilities_cover():
     rng = np.random.default_rng(1)
@@ -114,6 +129,19 @@ def test_a_campaign_that_breaks_off_goes_on(tmp_path):
         if wrong:
             with pytest.raises(ao.InputError, match="name a new file"):
                 ao.monte_carlo(run, inputs, 10, store=path)
+
+
+def test_a_line_that_lost_a_cell_is_told_by_its_number(tmp_path):
+    path, speeds = tmp_path / "campaign.csv", {"v": ao.uniform(1.0, 2.0)}
+    whole = ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    for broken in (lines[3].replace(b",-", b"-"), b"\xff" + lines[3], lines[3][:9] + b"\n"):
+        path.write_bytes(b"".join([*lines[:3], broken, *lines[4:]]))
+        with pytest.raises(ao.InputError, match=r"^line 4 of .*: remove the line"):
+            ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
+    path.write_bytes(b"".join([*lines[:3], *lines[4:]]))
+    again = ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
+    assert np.array_equal(again.values["b"], whole.values["b"])
 
 
 def test_blows_that_all_fail_in_one_part_cost_no_other():

@@ -44,7 +44,6 @@ def test_stiffened_panel(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*deflects by")  # by more than half its thickness
 def test_guard_thickness(tmp_path, capsys):
     """At equal mass a third less force and more, within 20 runs; bars beside the gradients."""
     numbers = demo("guard_thickness").main(size=0.1, n=12, out=tmp_path)

@@ -304,6 +304,21 @@ def test_a_function_of_the_run() -> None:
     assert last == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("law", [ao.Linear(5e6), ao.Thornton(5e8, 1e-5)])
+def test_a_function_that_integrates_over_bends(law: ao.ContactLaw) -> None:
+    """Where a contact touches, turns or parts, a sample has one slope before and another after."""
+
+    def impulse(run: Any) -> float:
+        f = run.force
+        return float(np.diff(run.time[::2]) @ (f[:-2:2] + 4 * f[1::2] + f[2::2])) / 6
+
+    hit = blow(law, tol=1e-4)
+    found, expected = ao.gradient(hit, impulse), ao.gradient(hit, "impulse")
+    for name, size in {"mass": 0.5, "k0": 2e5, "stiffness": law.stiffness, "gap": 1e-5}.items():
+        off = (getattr(found, name) - getattr(expected, name)) * size
+        assert abs(off) < 1e-5 * expected.value, name
+
+
 def test_a_function_of_the_run_that_returns_no_number() -> None:
     with pytest.raises(ao.InputError, match="goal"):
         ao.gradient(blow(ao.Hertz(1e9)), lambda run: float("nan"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from decimal import Decimal, localcontext
 from math import inf
 from types import SimpleNamespace
 
@@ -83,6 +84,39 @@ def test_slopes_of_responses(ratio: float, t: float) -> None:
         loss = 1e-13 * np.abs(at[2:]) / h
         off = np.abs(found[4 * k : 4 * k + 4] - expected)
         assert np.all(off <= 1e-7 * np.abs(expected) + 1e-9 * scale + loss), (k, off / scale)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [1.5, 30.0, 2e4])
+@pytest.mark.parametrize("phase", [0.1, 3.0, 300.0])
+def test_slopes_of_over_damped_responses(ratio: float, phase: float) -> None:
+    """Their relative error, against differences of their two poles in 60 digits."""
+    t, omega = 1e-3, phase / 1e-3
+
+    def exact(x: Decimal, d: Decimal) -> list[Decimal]:
+        r, span = (d * d - x).sqrt(), Decimal(t)
+        both = []
+        for p in (r - d, -r - d):
+            power, values = Decimal(1), [(p * span).exp()]
+            for k in (1, 2, 3):
+                values.append((values[-1] - power) / p)
+                power *= span / k
+            both.append(values)
+        return [(slow - fast) / (2 * r) for slow, fast in zip(*both, strict=True)]
+
+    given = np.array([omega]), np.array([ratio * omega])
+    at, found = march.responses(*given, np.array([t])), np.empty((8, 1))
+    arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (*given, at, found))
+    one, two, response, out = arrays
+    built().part_response_slopes(1, one, two, ctypes.c_double(t), response, out)
+    with localcontext() as context:
+        context.prec = 60
+        x, d, h = Decimal(omega) ** 2, Decimal(ratio * omega), Decimal("1e-20")
+        ends = [(exact(x * (1 + e), d), exact(x, d * (1 + e))) for e in (-h, h)]
+        low, high = (np.array([[*a], [*b]], dtype=object) for a, b in ends)
+        slopes = (high - low) / (2 * h) / np.array([[x], [d]], dtype=object)
+    expected = slopes.astype(float).ravel()
+    assert found[:, 0] == pytest.approx(expected, rel=1e-6, abs=1e-30 * abs(expected[0]))
 
 
 def test_a_crossing_is_that_of_the_polynomial() -> None:

@@ -224,9 +224,11 @@ def draw_design(
     around = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
     draw = draw_lines if corners.shape[1] < 3 else draw_faces
     draw(figure, axes, unit * corners[:, around], value, label, scale)
-    frame(axes, unit * corners.reshape(-1, 3))
     axes.set(xlabel=f"x ({name})", ylabel=f"y ({name})", zlabel=f"z ({name})")
-    if np.ptp(corners[..., 2]) == 0.0:  # a plane part is seen from above
+    plane = np.ptp(corners[..., 2]) == 0.0  # it is seen from above, and its labels stand beside it
+    if plane:
         axes.view_init(elev=90, azim=-90)
+    frame(axes, unit * corners.reshape(-1, 3), zoom=0.85 if plane else 1.0)
+    if plane:
         axes.set(zticks=[], zlabel="")
     return finished(figure, path)

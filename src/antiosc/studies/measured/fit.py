@@ -17,8 +17,10 @@ modes above the band, and rigid-body motion.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 from scipy.signal import find_peaks, savgol_filter
@@ -36,6 +38,7 @@ from antiosc.studies.measured.frf import (
     with_tail,
 )
 
+T = TypeVar("T")
 #: Rounds of relocation of poles.
 RELOCATED = 8
 #: Height of a peak of the level over its surroundings [nepers] and over the noise.
@@ -115,6 +118,8 @@ STEPS, LAST_STEPS, FEW_STEPS, CONVERGED = 8, 40, 8, 0.1
 LONGEST = (3.0, 0.1, 1.0)
 #: Slope, squared and over the largest, of a parameter that the measurement does not see.
 FLAT = 1e-28
+#: Damping of a step that no longer moves anything.
+MOST_DAMPING = 1e8
 #: Eigenvalue of a normal matrix of unit diagonal, over the largest, that rounding makes.
 UNSEEN = 1e-13
 #: Least residual terms at the start of Gauss-Newton over the receptance.
@@ -153,29 +158,43 @@ def refined(
     `shift`: added to all residuals, which are those of another measurement then.
     """
     damping, residual = 1e-6, residuals(data, weight, modes) + shift
-    cost = float(residual @ residual)
+    top = float(data.w[-1])
+
+    def moved(step: Array) -> tuple[Modes, Array]:
+        trial = modes.at(modes.values + _within(modes, step, top, LONGEST[0]))
+        return trial, residuals(data, weight, trial) + shift
+
     for _ in range(steps):
-        J = _jacobian(data, weight, modes)
-        normal, gradient = J.T @ J, J.T @ residual
-        diagonal = np.diag(normal)
-        size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
-        unit, slope = normal / size / size[:, None], -gradient / size
-        new = np.inf
-        while damping < 1e8 and not new < cost:
-            step = np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size
-            trial = modes.at(modes.values + _within(modes, step, float(data.w[-1]), LONGEST[0]))
-            residual = residuals(data, weight, trial) + shift
-            new = float(residual @ residual)
-            damping *= 1 / 80 if new < cost else 8
-        if not new < cost:
+        better, damping = lowered(_jacobian(data, weight, modes), residual, damping, moved)
+        if better is None:
             break
-        gain, cost, modes, damping = cost - new, new, trial, max(8 * damping, 1e-9)
+        gain = float(residual @ residual - better[1] @ better[1])
+        modes, residual = better
         if gain < CONVERGED:
             break
     J = _jacobian(data, weight, modes)
     lines = 2 * data.H.size
     residual = residuals(data, weight, modes)[:lines]
     return modes, J.T @ J, float(residual @ residual) / max(lines - sum(modes.sizes), 1)
+
+
+def lowered(
+    J: Array, residual: Array, damping: float, moved: Callable[[Array], tuple[T, Array]]
+) -> tuple[tuple[T, Array] | None, float]:
+    """What a step of Gauss-Newton moves to, with its residuals, and the damping of the next step.
+
+    The step is damped (Levenberg, Marquardt) until the sum of squares is lower; None: it never is.
+    """
+    normal, cost = J.T @ J, float(residual @ residual)
+    diagonal = np.diag(normal)
+    size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
+    unit, slope = normal / size / size[:, None], -(J.T @ residual) / size
+    while damping < MOST_DAMPING:
+        trial, rest = moved(np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size)
+        if float(rest @ rest) < cost:
+            return (trial, rest), max(damping / 10, 1e-9)
+        damping *= 8
+    return None, damping
 
 
 def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
