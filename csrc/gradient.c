@@ -918,7 +918,7 @@ static void undo_preload(adjoint *a, int c) {
     const aom_contact *contact = system->contacts + c;
     aom_exit begun = {.before = {AOM_APART}, .after = {AOM_FORWARD}};
     edge *now = &a->now;
-    undo_branch(&contact->law, &begun, contact->closing, a->laws + c, now->depth + c, now->rate + c);
+    undo_branch(&contact->law, &begun, 0.0, a->laws + c, now->depth + c, now->rate + c);
     a->out->preload[c] += now->force[c] + a->goal->force[c];
     for (int i = 0; i < system->n_rows; i++) {
         ptrdiff_t at = (ptrdiff_t)i * system->n_rows + c;
