@@ -52,19 +52,6 @@ def hits() -> list[ao.History]:
     ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("quantity", ["displacement", "acceleration", "rotation", "stress"])
-@pytest.mark.parametrize(("point", "name"), [((0.03, 0.004, 0.018), "left"),
-                                             ((0.163, 0.017, 0.003), "right")])  # fmt: skip
-def test_a_probe_is_that_of_the_uncut_bar(quantity, point, name):
-    one, two = hits()
-    times = np.linspace(0, 1e-3, 9)
-    reference = ao.probe(uncut(), one, point, quantity, times)
-    found = ao.probe(cut(), two, point, quantity, times, part=name)
-    # the accuracy of both integrations
-    np.testing.assert_allclose(found, reference, rtol=0, atol=1e-4 * np.abs(reference).max())
-
-
 def test_a_series_holds_all_parts_in_their_places(tmp_path):
     path = ao.write_series(cut(), hits()[1], tmp_path / "bar.pvd", times=[5e-4])
     found = meshio.read(path.with_name("bar_0000.vtu"))

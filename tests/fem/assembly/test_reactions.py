@@ -68,18 +68,6 @@ def test_a_bar_cut_in_two_has_the_reactions_of_one_mesh():
             np.testing.assert_allclose(own, other, atol=1e-5 * np.abs(other).max())
 
 
-def test_supports_on_both_sides_of_a_joint():
-    """The tied faces are held along their lower edge on either side: the balance holds still."""
-    held = [ao.Support("y0")]
-    a = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (3, 2, 2)), SOLID, held)
-    b = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (2, 1, 3)), SOLID, held)
-    part = ao.assemble({"a": a, "b": b}, [ao.Tie("a:x1", "b:x0")], at={"b": (0.05, 0, 0)})
-    hit, found = struck(part)
-    check_balance(found)
-    assert list(found.force) == ["a:y0", "b:y0"]
-    assert all(np.abs(f[:, 1]).max() > 0.1 * hit.peak_force for f in found.force.values())
-
-
 @pytest.mark.slow
 def test_a_turned_part_on_points_and_joints():
     """A bar that stands askew, on a hinge to ground, a spider and a bushing to a held point."""

@@ -77,18 +77,6 @@ def test_stiffness_of_the_article_supported_beam():
     ).m_st == pytest.approx(0.89, abs=0.01)
 
 
-def test_a_beam_along_its_own_axis_is_a_rod():
-    """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
-    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
-    model = ao.extract(structure, ao.Site((LENGTH, 0), (-1, 0)), n=4, method="modes")
-    i = np.arange(1, 5)
-    mass = EXACT.mass
-    np.testing.assert_allclose(model.omega, i * np.pi * np.sqrt(67e9 / 2400) / LENGTH, rtol=1e-5)
-    np.testing.assert_allclose(model.m, 2 * mass / (i * np.pi) ** 2, rtol=1e-3)
-    assert model.m_st == pytest.approx(mass / 3, rel=1e-9)
-    assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
-
-
 def test_a_solid_bar_becomes_the_beam():
     """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
     L, h, t = 1.0, 0.1, 0.02

@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.platform import compat
-from parts import STEEL, box, line, named, plate
+from parts import STEEL, box, line, plate
 from sheets import PLY
 
 pytestmark = pytest.mark.fem
@@ -18,34 +18,11 @@ pytestmark = pytest.mark.fem
 ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
 
 
-def halves(mesh: ao.Mesh, at: float) -> ao.Mesh:
-    """With the cells on both sides of x = `at` as groups "one" and "two"."""
-    sides = {
-        "one": (mesh.tdim, lambda x: x[0] < at + 1e-9),
-        "two": (mesh.tdim, lambda x: x[0] > at - 1e-9),
-    }
-    return named(mesh.dolfinx, sides)
-
-
 def arc() -> ao.Mesh:
     """One line of order 2."""
     x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0]])
     mesh = compat.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), x, "interval", 2)
     return ao.read_mesh(mesh)
-
-
-@pytest.mark.slow
-def test_boxes_and_thicknesses():
-    block = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
-    assert block.dimensions == pytest.approx((0.3, 0.2, 0.1))
-    for thickness in (0.5, 0.01):
-        flat = ao.Solid(**STEEL, plane="stress", thickness=thickness)
-        part = ao.Structure(plate((2, 1), (0.1, 0.3)), flat, order=1)
-        assert part.dimensions == pytest.approx((0.3, thickness, 0.1))
-    thick, thin = (ao.Shell(**STEEL, thickness=t) for t in (0.02, 0.01))
-    sheet = halves(plate((2, 1), (0.2, 0.3), "triangle"), 0.1)
-    part = ao.Structure(sheet, {"one": thick, "two": thin})
-    assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
 
 
 def test_local_indentation_is_that_of_a_half_space_or_none():

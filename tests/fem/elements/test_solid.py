@@ -138,34 +138,6 @@ def test_plane_states_in_tension(plane):
     assert np.abs(force[rest]).max() < 1e-11 * np.abs(force).max()
 
 
-def test_several_materials_by_group():
-    """Two bars in a row: the compliance is the sum, the mass too."""
-    L, b, h = 0.2, 0.05, 0.04
-    halves = {
-        "left": (2, lambda x: np.isclose(x[0], 0)),
-        "soft": (3, lambda x: x[0] <= L / 2 + 1e-9),
-        "stiff": (3, lambda x: x[0] >= L / 2 - 1e-9),
-    }
-    mesh = parts.box((4, 2, 2), (L, b, h), groups=halves)
-    soft = ao.Solid(E=3e9, nu=0.0, rho=1200.0)
-    stiff = ao.Solid(E=200e9, nu=0.0, rho=8000.0)
-    structure = ao.Structure(mesh, {"soft": soft, "stiff": stiff}, [ao.Support("left", "x")])
-    assert structure.mass == pytest.approx(b * h * L / 2 * (1200 + 8000), rel=1e-13)
-    strains = np.array([1 / soft.E, 1 / stiff.E]) / (b * h)  # under 1 N
-    u = nodal(structure, lambda x: np.array([
-        strains[0] * np.minimum(x[0], L / 2) + strains[1] * np.maximum(x[0] - L / 2, 0),
-        0 * x[0], 0 * x[0],
-    ]))  # fmt: skip
-    force = csr(structure.K) @ u
-    dofs, x = compat.dof_coordinates(structure.form.space, (0,))
-    pulled = np.zeros(len(u), dtype=bool)
-    pulled[dofs] = np.isclose(x[:, 0], L)
-    assert force[pulled].sum() == pytest.approx(1.0, rel=1e-12)
-    rest = ~pulled
-    rest[structure.fixed] = False
-    assert np.abs(force[rest]).max() < 1e-11
-
-
 # --- The half-space behind a patch ----------------------------------------------------------------
 
 
@@ -224,47 +196,6 @@ def turn(angle: float) -> np.ndarray:
     n = np.array([1, 2, 3]) / np.sqrt(14)
     K = np.array([[0, -n[2], n[1]], [n[2], 0, -n[0]], [-n[1], n[0], 0]])
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
-
-
-def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
-    return ao.extract(part, ao.Site(point, direction), n=3).k0
-
-
-@pytest.mark.slow
-def test_an_isotropic_matrix_is_a_solid_in_any_axes():
-    mesh = parts.box()
-    plain = ao.Structure(mesh, ao.Solid(E, NU, RHO), ao.Support("left"))
-    tip = mesh.dolfinx.geometry.x.max(axis=0)
-    G = E / (2 * (1 + NU))
-    made = ao.AnisotropicSolid.orthotropic((E,) * 3, (NU,) * 3, (G,) * 3, RHO, turn(0.7)[:2])
-    np.testing.assert_allclose(made.voigt, ao.Solid(E, NU, RHO).voigt, atol=1e-4 * E * 1e-8)
-    other = ao.Structure(mesh, made, ao.Support("left"))
-    assert k0(other, tip) == pytest.approx(k0(plain, tip), rel=1e-9)
-    assert other.mass == pytest.approx(plain.mass, rel=1e-12)
-
-
-DECK = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,2\n6,1,0,2\n7,1,1,2\n8,0,1,2\n"
-    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
-    "*BOUNDARY\n1,1,3\n2,2,3\n3,3\n4,3\n*EQUATION\n2\n6,3,1.,5,3,-1.\n2\n7,3,1.,5,3,-1.\n"
-    "2\n8,3,1.,5,3,-1.\n*DENSITY\n500.\n"
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("oriented", [False, True])
-def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
-    """Upright, direction 3 carries; with an *ORIENTATION direction 1."""
-    constants = "*ELASTIC,TYPE=ENGINEERING CONSTANTS\n12E9,.9E9,.5E9,.4,.42,.45,.8E9,.75E9\n.07E9\n"
-    section = "*SOLID SECTION,ELSET=ALL,MATERIAL=W" + (",ORIENTATION=UP" if oriented else "")
-    up = "*ORIENTATION,NAME=UP\n0,0,1,1,0,0\n"
-    text = DECK.replace("*DENSITY", f"{up}{section}\n*MATERIAL,NAME=W\n{constants}*DENSITY")
-    path = tmp_path / "wood.inp"
-    path.write_text(text)
-    part = ao.read_model(path)
-    assert part.mass == pytest.approx(1000, rel=1e-12)
-    stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
-    assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)
 
 
 def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():

@@ -8,11 +8,11 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.bisection import excess, halved, interpolation, with_node
+from antiosc.fem.error.bisection import excess, halved, interpolation
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.histories.parts import QUANTITIES
-from parts import frame, line, named
+from parts import frame, line
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -70,51 +70,6 @@ def test_bars_of_an_impact_hold(order):
     assert budget.worst < (0.3, 0.05)[order - 1]
     coarse = "the mesh is coarse" in " ".join(budget.notes)
     assert coarse == (order == 1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "n", [pytest.param(6, marks=pytest.mark.slow), 12, pytest.param(24, marks=pytest.mark.slow)]
-)
-def test_bars_are_wider_for_a_site_inside_an_element(n):
-    def cantilever(count: int, **options) -> ao.AntiOscillators:
-        held = [ao.Support(lambda x: np.isclose(x[0], 0))]
-        part = ao.Structure(line(1.0, count), BEAM, held)
-        return ao.extract(part, ao.Site((0.8, 0.0), (0, -1)), **options)
-
-    impact = ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 2e-3
-    hit = ao.simulate(cantilever(n, n=24, error="estimate"), *impact, tol=1e-5)
-    true = ao.simulate(cantilever(80, n=60), *impact, tol=1e-6)
-    assert "inside an element" in " ".join(hit.error_budget.notes)
-    soft = ao.simulate(hit.model.corrected(), *impact, tol=1e-5)
-    for run, bars in ((hit, hit.error_budget), (soft, hit.error_budget.of_corrected(soft))):
-        for name in QUANTITIES:
-            assert abs(getattr(run, name) / getattr(true, name) - 1) <= bars[name].total
-    again = ao.simulate(cantilever(5, n=4, error="estimate"), *impact)  # a node is there
-    assert "inside an element" not in " ".join(again.error_budget.notes)
-
-
-def test_halves_keep_groups_and_materials():
-    mesh = named(
-        line(1.0, 6).dolfinx,
-        {"thin": (1, lambda x: x[0] < 0.501), "thick": (1, lambda x: x[0] > 0.499)},
-    )
-    thick = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.05, 0.05))
-    part = on_mesh(ao.Structure(mesh, {"thin": BEAM, "thick": thick}))
-    fine = part.again(halved(part.mesh, np.zeros(3)))
-    assert fine.mesh.n_cells == 2 * part.mesh.n_cells
-    assert fine.total_mass == pytest.approx(part.total_mass, rel=1e-12)
-    assert {name: len(g[1]) for name, g in fine.mesh.groups.items()} == {"thin": 6, "thick": 6}
-    assert fine.rigid_modes.shape[1] == 3
-
-
-def test_a_node_at_the_site_keeps_groups():
-    mesh = named(line(1.0, 6).dolfinx, {"thin": (1, lambda x: x[0] < 0.501)})
-    cut = with_node(mesh, np.array([0.4, 0.0, 0.0]))
-    assert cut.n_cells == 7
-    assert len(cut.groups["thin"][1]) == 4
-    assert np.min(np.abs(cut.dolfinx.geometry.x[:, 0] - 0.4)) < 1e-15
-    assert with_node(cut, np.array([0.4, 0.0, 0.0])).n_cells == 7
 
 
 @pytest.mark.sample

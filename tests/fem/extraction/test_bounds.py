@@ -59,14 +59,6 @@ def _check_forces(structure: ao.Structure, sites: list[ao.Site], n: int, method:
         assert np.abs(following - one).max() <= (3 * angle**2 + 2e-4) * forces[-1].max()
 
 
-@pytest.mark.slow
-@pytest.mark.fem
-@pytest.mark.parametrize("method", ["krylov", pytest.param("modes", marks=pytest.mark.slow)])
-def test_force_is_continuous_in_the_angle_to_a_slide(method):
-    structure = _slide(0.0)[0]
-    _check_forces(structure, [_slide(angle)[1] for angle in [*ANGLES, 0.0]], 9, method)
-
-
 @FREE_ON_PURPOSE
 @pytest.mark.slow
 @pytest.mark.fem
@@ -147,13 +139,6 @@ def test_a_residual_mass_that_a_difference_would_lose(method):
     model = ao.extract(structure, ao.Site(dof=0), 1, method)
     assert model.m_st == pytest.approx(1e4, rel=0.01)
     np.testing.assert_allclose(model.m0, 1e-9, rtol=1e-6)
-
-
-@pytest.mark.fem
-def test_full_keeps_a_resonance_of_small_static_compliance():
-    structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
-    model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
-    assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
 
 
 @pytest.mark.fem

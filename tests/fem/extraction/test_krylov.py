@@ -57,13 +57,6 @@ def steel() -> ao.Structure:
 SITE = ao.Site(point=(0.07, 0.033, 0.03), direction=(0.2, 0.1, -1), radius=0.02)
 
 
-def test_rigid_body_modes_cost_no_step():
-    free = block(3, supported=False)
-    model = ao.extract(free, ao.Site(vector=_push(free, (1.0, 0.4, -0.3))), n=20)
-    assert model.k0 == 0
-    assert model.info["modes_computed"] == model.n == 20
-
-
 def test_a_body_that_slides_across_the_impact():
     structure = block(2, fix=["x", "y"])  # along z it slides
     site = ao.Site(vector=_push(structure, (1.0, 0.4, 0.0)))

@@ -37,15 +37,3 @@ def test_no_truncated_mode_does_more(pole):
     if pole == TOP:  # below the last pole it is the least bound
         below = X.real < TOP
         np.testing.assert_allclose(effect(0.3, pole)[below], bound[below], rtol=1e-12)
-
-
-def test_several_sites_by_the_largest_mass():
-    root = np.array([[1.0, 0.3], [0.2, 0.6]])
-    bound = left_out(found(root @ root.T))(X)
-    largest = np.linalg.eigvalsh(root @ root.T).max()
-    np.testing.assert_allclose(bound, left_out(found(largest))(X), rtol=1e-12)
-
-
-@pytest.mark.parametrize("m0", [0.3, 0.3 * np.eye(2)])
-def test_nothing_is_left_out_of_all_modes(m0):
-    assert not left_out(found(m0, complete=True))(X).any()

@@ -78,13 +78,3 @@ def test_shapes_are_written_with_their_names(tmp_path):
     assert total == pytest.approx(shares.sum(axis=0), abs=0.006)
     with pytest.raises(ao.InputError, match="at most"):
         part.natural_modes(part.dofs + 1)
-
-
-def test_given_matrices_have_frequencies_alone():
-    K = np.diag([2.0, 2.0, 1.0]) - np.diag([1.0, 1.0], 1) - np.diag([1.0, 1.0], -1)
-    modes = ao.Structure.from_matrices(1e6 * K, np.eye(3)).natural_modes(3)
-    np.testing.assert_allclose(modes.omega, np.sqrt(np.linalg.eigvalsh(1e6 * K)), rtol=1e-9)
-    assert modes.participation is None
-    assert modes.mass is None
-    with pytest.raises(ao.InputError, match=r"no mesh|coordinates"):
-        modes.write("none")

@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.base import process
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.linalg import Factorization, cholmod, solver_choice
+from antiosc.fem.linalg import cholmod, solver_choice
 
 pytestmark = pytest.mark.fem
 
@@ -48,17 +48,6 @@ def test_iterative_and_direct_agree(supports):
 
 
 @pytest.mark.slow
-def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
-    part = block(n=(10, 6, 4))
-    plan = solver_choice.Plan(part.K)
-    told = plan.entries
-    factor = plan.factorize()
-    assert told == factor.entries == part.factorize().entries
-    load = np.sin(np.arange(part.K.getSize()[0]))
-    np.testing.assert_array_equal(factor.solve(load), part.factorize().solve(load))
-
-
-@pytest.mark.slow
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     for name in ("ANALYSIS", "MULTIGRID"):
@@ -78,18 +67,6 @@ def test_no_memory_for_the_factor(monkeypatch):
         ao.extract(block("direct"), SITE, n=3)
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("choice", ["auto", "direct", "iterative"])
-@pytest.mark.parametrize("free", [1e4, 3e6])  # too little for an analysis, and for a solver alone
-def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypatch, choice, free):
-    part = block(choice)
-    monkeypatch.setattr(process, "free_memory", lambda: free)
-    for solver_of in ("Multigrid", "factorize"):
-        monkeypatch.setattr(solver_choice, solver_of, lambda *given: pytest.fail("it began"))
-    with pytest.raises(ao.OutOfMemoryError, match="dofs needs about"):
-        ao.extract(part, SITE, n=3)
-
-
 def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     part = block()
     need = solver_choice.BYTES * solver_choice.forecast(part.K)
@@ -98,17 +75,6 @@ def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
     with pytest.raises(ao.OutOfMemoryError, match="iterative solver"):
         part.factorize()
-
-
-@pytest.mark.slow
-def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
-    # Between the general bound and the forecast: the forecast decides, without a word.
-    part = block(n=(24, 12, 1))
-    need = solver_choice.BYTES * solver_choice.forecast(part.K)
-    bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
-    assert need < bound / 2
-    monkeypatch.setattr(process, "free_memory", lambda: 2 * need)
-    assert isinstance(part.factorize(), Factorization)
 
 
 def test_unknown_solver():

@@ -37,12 +37,6 @@ def test_sides_lie_where_their_names_say(lengths):
         assert rim == pytest.approx(2 * sum(lengths))
 
 
-def test_a_box_is_refined_and_may_lie_in_the_plane():
-    fine = ao.box_mesh(np.array([0.2, 0.1]), size=0.05, refine=[((0.1, 0.05, 0.0), 5e-3)], gdim=2)
-    assert fine.gdim == 2
-    assert fine.n_cells > 2 * ao.box_mesh((0.2, 0.1), size=0.05).n_cells
-
-
 def test_lengths_that_make_no_box_are_refused():
     for lengths, word in (((), "one to three"), ((1, 1, 1, 1), "one to three"), (0.1, "one to")):
         with refused(None, word, ao.InputError):

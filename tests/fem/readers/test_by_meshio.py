@@ -33,15 +33,6 @@ def groups(found: FileMesh) -> dict:
     return {n: {k: r.tolist() for k, r in parts.items()} for n, parts in found.groups.items()}
 
 
-def test_blocks_of_one_kind_are_joined_and_planes_lie_in_space(monkeypatch):
-    found = read(monkeypatch, mesh())
-    assert found.points.tolist() == [[*p, 0.0] for p in SQUARE.tolist()]
-    assert {label: block.tolist() for label, block in found.cells.items()} == {
-        "triangle": [[0, 1, 2], [0, 2, 3], [1, 4, 5]], "line": [[0, 1]],
-    }  # fmt: skip
-    assert (found.convention, found.groups, found.node_sets) == ("vtk", {}, {})
-
-
 def test_every_way_in_which_files_name_groups(monkeypatch):
     """By numbers of cells with names beside them, without, by sets, and by tags of points."""
     data = {

@@ -77,11 +77,6 @@ def test_geometries_without_a_unit_of_their_own_take_one(tmp_path, suffix):
         ao.read_mesh(path, size=1e-6, unit="mm")
 
 
-def test_a_step_file_keeps_its_own_unit():
-    with pytest.raises(ao.MeshError, match="unit"):
-        ao.read_mesh("meshes/bracket.step", size=0.01, unit="mm")
-
-
 def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
     """An axis through a box, as sketches leave it in CAD files."""
     path = tmp_path / "box.brep"
@@ -89,22 +84,6 @@ def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
     with pytest.warns(ao.AntioscWarning, match="volumes"):
         mesh = ao.read_mesh(path, size=5.0)
     assert mesh.cell == "tetrahedron"
-
-
-def test_an_open_surface_is_told(tmp_path):
-    with pytest.raises(ao.MeshError, match=r"open.stl is not closed: 4 of 17 edges do not belong"):
-        ao.read_mesh(stl(tmp_path / "open.stl", skipped=2), solid=True, size=5.0)
-
-
-def test_what_is_no_surface_is_not_filled(tmp_path):
-    path = tmp_path / "part.step"
-    path.write_text("ISO-10303-21;")
-    with pytest.raises(ao.MeshError, match="fills"):
-        ao.read_mesh(path, solid=True, size=1.0)
-    with pytest.raises(ao.MeshError, match="fragments"):
-        ao.read_mesh(stl(tmp_path / "box.stl"), fragments=True)
-    with pytest.raises(ao.MeshError, match="element"):
-        ao.read_mesh(stl(tmp_path / "box.stl"), solid=True)
 
 
 @pytest.fixture(scope="module")

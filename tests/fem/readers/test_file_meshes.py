@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from antiosc.io import reading
-from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
-from antiosc.io.reading import _alone, selected
+from antiosc.io.neutral import FileMesh, packed, unpacked
+from antiosc.io.reading import selected
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -111,16 +111,3 @@ def test_what_is_no_mesh_is_told(case):
     mesh, wanted, line, word = WRONG[case]
     with refused(line, word):
         selected(mesh, wanted, None, "p.vtu")
-
-
-def test_cells_of_one_kind_with_what_belongs_to_them():
-    mesh = whole()
-    mesh.fixed = {
-        f"f{of_kind('', 'hexahedron')}": {2: SIDES},
-        f"f{of_kind('', 'line')}": {0: SIDES[:1]},
-    }
-    own = _alone(mesh, "line")
-    assert list(own.cells) == ["line"]
-    assert {n: list(p) for n, p in own.groups.items()} == {"b": ["line"]}
-    assert {n: list(p) for n, p in own.fixed.items()} == {"f": [0]}
-    assert list(_alone(mesh, "hexahedron").groups) == ["a"]

@@ -83,22 +83,6 @@ def test_every_mix_converges_with_order_four(tmp_path, kinds):
     assert order > 3.4, (order, errors)
 
 
-def test_wedges_and_pyramids_are_cut_and_fill_the_part(tmp_path):
-    mesh = ao.read_mesh(mixed_box(tmp_path / "a.vtu", 2, "hwp"))
-    assert mesh.cell == "tetrahedron"
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850, rel=1e-12)
-
-
-def test_triangles_beside_quadrilaterals(tmp_path):
-    points = [*SQUARE, [2, 0, 0], [2, 1, 0]]
-    path = write(
-        tmp_path / "a.vtu", points, ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
-    )
-    sheet = ao.Structure(ao.read_mesh(path, gdim=3), ao.Shell(210e9, 0.3, 7850.0, 1e-2))
-    assert sheet.mesh.cell == "triangle"
-    assert sheet.mass == pytest.approx(2 * 78.5, rel=1e-12)
-
-
 def test_serendipity_cells_get_their_nodes(tmp_path):
     bulge = [(SQUARE[a] + SQUARE[b]) / 2 for a, b in EDGES["quad"]]
     bulge[0][1] -= 0.3  # a parabola of 2/3 · 0.3

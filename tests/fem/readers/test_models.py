@@ -37,11 +37,8 @@ def constants(E, nu, G) -> np.ndarray:
 
 
 NODES = "*NODE,NSET=N\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
-CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
 DENSITY = "*DENSITY\n2.E-9\n"
-STEEL = "*MATERIAL,NAME=M\n*ELASTIC\n2E5,.3\n" + DENSITY
-SOLID = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
 
 
 def test_stiffness_gives_back_the_constants():
@@ -110,34 +107,9 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     assert given["axis"] == axis
 
 
-def fixed(deck) -> dict[str, list[int]]:
-    return {name.removeprefix("fixed "): (rows + 1).tolist() for name, rows in deck.fixed.items()}
-
-
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,2.+5,,.3,2.-9\n"
 QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
-TURNED = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # its z is x, its x is y, its y is z
-
-
-def test_springs_and_supports_follow_the_system_of_their_node(bulk):
-    quad = QUAD.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,5") + TURNED
-    model, deck = bulk(quad + "CELAS2,9,5.,3,1\nCELAS2,10,7.,3,6\nSPC1,1,2,3\nSPC,1,3,5,,4,123\n")
-    assert model["springs"][0][1] == pytest.approx({"y": 5e3})
-    assert model["springs"][1][1] == pytest.approx({"rx": 7e-3})
-    assert fixed(deck) == {"x": [4], "y": [4], "z": [3, 4], "rz": [3]}
-
-
-def test_masses_with_a_factor(bulk):
-    """WTMASS: densities, point and nonstructural masses are weights."""
-    quad = QUAD.replace("PSHELL,1,1,.1,1", "PSHELL,1,1,.1,1,,,,4.-9")
-    model, _ = bulk(quad + "PARAM,WTMASS,.5\nCONM2,9,2,,3.-3,,,,\n,1.,,2.,,,3.\n")
-    ((_, _, given, _),) = model["families"]
-    assert given["rho"] == pytest.approx(0.5 * (2e3 + 4e-9 / 0.1 * 1e12))
-    ((point, mass, inertia),) = model["masses"]
-    assert point == pytest.approx([1e-3, 0, 0])
-    assert mass == pytest.approx(1.5)
-    assert inertia == pytest.approx([5e-4, 1e-3, 1.5e-3])
 
 
 @pytest.mark.parametrize(

@@ -140,11 +140,6 @@ def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
     assert [word for word in other.fields if word][:3] == ["2", "1", "3"]
 
 
-def test_a_continuation_before_its_entry_is_refused(tmp_path):
-    text = f"GRID,1\n+AB,{','.join(SECOND)}\nSPC1,{','.join(FIRST)},+AB\n"
-    assert "does not follow its entry" in faults(tmp_path, text)
-
-
 @pytest.mark.parametrize("line", ["+AB,1", "        404, 405", "{},1,2,3,4,5,6,7,8,+A,9"])
 @pytest.mark.parametrize(("name", "read"), [("CAERO7", True), ("SPC1", False)])
 def test_faults_of_entries_that_are_not_read_are_none(tmp_path, line, name, read):

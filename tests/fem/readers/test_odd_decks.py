@@ -147,13 +147,6 @@ def test_a_sentence_with_the_line_at_fault(tmp_path, name):
         read(tmp_path, name, text)
 
 
-def test_a_node_that_is_defined_elsewhere_again_is_told(tmp_path):
-    _, deck = read(tmp_path, "a.inp", CUBE + "*NODE\n1,0.,0.,-1.\n")
-    assert [0.0, 0.0, -1.0] in deck.points.tolist()
-    assert [0.0, 0.0, 0.0] not in deck.points.tolist()
-    assert [sentence for sentence in deck.told if "node 1 " in sentence]
-
-
 def test_surfaces_as_cgx_of_debian_writes_them(tmp_path):
     """Without the keyword line; the comment says the name, before which decks put an S."""
     node = (

@@ -9,7 +9,6 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-import sheets
 from antiosc.results.pictures import deformed
 from static_loads import held
 
@@ -74,46 +73,6 @@ def test_at_each_strength_the_exposure_is_1(criterion):
             stress[entry] = stress[entry[::-1]] = size * 1e6
             assert getattr(PLY, criterion)(stress) == pytest.approx(1.0)
             assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
-
-
-@pytest.mark.slow
-def test_plies_of_a_cantilever_fail_in_compression_and_delaminate_in_the_middle():
-    """A strip of 0° plies: σ1 = 6 F L/(b h²) at the clamp, τ13 = 3 F/(2 b h) in the middle."""
-    b, h, L, F = 0.02, 4e-3, 0.18, 10.0
-    layer = ao.Layer(
-        **{"E1": 140e9, "E2": 9e9, "nu12": 0.0, "G12": 5e9, "G13": 5e9, "G23": 3e9},
-        rho=1600.0, thickness=h / 2, strength=PLY,
-    )  # fmt: skip
-    mesh = sheets.sheet((20, 2), lambda s, t: (0.2 * s, b * t, 0 * s), "quadrilateral")
-    end = ao.Support(lambda x: x[0] < 1e-9)
-    part = ao.Structure(mesh, ao.Laminate([layer] * 2), [end])
-    part, hit = held(part, ao.Site((L, b / 2, 0), (0, 0, -1), radius=6e-3), F)
-    hill = ao.peak_field(part, hit, "tsai_hill", body="part")
-    worst = hill.margin()
-    assert worst.exposure == pytest.approx(6 * F * L / (b * h**2) / PLY.X_c, rel=0.02)
-    assert (worst.layer, worst.surface) == (0, "bottom")  # it is pressed down: compression below
-    shear = ao.peak_field(part, hit, "delamination", body="part")
-    k = np.argmin(np.linalg.norm(shear.points - (L / 2, b / 2, 0), axis=1))
-    assert shear.values[k] == pytest.approx(1.5 * F / (b * h) / PLY.interlaminar, rel=0.02)
-    assert "layer 0" in hill.summary()
-    with pytest.raises(ao.InputError, match="yield_strength"):
-        ao.peak_field(part, hit, "yield", body="part")
-
-
-def test_the_worst_of_two_materials_is_the_one_nearest_to_its_strength():
-    """A bar under tension: equal stress, the half with the lower yield strength is worse."""
-    mesh = parts.box(
-        (4, 1, 1), (0.4, 0.1, 0.1),
-        groups={"soft": (3, lambda x: x[0] < 0.2 + 1e-9), "hard": (3, lambda x: x[0] > 0.2 - 1e-9)},
-    )  # fmt: skip
-    soft, hard = (ao.Solid(70e9, 0.0, 2700.0, yield_strength=s) for s in (100e6, 900e6))
-    part = ao.Structure(mesh, {"soft": soft, "hard": hard}, [ao.Support(lambda x: x[0] < 1e-9)])
-    with pytest.warns(ao.AntioscWarning):
-        part, hit = held(part, ao.Site((0.4, 0.05, 0.05), (1, 0, 0), radius=0.2), 1e4)
-    peak = ao.peak_field(part, hit, body="part")
-    worst = peak.margin()
-    assert worst.strength == 100e6
-    np.testing.assert_allclose(peak.exposure[peak.points[:, 0] < 0.15], 1e6 / 100e6, rtol=0.05)
 
 
 @pytest.mark.parametrize("round_", [False, True])

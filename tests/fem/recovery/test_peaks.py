@@ -10,7 +10,6 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.base.stresses import extreme_principal
 from antiosc.results import peaks
 from mpi import one_and_several
 
@@ -152,40 +151,6 @@ def test_at_an_interface_the_larger_of_both_materials_counts():
     x = peak.points[:, 0]
     np.testing.assert_allclose(peak.values[x < 0.41], 10 / 1e9 / 0.01, rtol=0.02)
     np.testing.assert_allclose(peak.values[(x > 0.41) & (x < 0.51)], 10 / 4e9 / 0.01, rtol=0.02)
-
-
-@pytest.mark.slow
-def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
-    part = ao.Structure(
-        parts.plate((6, 2), (0.3, 0.02), "triangle"),
-        ao.Shell(E=70e9, nu=0.0, rho=2700.0, thickness=4e-3),
-        [ao.Support("left")],
-    )
-    hit = ao.simulate(
-        ao.extract(part, ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01), 6), BALL, LAW, 1e-3
-    )
-    sides = [ao.peak_field(part, hit, "stress", surface=s).values for s in ("top", "bottom")]
-    np.testing.assert_allclose(ao.peak_field(part, hit, "stress").values, np.maximum(*sides))
-    beam = ao.Beam(**parts.STEEL, section=ao.Section(A=2e-4, I=7e-9))
-    bar = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
-    hit = ao.simulate(ao.extract(bar, ao.Site((0.8, 0.0), (0, 1)), 6), BALL, LAW, 1e-3)
-    with pytest.raises(ao.InputError, match="give fibre"):
-        ao.peak_field(bar, hit)
-    peak = ao.peak_field(bar, hit, fibre=(0.01, 0.0))
-    own = ao.probe(bar, hit, (0.8, 0.0), "von_mises", peak.times, fibre=(0.01, 0.0))
-    assert peak.values.min() >= 0
-    assert peak.values[np.argmax(peak.points[:, 0])] == pytest.approx(
-        own[np.argmax(peak.points[:, 0])], rel=1e-6
-    )
-
-
-def test_extreme_principal_values():
-    rng = np.random.default_rng(0)
-    six = rng.standard_normal((200, 6))
-    six[:3] = [[1, 1, 1, 0, 0, 0], [0] * 6, [2, 2, -1, 0, 0, 0]]
-    np.testing.assert_allclose(
-        extreme_principal(six), np.abs(ao.principal(six)).max(axis=1), rtol=1e-7, atol=1e-12
-    )
 
 
 PEAKS = """

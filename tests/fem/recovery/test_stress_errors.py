@@ -56,15 +56,6 @@ def test_the_stress_at_a_hole_is_three_times_that_far_away_within_its_estimated_
     assert less < 0.5 * more
 
 
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_interior_angles_of_a_box(cell):
-    box = ao.Structure(parts.box((2, 2, 2), (1, 1, 1), cell), ao.Solid(1e9, 0.3, 1e3))
-    corner = interior_angle(box, np.array([1.0, 1.0, 1.0]))
-    assert corner == pytest.approx(90 if cell == "hexahedron" else 180)  # a diagonal of a face
-    assert interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
-    assert interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
-
-
 def ell(n: int) -> ao.Structure:
     """An L of squares, held at the end of one leg; its corner is at (1, 1)."""
     mesh = parts.plate((2 * n, 2 * n), (2.0, 2.0))
@@ -86,28 +77,6 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
         assert "corner of 270" in peak.doubt
         largest.append(peak.values.max())
     assert largest[1] > 1.2 * largest[0]
-
-
-def test_the_edge_of_a_support_is_told():
-    solid = ao.Solid(210e9, 0.3, 7850.0, plane="stress", thickness=0.01)
-    part = ao.Structure(parts.plate((20, 4), (0.2, 0.02)), solid, [ao.Support("left")])
-    part, hit = held(part, ao.Site((0.2, 0.01), (0, -1), radius=6e-3), 100.0)
-    peak = ao.peak_field(part, hit, body="part")
-    assert "support" in peak.doubt
-    assert peak.doubt in peak.summary()
-    assert peak.mesh_error.shape == peak.values.shape
-
-
-@pytest.mark.slow
-def test_sheets_tell_that_their_error_is_not_known():
-    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=5e-3)
-    mesh = ao.read_mesh(parts.plate((4, 2), (0.2, 0.1)).dolfinx, gdim=3)
-    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
-    part, hit = held(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), 100.0)
-    peak = ao.peak_field(part, hit, body="part")
-    assert peak.mesh_error is None
-    assert "not estimated" in peak.doubt
-    assert peak.doubt in peak.summary()
 
 
 def test_a_contact_that_yields_is_told_beside_the_margin():
