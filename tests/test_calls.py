@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import pickle
 
 import pytest
 
@@ -63,17 +62,6 @@ def test_tracebacks_lead_from_the_call_to_its_reason(call):
     assert raised.value.__cause__ is None
     files = [str(entry.path) for entry in raised.traceback]
     assert not [name for name in files if name.endswith("base/errors.py")]
-
-
-def test_other_errors_and_pickles_are_as_before():
-    class Own(ao.Linear):
-        def __init__(self) -> None:
-            super().__init__("stiff" + 1)  # type: ignore[operator]
-
-    with pytest.raises(TypeError, match="concatenate"):
-        Own()
-    assert pickle.loads(pickle.dumps(ao.simulate)) is ao.simulate
-    assert inspect.signature(ao.RigidMass).parameters.keys() >= {"mass", "velocity"}
 
 
 def test_bodies_that_are_none_and_exchanged_ones_are_told():

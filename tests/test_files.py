@@ -123,16 +123,6 @@ def test_a_folder_is_no_name_for_a_new_file(tmp_path, monkeypatch, name):
     assert os.listdir(tmp_path) == ["folder"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_write_protected_file_stays(tmp_path):
-    path = tmp_path / "text"
-    path.write_text("old")
-    path.chmod(0o444)
-    with pytest.raises(ao.InputError, match="write-protected"):
-        files.write_text(path, "new")
-    assert path.read_text() == "old"
-
-
 # --- Model files from elsewhere -------------------------------------------------------------------
 
 

@@ -74,12 +74,6 @@ def test_the_next_mesh_has_the_error_that_is_left(step: Any, given: Any, goal: f
     assert told == ""
 
 
-def test_later_meshes_aim_lower_and_none_grows_more_than_eightfold(step: Any) -> None:
-    for meshes, goal in ((1, 0.4), (2, 0.24), (3, 0.144), (4, 1 / 8)):
-        ratio, _ = step(answer(budget(0.02)), meshes=meshes)
-        np.testing.assert_allclose(ratio**2, goal, rtol=1e-6)
-
-
 def test_a_mesh_that_takes_too_long_or_too_much_memory_is_not_made(step: Any) -> None:
     """Goal 0.2: five times the cells; 3 s now, so many more, 7 s spent."""
     given = answer(budget(0.04))

@@ -34,12 +34,6 @@ def two_threads(monkeypatch):
         yield
 
 
-def test_small_fronts_stay_with_one_thread():
-    assert process.worth(np.full(10_000, 0.9 * process.WORK_PER_THREAD), 64) == 1
-    assert process.worth(np.array([LARGE]), 1) == 1
-    assert process.worth(np.zeros(0), 4) == 1
-
-
 def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth():
     assert process.worth(np.array([LARGE]), 2) == 2
     assert process.worth(np.array([LARGE]), 3) == 3
@@ -106,14 +100,6 @@ def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypat
     with process.as_many_as_pay(np.array([LARGE])) as count:
         assert (count, now()) == (1, {1})
     assert now() == {2}
-
-
-def test_never_more_threads_than_the_application_had(two_threads):
-    with (
-        threadpoolctl.threadpool_limits(1, user_api="blas"),
-        process.as_many_as_pay(np.array([LARGE])) as count,
-    ):
-        assert (count, now()) == (1, {1})
 
 
 @pytest.mark.parametrize("name", process.VARIABLES)

@@ -115,17 +115,3 @@ def test_a_deformed_part_stays_in_its_box(whole: bool) -> None:
     assert bar.get_ylim()[1] == pytest.approx(6 if whole else 1.5, abs=0.2)
     still = Deformed.of(points, np.arange(4)[None], 0 * moved, 0.0)
     np.testing.assert_array_equal(still.moved, points)
-
-
-def test_no_part_reaches_beyond_its_axes():
-    """A wide plate was cut at both sides: what lies beyond the axes is not drawn."""
-    from mpl_toolkits.mplot3d import proj3d
-
-    plate = np.array([(x, y, z) for x in (0, 0.12) for y in (0, 0.08) for z in (0, 0.01)])
-    figure, axes, *_ = surfaces.space(plate, shown=False)
-    surfaces.frame(axes, plate, zoom=1.2)
-    figure.canvas.draw()
-    seen = np.column_stack(proj3d.proj_transform(*plate.T, axes.get_proj())[:2])
-    pixels = axes.transData.transform(seen)
-    assert (pixels >= axes.bbox.min).all()
-    assert (pixels <= axes.bbox.max).all()

@@ -19,7 +19,7 @@ from antiosc.closed_form import (
 from refusals import refused
 from scenes import BEAM, finely
 from spectral_beam import SpectralBeam
-from struck_beams import ARTICLE, SLENDER, SOME, SUPPORTS, THICK, UNIT, hinged_roots, struck
+from struck_beams import ARTICLE, SLENDER, SOME, SUPPORTS, THICK, UNIT, struck
 
 # ---- masses and stiffness ------------------------------------------------------------------------
 
@@ -38,45 +38,6 @@ def test_anti_oscillators_against_the_articles_definitions(supports):
     np.testing.assert_allclose(model.m, m[seen][:15], rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_pinned_free_beam_is_the_articles():
-    """(24)-(27) exactly for Euler-Bernoulli; psi_i = c_i sin(i pi x/L)."""
-    beam = UniformBeam.euler_bernoulli(**ARTICLE)
-    x = np.array([0.2, 0.5, 1.0])
-    model = pinned_free(beam).anti_oscillators(60, x)
-    i = np.arange(1, 61)
-    np.testing.assert_allclose(model.m, 2 * beam.mass / (i * np.pi) ** 2, rtol=1e-9)
-    np.testing.assert_allclose(model.omega, (i * np.pi) ** 2 * beam.omega_unit, rtol=1e-12)
-    assert model.k0 == 0
-    assert model.m_st == pytest.approx(beam.mass / 3, rel=1e-13)
-    c = -2 * (-1.0) ** i / (i * np.pi)
-    np.testing.assert_allclose(model.shapes[:, 0], x, atol=1e-14)
-    np.testing.assert_allclose(
-        model.shapes[:, 1:], c * np.sin(np.outer(x, i * np.pi)), rtol=1e-7, atol=1e-9
-    )
-
-
-@pytest.mark.slow
-def test_pinned_free_timoshenko_masses_of_both_spectra():
-    """Masses by M(CR, i)²/M(i, i) of sin and cos; the shear mode at the cut-off holds rhoI/L."""
-    beam, n, L = THICK, 150, THICK.length
-    i = np.arange(1, 400)
-    roots = hinged_roots(beam, i, beam.alpha)
-    q = i * np.pi / L
-    ratio = q - roots**2 * beam.rhoA / (beam.kGA * q)  # cos amplitude of the rotation
-    modal = beam.rhoA * L / 2 + beam.rhoI * L / 2 * ratio**2
-    # M(CR, i) = rhoA ∫ x/L sin + rhoI ∫ ratio cos/L, and the second integral vanishes
-    masses = (beam.rhoA * L / (i * np.pi)) ** 2 / modal
-    omega = np.append(roots, beam.cutoff)
-    order = np.argsort(omega)[:n]
-    model = pinned_free(beam).anti_oscillators(n)
-    assert model.omega[-1] > beam.cutoff
-    np.testing.assert_allclose(model.omega, omega[order], rtol=1e-9)
-    np.testing.assert_allclose(model.m, np.append(masses, beam.rhoI / L)[order], rtol=1e-6)
-    np.testing.assert_allclose(masses.sum(axis=0), 2 * beam.mass / (i * np.pi) ** 2, rtol=1e-9)
-    assert model.m_st == pytest.approx(beam.mass / 3 + beam.rhoI / L, rel=1e-12)
-
-
 @pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
 def test_static_stiffness_formulae(beam):
     L, EI, kGA = beam.length, beam.EI, beam.kGA
@@ -90,15 +51,6 @@ def test_static_stiffness_formulae(beam):
     }
     for case, compliance in cases.items():
         assert 1 / case.static_stiffness == pytest.approx(compliance, rel=1e-12)
-
-
-def test_rigid_body_mass_formulae():
-    L, site = THICK.length, 0.3 * THICK.length
-    J = THICK.rhoA * L**3 / 12 + THICK.rhoI * L
-    expected = 1 / (1 / THICK.mass + (site - L / 2) ** 2 / J)
-    assert free_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)
-    expected = (THICK.rhoA * L**3 / 3 + THICK.rhoI * L) / site**2
-    assert pinned_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.sample
@@ -128,16 +80,6 @@ def test_dynamic_stiffness_is_the_models(supports):
     assert error[0] < 1e-3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("supports", SOME, ids=str)
-def test_interlacing(supports):
-    """Zeros and poles of Z alternate: none is missed, none is spurious."""
-    beam = struck(THICK, supports)
-    poles, zeros = beam.anti_oscillators(16).omega, beam.modes(17).omega
-    assert np.all(zeros[:16] < poles)
-    assert np.all(poles < zeros[1:])
-
-
 @pytest.mark.parametrize("supports", SOME, ids=str)
 @pytest.mark.slow
 def test_modes_give_the_same_receptance(supports):
@@ -158,24 +100,6 @@ def test_modes_give_the_same_receptance(supports):
 
 
 @pytest.mark.slow
-def test_no_lack_of_mass():
-    """Σ m_i + m0 = m_st for any N; Σ m_i → m_st as 1/N."""
-    full = pinned_pinned(UniformBeam.euler_bernoulli(**ARTICLE)).anti_oscillators(80)
-    assert full.m_st == pytest.approx(17 / 35 * 0.48, rel=1e-12)
-    left = np.array([full.truncated(n).m0 for n in (20, 40, 80)])
-    np.testing.assert_allclose(np.log2(left[:-1] / left[1:]), 1, atol=0.05)
-
-
-@pytest.mark.slow
-def test_unobservable_modes_are_left_out():
-    """At mid-span of a symmetric beam every second mode has a node there."""
-    beam = pinned_pinned(SLENDER)
-    model, constrained = beam.anti_oscillators(5), beam.antiresonances(10)
-    np.testing.assert_allclose(model.omega, constrained[1::2], rtol=1e-10)
-    np.testing.assert_allclose(beam.modes(5).omega, beam.natural_frequencies(10)[::2], rtol=1e-10)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_shapes_expand_the_static_shape(supports):
     """phi_st - Σ psi_i → 0 away from the site, and every psi_i vanishes at the site."""
@@ -187,33 +111,6 @@ def test_shapes_expand_the_static_shape(supports):
     rest = model.shapes[:-1, 0] - model.shapes[:-1, 1:].sum(axis=1)
     near = np.abs(x - beam.site) < 0.12 * THICK.length
     assert np.all(np.abs(rest[~near]) < 0.05)
-
-
-@pytest.mark.slow
-def test_participation_is_the_mass_moved():
-    """A unit uniform acceleration of a free beam: phi_0 and psi_i together feel M(CR, 1)."""
-    beam = free_free(THICK, 0.3 * THICK.length)
-    model = beam.anti_oscillators(60)
-    assert model.participation is not None
-    # M-orthogonality of phi_CR to the rigid motion about the site: M(CR, 1) = m_CR
-    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-12)
-    # constraint modes are orthogonal to phi_0, and 1 = phi_CR + (rotation about the site)
-    np.testing.assert_allclose(model.participation[1:], model.m, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_statics_of_the_modes():
-    """Σ b²/ω² of a supported beam is its compliance; the deflections follow likewise."""
-    beam = pinned_pinned(THICK, 0.3 * THICK.length)
-    x = np.array([0.1, 0.6]) * THICK.length
-    modes = beam.modes(80, x)
-    compliance = np.sum((modes.b / modes.omega) ** 2)
-    assert compliance == pytest.approx(1 / beam.static_stiffness, rel=5e-3)
-    deflection = (modes.b / modes.omega**2) @ modes.shapes
-    shapes = beam.anti_oscillators(1, x).shapes
-    assert shapes is not None
-    static = shapes[:, 0]
-    np.testing.assert_allclose(deflection * beam.static_stiffness, static, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.slow

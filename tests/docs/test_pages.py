@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import re
 import runpy
@@ -33,12 +32,6 @@ LIGHT = {
     *("api/errors", "api/exports", "api/measured", "api/find"),
 }
 MESHED = {"howto/deck", "howto/drop", "howto/damping"}
-#: The first programs of these pages are jobs that an engineer does: so many lines at most.
-JOBS = {
-    *("howto/drop", "tutorials/composite", "howto/shaking", "howto/sweep", "assemblies"),
-    *("howto/map", "matrices", "howto/damping", "howto/measured", "howto/export"),
-}
-LONGEST_JOB = 15
 #: The first program of this page reads what the second one makes.
 BACKWARDS = {"howto/measured"}
 SLOW = {
@@ -77,12 +70,6 @@ def test_the_program_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     assert said.strip()
     if page == "first_impact":
         same_numbers(said)
-
-
-@pytest.mark.parametrize("page", sorted(JOBS))
-def test_a_job_takes_few_lines(page):
-    lines = [line.strip() for line in programs(page)[0].splitlines()]
-    assert 0 < len([line for line in lines if line and line[0] != "#"]) <= LONGEST_JOB
 
 
 def same_numbers(said: str) -> None:
@@ -159,28 +146,6 @@ def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     }
     assert [p for pictures in shown.values() for p in pictures if not p.is_file()] == []
     assert {path.stem for path in scripts.values() if path.parent == DEMOS} <= set(shown)
-
-
-@pytest.fixture
-def light(monkeypatch):
-    monkeypatch.syspath_prepend(str(DOCS))
-    return importlib.import_module("light")
-
-
-@pytest.mark.slow
-def test_a_page_has_the_whole_script(light):
-    for script in [*DEMOS.glob("*.py"), *BENCHMARKS.glob("*.py")]:
-        source = script.read_text(encoding="utf-8")
-        found = light.cells(source)
-        code = "\n\n\n".join(body for kind, body in found if kind == "code")
-        whole = ast.parse(source)
-        if ast.get_docstring(whole):
-            whole.body = whole.body[1:]
-        assert ast.dump(ast.parse(code)) == ast.dump(whole), script.name
-        assert all("\n```" not in body for kind, body in found if kind == "code")
-    page = light.markdown((DEMOS / "impact_on_bracket.py").read_text(encoding="utf-8"))
-    headings = [part for part in page if part.startswith("## ")]
-    assert len(headings) == 3
 
 
 def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.dof_map import dof_map, name_of, rows_of
+from antiosc.io.dof_map import dof_map, rows_of
 from refusals import refused
 
 TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]
@@ -33,23 +33,9 @@ def test_the_rows_of_a_map(case, tmp_path):
     assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
 
 
-def test_two_rows_in_a_tuple_are_no_columns():
-    found = dof_map(((10, 1), (20, 2)), None, 2)
-    assert (found.node.tolist(), found.component.tolist()) == ([10, 20], [1, 2])
-
-
 def test_columns_of_four_rows():
     found = dof_map(([10, 10, 20, 20], ["x", 2, "UX", "t2"]), None, 4)
     assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20, 20], [1, 2, 1, 2])
-
-
-def test_labels_without_a_map_have_no_coordinates():
-    found = dof_map(None, np.array([[10, 1], [10, 2], [20, 8]]), 3)
-    assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20], [1, 2, 8])
-    assert found.points.shape == (3, 3)
-    assert not found.located
-    assert [name_of(k) for k in (0, 1, 6, 7)] == ["0", "x", "rz", "7"]
-    assert dof_map(None, None, 3) is None
 
 
 WRONG_MAPS = {

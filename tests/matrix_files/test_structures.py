@@ -147,15 +147,6 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path):
         ao.Structure.from_files(*files, map=tmp_path / "map.txt")
 
 
-@pytest.mark.parametrize("bad", [{"node": 1}, {"node": 1, "dof": 1, "direction": (0, 0, 1)},
-                                 {"node": 1, "point": (0, 0, 0), "direction": (0, 0, 1)},
-                                 {"node": 1, "dof": "w"}, {"node": 1.5, "dof": 1},
-                                 {"dof": "z"}])  # fmt: skip
-def test_a_site_at_a_node_needs_one_direction(bad):
-    with pytest.raises(ao.InputError):
-        ao.Site(**bad)
-
-
 def test_nodes_need_a_map():
     with pytest.raises(ao.InputError, match=r"the nodes of this structure have no numbers"):
         ao.extract(ao.Structure.from_matrices(K, M), ao.Site(node=10, dof="x"))
@@ -186,21 +177,6 @@ def test_a_patch_has_the_moments_of_hertz_pressure():
     assert -b @ (offset**2).sum(axis=1) == pytest.approx(0.4 * radius**2, rel=0.02)
     with pytest.raises(ao.InputError, match="has no node on the surface"):
         ao.extract(part, ao.Site((0.5051, 0.507, 0.0), (0, 0, -1), radius=1e-3))
-
-
-def test_nodes_below_the_surface_take_no_load():
-    from antiosc.fem.site import functional
-
-    K, M, table = plate(9)
-    table = np.vstack([table, table])
-    table[81:, 0] += 81
-    table[81:, 4] = -0.05
-    K, M = (scipy.sparse.block_diag([A, A]) for A in (K, M))
-    part = ao.Structure.from_matrices(K, M, map=table)
-    top = functional(part, ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.2)).b
-    bottom = functional(part, ao.Site((0.5, 0.5, -0.05), (0, 0, 1), radius=0.2)).b
-    assert top[81:].any() == bottom[:81].any() == False  # noqa: E712
-    np.testing.assert_allclose(-top[:81], bottom[81:])
 
 
 def test_a_free_body_with_coordinates_has_mass_and_inertia():

@@ -115,13 +115,6 @@ def test_a_layout_that_is_not_given_has_five_numbers_of_16_characters(tmp_path):
     np.testing.assert_array_equal(read_pair(path, path).K.toarray(), full)
 
 
-def test_a_column_without_entries(tmp_path):
-    lines = [HB[0], HB[1], HB[2].replace(" 4", " 1"), HB[3], "   1   2   2", "   1", "   2.0"]
-    path = tmp_path / "a"
-    path.write_text("\n".join(lines))
-    np.testing.assert_array_equal(read_pair(path, path).K.toarray(), [[2, 0], [0, 0]])
-
-
 def wrong_hb(**lines: str) -> str:
     own = dict(enumerate(HB, 1)) | {int(k[1:]): text for k, text in lines.items()}
     return "\n".join(own.values()) + "\n"

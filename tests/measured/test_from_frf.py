@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -104,15 +103,6 @@ def test_a_low_band_is_said(model):
     assert any("half-sine" in note for note in hit.error_budget.notes)
 
 
-def test_the_bars_survive_a_file(model, tmp_path):
-    path = tmp_path / "model.npz"
-    model.save(path)
-    again = ao.AntiOscillators.load(path)
-    run = (ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e8), 2e-3)
-    one, two = (ao.simulate(each, *run).error_budget for each in (model, again))
-    assert one["peak_force"] == two["peak_force"]
-
-
 def test_models_are_passive_far_beyond_the_band(model):
     w = np.geomspace(1e-3, 100.0, 2000) * W[-1]
     assert np.all((1j * w * model.modal().receptance(w)).real >= 0)
@@ -154,14 +144,6 @@ def test_several_sites_have_modes_of_rank_one():
     assert np.median(np.abs(one[:, 1, 0] - exact[:, 1, 0]) / size) < 0.005
 
 
-@pytest.mark.slow
-def test_damping_that_is_hysteretic_is_recognised():
-    H = noisy(part(hysteretic=True)[:, 0, 0])
-    found = ao.from_frf(ao.FRF(F, H, "receptance"))
-    assert found.info["damping"] == "hysteretic"
-    assert found.damping.ratio[0] == pytest.approx(ZETA[0], rel=0.05)
-
-
 def test_a_sensors_mass_is_removed_to_rounding():
     H, m = part(), 0.05
     loaded = np.linalg.inv(np.linalg.inv(H) - m * W[:, None, None] ** 2 * np.eye(2))
@@ -179,17 +161,6 @@ def test_noise_follows_from_the_coherence():
     frf = ao.FRF(F, part()[:, 0, 0], "receptance", coherence=np.full(F.size, 0.9), averages=10)
     expected = np.sqrt(0.1 / 0.9 / 10) * np.abs(frf.receptance)
     assert np.allclose(frf.receptance_sigma, expected)
-
-
-@pytest.mark.slow
-def test_signs_and_places_that_are_no_driving_point_are_said():
-    H = noisy(part())
-    with pytest.warns(ao.AntioscWarning, match="sign"):
-        turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
-    assert turned.k0 > 0
-    told = r"modes at (896|904), 3(096|104) Hz: the sensor lies beside"  # B has two signs there
-    with pytest.warns(ao.AntioscWarning, match=told), suppress(ao.AccuracyError):
-        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 
 def test_modes_above_the_band_may_come_from_a_mesh():
@@ -271,16 +242,6 @@ def test_fitted_bodies_become_passive_models():
         assert np.abs(H - exact).max() < 1e-5 * np.abs(exact).max()
         power = (1j * w[:, None, None] * H).real
         assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()
-
-
-@pytest.mark.filterwarnings("error::antiosc.AntioscWarning")
-def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
-    none = Tail(np.zeros(0), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
-    body = Modes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
-    made = anti_oscillators(body, (), ModelInfo())
-    assert max(made.damping.ratio) == pytest.approx(0.3)
-    made.save(tmp_path / "fit.npz")
-    assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping
 
 
 def test_a_supported_part_without_modes_above_the_band_is_no_free_one():

@@ -24,13 +24,6 @@ def with_more(**said):
     return body
 
 
-def test_a_bare_body_has_the_defaults():
-    bare = checked_body("body", Bare())
-    assert (bare.velocity, bare.gap, bare.local_compliance) == (0.0, 0.0, 0.0)
-    assert bare.patch_radius is None
-    assert bare.modal().omega.tolist() == [0.0]
-
-
 def test_a_foreign_striker_hits_as_a_rigid_mass_does():
     foreign = with_more(velocity=1.5, gap=1e-4)
     hits = [

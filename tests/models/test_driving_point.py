@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import antiosc as ao
 from antiosc.models import driving_point as bands
 
 M = np.array([0.3, 0.2, 0.0, 0.1])
@@ -115,22 +114,3 @@ def test_semidefinite_clips_what_is_negative_on_equal_scales():
     found = bands.semidefinite(unit * np.outer(scale, scale) + 1e-30)
     assert np.abs(found[3]).max() < 1e-14
     assert np.linalg.eigvalsh(found).min() > -1e-12 * np.abs(found).max()
-
-
-def test_coordinates_of_one_time_and_of_many_agree():
-    """(J,) with a number, (T, J) with (T,), (S, T, J) with (S, T)."""
-    body = ao.ModalBody(
-        [0.0, 2e3, 3e3], [1.0, 0.5, 0.2], r=1e-8, shape=np.eye(4)[:, :3], residual=np.eye(4)[3]
-    )
-    rng = np.random.default_rng(1)
-    q, force = rng.normal(size=(2, 5, 3)), rng.normal(size=(2, 5))
-    found = body.coordinates(q, force)
-    assert found.shape == (2, 5, 4)
-    np.testing.assert_array_equal(found[..., :3], q)
-    np.testing.assert_array_equal(found[..., 3], force)
-    np.testing.assert_array_equal(body.coordinates(q[0], force[0]), found[0])
-    np.testing.assert_array_equal(body.coordinates(q[1, 2], force[1, 2]), found[1, 2])
-    np.testing.assert_array_equal(body.amplitudes(found[1, 2]), found[1, 2])
-    for wrong in (q[..., :2], q[0, 0, 0]):
-        with pytest.raises(ao.InputError, match="q must have shape"):
-            body.coordinates(wrong, 0.0)

@@ -19,7 +19,7 @@ from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
-from antiosc.results.pictures import FACES, SavedFields
+from antiosc.results.pictures import SavedFields
 from refusals import refused
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
@@ -296,32 +296,3 @@ def test_a_model_tells_up_to_which_antiresonance_it_has_converged() -> None:
         assert resolved_frequency(model) == pytest.approx(expected)
         hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Linear(1e5), 1e-4)
         assert resolved_frequency(hit) == pytest.approx(expected)
-
-
-CORNERS = {
-    "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)],
-    "wedge": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
-    "hexahedron": [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))],
-}
-VOLUMES = {"tetra": 1 / 6, "pyramid": 1 / 3, "wedge": 1 / 2, "hexahedron": 1.0}
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_the_faces_of_a_cell_enclose_it(kind: str) -> None:
-    """Each edge is passed twice, in opposite ways; the volume follows from the faces."""
-    faces = FACES[kind]
-    if kind not in CORNERS:  # a face itself
-        (face,) = faces
-        assert face == list(range(len(face)))
-        return
-    edges = [(a, b) for face in faces for a, b in zip(face, [*face[1:], face[0]], strict=True)]
-    assert len(set(edges)) == len(edges)
-    assert {(b, a) for a, b in edges} == set(edges)
-    x = np.array(CORNERS[kind], dtype=float)
-    volume = 0.0
-    for face in faces:
-        for k in range(1, len(face) - 1):
-            a, b, c = x[[face[0], face[k], face[k + 1]]]
-            volume += a @ np.cross(b, c) / 6
-    assert volume == pytest.approx(VOLUMES[kind])

@@ -205,40 +205,6 @@ def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
     assert last.endswith("and 900 more, or still more.")
 
 
-STRUCK = f"""\
-{BRACKET}[impactor]
-kind = "RigidMass"
-mass = 0.1
-velocity = 1.0
-[contact]
-kind = "Hertz"
-stiffness = 1e9
-[simulate]
-duration = 1e-4
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
-    """Of a support, a material, a probe; a mesh is read, a geometry opened."""
-    pytest.importorskip("dolfinx")
-    text = STRUCK.replace('where = "clamp"', 'where = "klamp"')
-    text = text.replace("[material]", "[material.boddy]")
-    text += '[probes.a]\npoint = "bor"\n[probes.b]\npoint = "bore"\n'
-    found = dict(sentences(written(tmp_path, text), capsys))
-    lines = text.splitlines()
-    keys = {'where = "klamp"': "clamp", "[material.boddy]": "body", 'point = "bor"': "bore"}
-    for key, near in keys.items():
-        assert f"'{near}'" in found.pop(lines.index(key) + 1)
-    assert not found
-    assert antiosc("check", written(tmp_path, STRUCK)) == 0
-    assert "groups: clamp, base, eye, bore" in capsys.readouterr().out
-    assert antiosc("check", SCENES / "step.toml") == 0
-    box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m"
-    assert f"bracket.step reaches {box}" in capsys.readouterr().out
-
-
 @pytest.mark.fem
 def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
     """Names of supports, sites and probes; and a deck that cannot be read."""

@@ -156,9 +156,3 @@ RUNS = {
 def test_a_value_is_checked_by_the_rule_of_its_function(scene, case):
     """A number of anti-oscillators may be "auto" for one function, 0 for another."""
     scene(RUNS[case])
-
-
-@pytest.mark.parametrize("damping", ["5", "[0.02, 2]", "{ratio = 5.0}"])
-def test_a_damping_ratio_in_per_cent_is_told_with_its_line(scene, damping):
-    with pytest.raises(SceneFileError, match=r"scene.toml:9: .*0\.05 is 5 %"):
-        scene(f'{MATRICES}dof = "z"\n[extract]\ndamping = {damping}\n{HIT}')

@@ -10,7 +10,7 @@ import pytest
 from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
 from paths import MESHES
-from scene_files import STRIKE, antiosc, numbers, objects, table, written
+from scene_files import STRIKE, antiosc, objects, table, written
 
 
 @pytest.mark.fem
@@ -92,18 +92,3 @@ def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
     assert np.abs(site - hit.displacement).max() < 0.05 * np.abs(hit.displacement).max()
     np.testing.assert_array_equal(rows["root xx (Pa)"], probes["root"][:, 0, 0])
     assert pickle.loads(pickle.dumps(hit)).structure is None
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_strike_has_its_error_budget(tmp_path, capsys):
-    pytest.importorskip("dolfinx")
-    text = STRIKE + "[output]\ncsv = false\n"
-    written_to = ("--out", tmp_path, "--report", tmp_path / "r.html")
-    assert antiosc("run", written(tmp_path, text), *written_to) == 0
-    budget = numbers(tmp_path)["result"]["error_budget"]["peak_force"]
-    assert 0 < budget["mesh"] <= budget["total"] < 1
-    assert "± " in capsys.readouterr().out
-    page = (tmp_path / "r.html").read_text()
-    assert "Error budget" in page
-    assert f"{100 * budget['total']:.2g} %" in page

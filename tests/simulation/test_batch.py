@@ -113,17 +113,3 @@ def test_a_sweep_keeps_what_an_executor_has_made():
     assert again[1].mass == 2.0
     with pytest.raises(ao.AntioscError, match="shutdown"):
         ao.simulate_many(case_two(2)[0], masses, ao.Hertz(1e9), 1e-3, executor=closed_pool())
-
-
-def test_a_batch_does_not_depend_on_those_before():
-    # the march keeps the responses of the modes, here of as many as before
-    model, other = (
-        ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1, 0.2], omega=omega)
-        for omega in ([1e3, 2e3], [1.5e3, 9e3])
-    )
-    strikers = ao.sweep(ao.RigidMass, mass=[0.2, 0.5], velocity=1.0)
-    first, _, again = (
-        ao.simulate_many(each, strikers, ao.Hertz(1e9), 4e-3) for each in (model, other, model)
-    )
-    alone = [ao.simulate(model, each, ao.Hertz(1e9), 4e-3).peak_force for each in strikers]
-    assert again.peak_force.tolist() == first.peak_force.tolist() == alone

@@ -80,24 +80,6 @@ def test_threads_do_not_share_responses_while_they_fill_them() -> None:
         np.testing.assert_array_equal(found, alone[i % len(SCENES)])
 
 
-def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", OrderedDict())
-    monkeypatch.setattr(engine, "_MOST_KEPT", 1)
-    alone = forces(blow(0.3, mass=0.5))
-    engine._kept.clear()
-    forces(blow(0.3, mass=0.2))
-    (space,) = engine._kept.values()
-    np.testing.assert_array_equal(forces(blow(0.3, mass=0.5)), alone)
-    assert list(engine._kept.values()) == [space]
-
-
-def test_few_responses_are_kept(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", OrderedDict())
-    for mass in np.linspace(0.1, 1, 2 * engine._MOST_KEPT):
-        forces(blow(0.1, mass=float(mass)), 1e-4)
-    assert len(engine._kept) == engine._MOST_KEPT
-
-
 def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
     """A held beam and a mass that is pushed in time, in flight and in contact."""
     bodies = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.5)}

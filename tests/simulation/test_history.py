@@ -62,21 +62,6 @@ def test_later_impact_is_another_one():
     assert ball.contact_time == pytest.approx(end - start)
 
 
-@pytest.mark.parametrize("method", ["exact", "conserving"])
-def test_a_massless_site_holds_the_energy_of_its_spring(method):
-    """On a spring without mass F²/2k0 is held; what the mass brings is always there in full."""
-    k0, mass, speed = 2e6, 0.3, 1.5
-    spring = ao.AntiOscillators(m0=0.0, k0=k0, m=[], omega=[])
-    hit = ao.simulate(
-        spring, ao.RigidMass(mass, speed), ao.Linear(3e6), 2e-3, tol=1e-5, method=method
-    )
-    np.testing.assert_allclose(hit.energy.strain, hit.force**2 / (2 * k0), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(hit.energy.total, mass * speed**2 / 2, rtol=1e-3)
-    # two springs in series: F = v √(k m)
-    series = 1 / (1 / k0 + 1 / 3e6)
-    assert hit.peak_force == pytest.approx(speed * np.sqrt(series * mass), rel=1e-4)
-
-
 @pytest.mark.parametrize("seconds", [1e3, 1.0, 1e-9])
 def test_times_are_found_in_their_steps_in_any_unit(seconds):
     """A node begins its step, also where the time is off by rounding; steps have three nodes."""

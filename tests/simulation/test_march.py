@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from math import inf
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,20 +40,6 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
         mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
     )  # fmt: skip
-
-
-@pytest.mark.slow
-def test_the_structures_have_the_sizes_of_the_librarys() -> None:
-    sizes = (ctypes.c_size_t * 19)()
-    built().part_sizes(sizes)
-    mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
-    mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
-    expected = [ctypes.sizeof(each) for each in mirrored]
-    expected += [8 * march.EXIT, march.READING.itemsize]
-    expected += map(ctypes.sizeof, (march.Goal, march.Slopes))
-    expected += [march.TOUCH.itemsize]
-    batches = march.Numbers, march.Impact, march.Expected, march.Outcome, march.PulseNodes
-    assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 
 @pytest.mark.slow
@@ -162,30 +147,6 @@ def test_ripple_is_the_amplitude_of_what_a_step_does_not_resolve(fresh: int) -> 
     assert found == pytest.approx(max(worst), rel=1e-9)
 
 
-BOUNDS = [
-    (ao.Linear(1e9), march.FORWARD, (), (0.0, inf, -inf, inf)),
-    (ao.Linear(1e9), march.APART, (), (-inf, 0.0, -inf, inf)),
-    (ao.HuntCrossley(1e9, 0.5), march.FORWARD, (0.25,), (0.0, inf, -4.0, inf)),
-    (ao.HuntCrossley(1e9, 0.5), march.CUT, (0.25,), (0.0, inf, -inf, -4.0)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 2e-5), (8e-6, 3e-5, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 3e-5), (8e-6, inf, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.BACK, (3e-5, 2e-5, 0.0), (8e-6, 2e-5, -inf, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.APART, (3e-5, 2e-5, 0.0), (-inf, 8e-6, -inf, inf)),
-    (ao.Thornton(1e9, 1e-5), march.FORWARD, (0.0, 0.0, 0.0), (0.0, 1e-5, 0.0, inf)),
-    (ao.Thornton(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1.1e-5), (0.0, inf, 0.0, inf)),
-    (ao.Stronge(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1e-5), (0.0, 84e-5, 0.0, inf)),
-]
-
-
-@pytest.mark.parametrize(("law", "branch", "memory", "bounds"), BOUNDS)
-def test_a_branch_of_a_law_ends_at_its_bounds(
-    law: ao.ContactLaw, branch: int, memory: tuple, bounds: tuple
-) -> None:
-    out = doubles([0.0] * 4)
-    built().part_bounds(law_at(law), branch, doubles([*memory, *[0.0] * 8]), out)
-    assert tuple(out) == pytest.approx(bounds, rel=1e-12)
-
-
 def test_a_law_with_memory_goes_through_its_branches() -> None:
     """Loading, turning, unloading, reloading from the turning point, and back along the curve."""
     law, memory, change = ao.Thornton(1e9, 1e-5), doubles([0.0] * 8), built().part_next_branch
@@ -220,13 +181,6 @@ def test_two_runs_serve_a_smooth_blow() -> None:
     assert max(found.force, found.peak) <= tol
 
 
-@pytest.mark.parametrize("finer", [2.0, 4.0, 8.0])
-def test_what_is_left_of_a_difference(finer: float) -> None:
-    """Errors e and e/f differ by e - e/f, of which the finer has 1/(f - 1); twice that is told."""
-    assert built().part_left_over(finer, 0) == pytest.approx(2 / (finer - 1))
-    assert built().part_left_over(finer**3, 1) == pytest.approx(2 / (finer - 1))
-
-
 def test_the_difference_of_two_runs_is_the_integral_of_its_square() -> None:
     """Runs of parabolas on unlike nodes, forces from the first node on; by trapezoids between."""
     time = np.array([0.0, 0.1, 0.2, 0.45, 0.7, 0.85, 1.0]), np.array([0.0, 0.3, 0.6, 0.8, 1.0])
@@ -253,12 +207,6 @@ def test_the_difference_of_two_runs_is_the_integral_of_its_square() -> None:
     used = np.concatenate([[0], np.cumsum(np.diff(nodes) * (np.array(apart)[1:] + apart[:-1]) / 2)])
     limit = 0.25 * expected**2 * trapezoid(size, nodes)
     assert until == nodes[np.flatnonzero(used > limit)[0]]
-
-
-def test_energies_are_those_of_the_modes() -> None:
-    x = np.random.default_rng(1).normal(size=(7, 2, OMEGA.size))
-    expected = 0.5 * ((OMEGA * x[:, 0]) ** 2 + x[:, 1] ** 2).sum(axis=1)
-    np.testing.assert_allclose(march.energies(x, OMEGA), expected, rtol=1e-12)
 
 
 def test_the_march_is_a_collocation_of_order_four() -> None:

@@ -50,22 +50,6 @@ def test_states_that_are_not_kept_are_found_from_those_that_are(monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
 
 
-@pytest.mark.parametrize("law", [ao.Hertz(1e8), ao.HuntCrossley(1e8, 0.5)], ids=["hertz", "damped"])
-def test_an_impact_of_two_bodies_too(monkeypatch, law):
-    def numbers() -> list[np.ndarray]:
-        hit = ao.simulate(case_two(6)[0], ao.RigidMass(0.2, 1.0), law, 4e-3)
-        energy = hit.energy
-        found = [hit.time, hit.displacement, hit.velocity, *hit.states(np.linspace(0, 4e-3, 91))]
-        found += [energy.kinetic, energy.strain, energy.gravity, energy.total]
-        return [*found, np.array([hit.impulse, hit.contact_time, len(hit.contacts)])]
-
-    wanted = numbers()
-    monkeypatch.setattr(engine, "STATES", 3000)
-    monkeypatch.setattr(states, "AT_ONCE", 50)
-    for one, other in zip(numbers(), wanted, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
-
-
 def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     """The space of a run grows with the square of the contacts."""
     bodies = {f"m{i}": ao.RigidMass(0.01, 1.0) for i in range(60)}

@@ -62,18 +62,6 @@ def test_masses_that_touch_share_their_axis() -> None:
     assert (m + n)[-1] - (m + n)[0] == pytest.approx(given, abs=1e-9)
 
 
-def test_gravity_pulls_along_the_axis_of_the_first_contact() -> None:
-    still = between({"m": ao.RigidMass(0.1)}, DOWN, gravity=(0.0, -9.81, 0.0)).run(1e-3)
-    assert still.bodies["m"].velocity()[-1] == pytest.approx(-9.81e-3)
-
-
 def test_a_mass_is_not_pressed_along_two_lines() -> None:
     with pytest.raises(ao.InputError, match=r"0.0, 1.0, 0.0.*RigidBody|RigidBody.*0.0, 1.0, 0.0"):
         between({"m": ao.RigidMass(0.1, 1.0)}, Z).run(1e-3)
-
-
-@pytest.mark.parametrize("ends", [("m", "A:tip"), ("m", "A"), ("A", "m:any")])
-def test_a_pair_of_sites_has_one_contact(ends: tuple[str, str]) -> None:
-    contacts = [ao.Contact("A:tip", "m", LAW), ao.Contact(*ends, LAW)]
-    with pytest.raises(ao.InputError, match="same ends"):
-        ao.Scene({"A": tip(Y), "m": ao.RigidMass(0.1, 1.0)}, contacts)

@@ -191,17 +191,6 @@ def test_a_force_beyond_its_law_is_told_with_the_contact() -> None:
         ao.simulate(MODEL, MASS, Brittle(1e6), 4e-3)
 
 
-def test_nearly_what_is_refused_is_taken() -> None:
-    """The smallest hollow, tilted ends, inertias with a tensor: just inside the rules."""
-    steel = ao.Sphere(0.01, 2e11, 0.3, 7800.0)
-    assert ao.contact_stress(steel, 10.0, 2e11, 0.3, radius=-0.0101).radius > 0
-    tensor = np.array([[2.0, 0.5, 0], [0.5, 2.0, 0], [0, 0, 1.0]])
-    assert np.array_equal(ao.RigidBody(1.0, tensor, {}).inertia, tensor)
-    assert ran(motion={"m": 2.0}).bodies["m"].velocity()[0] == 2.0
-    hit = ran({"b": WIDE}, [ao.Contact("b:tip", "w", LAW, friction=0.3), TOUCH])
-    assert hit["b:tip", "w"].friction.shape[1] == 1
-
-
 @pytest.mark.parametrize(
     ("degrees", "refused"), [(2.0, False), (3.0, True), (177.0, True), (178.0, False)]
 )

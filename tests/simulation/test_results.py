@@ -38,22 +38,6 @@ def test_a_pickled_history_is_the_same(hit):
     assert pickle.loads(pickle.dumps(again)).peak_force == hit.peak_force
 
 
-def test_a_pickled_history_keeps_its_error_budget():
-    model = ao.AntiOscillators(
-        m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3], strain_error=1e4 * np.eye(3)
-    )
-    hit = ao.simulate(model, BALL, ao.Hertz(1e9), 1e-3)
-    again = pickle.loads(pickle.dumps(hit))
-    assert again.error_budget.bars == hit.error_budget.bars
-    assert again.error_budget.worst > 0
-
-
-def test_a_pickled_scene_is_the_same(landed):
-    again = pickle.loads(pickle.dumps(landed))
-    assert again.summary() == landed.summary()
-    np.testing.assert_array_equal(again.bodies["a"].a, landed.bodies["a"].a)
-
-
 @pytest.mark.parametrize("which", ["hit", "landed"])
 def test_a_saved_history_comes_back(which, request, tmp_path):
     history = request.getfixturevalue(which)

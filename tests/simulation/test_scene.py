@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from direct import force_error, physical
-from scene_cases import CORNERS, LAWS, plate, rod_between_walls, stops
+from scene_cases import CORNERS, plate, rod_between_walls, stops
 from scenes import hertz_impact
 
 Array = NDArray[np.float64]
@@ -77,18 +77,6 @@ def test_chatter_against_nine_stops_converges_with_the_tolerance() -> None:
     assert errors[2] < 1e-4
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
-def test_every_law_gives_what_simulate_gives(law: ao.ContactLaw) -> None:
-    """`simulate` marches with another scheme and the laws' own methods."""
-    model = ao.AntiOscillators(m0=0.05, k0=1e5, m=[0.1, 0.05], omega=[2e3, 9e3])
-    mass = ao.RigidMass(0.3, 2.0)
-    one = ao.simulate(model, mass, law, 2e-3, tol=1e-4)
-    hit = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", law)]).run(2e-3, tol=1e-4)
-    assert hit["a", "b"].impulse == pytest.approx(one.impulse, rel=1e-4)
-    assert hit["a", "b"].peak_force == pytest.approx(one.peak_force, rel=1e-3)
-    assert hit.energy.drift < 1e-3
-
-
 class Doubled(ao.Hertz):
     """A law of one's own."""
 
@@ -105,20 +93,6 @@ def test_a_law_of_ones_own() -> None:
     peak, lasts = hertz_impact(0.5, 1.0, 2e9)
     assert hit["w", "m"].peak_force == pytest.approx(peak, rel=1e-3)
     assert hit["w", "m"].contact_time == pytest.approx(lasts, rel=1e-3)
-
-
-def test_residual_compliance_is_a_spring_in_series() -> None:
-    """A mass on a site without inertia: half a sine with 1/k = 1/k_contact + r."""
-    site = ao.SiteModes([1e3], [[0.0]], ("tip",), r=[[2e-6]])
-    bodies = {"site": site, "m": ao.RigidMass(0.5, 2.0)}
-    hit = ao.Scene(bodies, [ao.Contact("site:tip", "m", ao.Linear(1e6))]).run(0.01, tol=1e-4)
-    k = 1 / (1e-6 + 2e-6)
-    contact = hit["site:tip", "m"]
-    assert contact.peak_force == pytest.approx(2.0 * np.sqrt(0.5 * k), rel=1e-5)
-    assert contact.contact_time == pytest.approx(np.pi * np.sqrt(0.5 / k), rel=1e-5)
-    pressed = 2e-6 * contact.force  # along the push
-    np.testing.assert_allclose(hit.bodies["site"].displacement("tip"), pressed, atol=1e-12)
-    assert hit.energy.drift < 1e-4
 
 
 def test_two_free_bodies_keep_momentum_and_angular_momentum() -> None:
@@ -177,15 +151,6 @@ def test_ground_that_accelerates_is_a_gravity_that_changes() -> None:
     assert force_error(hit, t, force) < 1e-3
 
 
-def test_preload_rests_until_something_moves() -> None:
-    scene, _ = plate(ao.Hertz(1e8), 0.0)
-    rest = ao.Scene(scene.bodies, scene.contacts, gravity=scene.gravity, preload=True)
-    hit = rest.run(0.01)
-    force = hit["plate:a", "floor"].force
-    np.testing.assert_allclose(force, 2.0 * 9.81 / 4, rtol=1e-8)
-    assert hit["plate:a", "floor"].contacts == [(0.0, 0.01)]
-
-
 def test_preload_of_a_site_without_mass() -> None:
     """A load on a massless spring, which no mode feels: the contact takes its share of it."""
     compliance, stiffness, load = 1e-4, 3e4, -50.0
@@ -199,17 +164,3 @@ def test_preload_of_a_site_without_mass() -> None:
     force = scene.run(0.01)["part:tip", "stop"].force
     share = stiffness * compliance / (1 + stiffness * compliance)
     np.testing.assert_allclose(force, -share * load, rtol=1e-8)
-
-
-def test_one_model_may_be_two_bodies():
-    """Each body has its own field, though both are one object."""
-    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[0.5], omega=[2000.0], shapes=np.ones((3, 2)))
-    hit = ao.Scene(
-        bodies={"struck": model, "far": model, "mass": ao.RigidMass(0.2, 1.0)},
-        contacts=[
-            ao.Contact("struck", "mass", ao.Linear(1e6)),
-            ao.Contact("far", "struck", ao.Linear(1e6), gap=1.0),
-        ],
-    ).run(1e-3)
-    assert np.all(hit.field(1e-3, "struck") > 1e-6)
-    np.testing.assert_array_equal(hit.field(1e-3, "far"), 0.0)

@@ -142,20 +142,6 @@ def test_boxes_that_collide_at_two_points(friction: float) -> None:
     assert hit.energy.drift < 1e-4
 
 
-@pytest.mark.parametrize("up", [1.0, -1.0])
-def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) -> None:
-    """A box falls through a floor that is named on its wrong side; of the first is told."""
-    box = ao.RigidBody(0.5, (1e-3,) * 3, {"foot": ((0, 0, 0), (0, 0, up))})
-    bodies = {"box": box, "floor": ao.Obstacle()}
-    motion = {"box": ao.Motion(velocity=(0, 0, -1.0))}
-    for ends, pushed in ((("box:foot", "floor"), up), (("floor", "box:foot"), -up)):
-        hit = ao.Scene(bodies, [ao.Contact(*ends, ao.Hertz(1e8))], motion=motion).run(3e-3)
-        told = "pushes 'box:foot' against the direction of its site" in hit.message
-        assert told == (ends[0] == "floor" and pushed < 0)
-        assert hit[ends].impulse == pytest.approx(1.0 if pushed > 0 else 0.0, rel=1e-3)
-        assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)
-
-
 @pytest.mark.slow
 def test_a_damped_contact_that_begins_at_rest() -> None:
     """Its damping is defined by the closing speed that is expected, for all integrators."""
@@ -216,13 +202,3 @@ def test_bodies_of_one_coordinate_fall_along_the_line_of_their_contact() -> None
     assert hit.bodies["two"].velocity("a")[-1] == pytest.approx(0.01 * (2.0 + 0.5 * 4.0))
     with pytest.raises(ao.InputError, match="pushed along several directions: give gravity"):
         ao.Scene(bodies, contacts, gravity=-9.81).run(0.01)
-
-
-def test_the_structure_of_a_scene_is_the_body_with_shapes() -> None:
-    shaped = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[900.0], shapes=np.eye(2))
-    bodies = {"part": shaped, "m": ao.RigidMass(0.5, 1.0)}
-    hit = ao.Scene(bodies, [ao.Contact("part", "m", ao.Linear(1e5))]).run(1e-3)
-    np.testing.assert_array_equal(hit.field(1e-3), hit.field(1e-3, "part"))
-    both = ao.Scene({**bodies, "m": shaped}, [ao.Contact("part", "m", ao.Linear(1e5))]).run(1e-3)
-    with pytest.raises(ao.InputError, match="there is no body 'structure'"):
-        both.field(1e-3)

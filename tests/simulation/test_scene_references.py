@@ -167,22 +167,6 @@ def test_other_methods_meet_their_tolerance(posed: Callable[[], Posed], method: 
     assert hit.energy.drift < 5e-3
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog"])
-def test_fixed_steps_are_of_second_order(method: str) -> None:
-    """Of the velocities at the end: forces that begin with a kink are met to the power 3/2."""
-    scene, duration, _ = bar_on_two_springs()
-    exact = scene.run(duration, tol=1e-5).run.states
-    assert exact is not None
-    errors = []
-    for halvings in range(5):
-        hit = scene.run(duration, method=method, step=duration / 120 / 2.0**halvings)
-        assert hit.error == {}
-        assert hit.run.states is not None
-        errors.append(float(np.linalg.norm(hit.run.states[-1, 1] - exact[-1, 1])))
-    assert np.log2(errors[0] / errors[-1]) / 4 > 1.7
-
-
 @pytest.mark.parametrize("posed", LONG)
 def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> None:
     """An eighth of the share of error halves the steps of a scheme of order three.
