@@ -10,7 +10,6 @@ import pytest
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form import UniformBeam, free_free
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.studies.advice import advise
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -59,14 +58,6 @@ def test_a_light_sphere_leaves_before_the_part_moves():
     # the frequency alone would have asked for a solid
     assert light.family == "beam"
     assert light.frequency > light.limits["shell"]
-
-
-def test_the_element_resolves_the_plates_wave():
-    """Four to the bending wavelength at the highest frequency: Kirchhoff's dispersion."""
-    advice = advise((0.3, 0.2, 0.006), sphere(10e-3, 1.0), **STEEL)
-    wave = 4 * advice.element_size
-    half = SupportedPlate(**STEEL, thickness=0.006, a=wave / 2, b=1e9)
-    assert half.kirchhoff(1, 0) / (2 * np.pi) == pytest.approx(advice.frequency, rel=1e-9)
 
 
 def test_the_element_resolves_the_shear_wave_of_a_thick_plate():

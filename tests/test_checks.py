@@ -1,7 +1,5 @@
 """What antiosc takes as a number, an array, a name: everything else is one InputError."""
 
-import contextlib
-import functools
 import inspect
 import re
 import warnings
@@ -12,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import checks, errors
+from antiosc.base import checks
 
 NO_NUMBER = [
     None,
@@ -170,25 +168,6 @@ def test_every_warning_is_an_antiosc_warning():
         if path.name != "errors.py" and re.search(r"warnings\.warn\(|stacklevel", path.read_text())
     ]
     assert direct == []
-
-
-def _inside(code: str, **names):
-    """A function as if it stood in antiosc."""
-    space = {"__name__": "antiosc.somewhere", "warn": errors.warn, **names}
-    exec(code, space)
-    return space["f"]
-
-
-def test_a_warning_names_the_callers_line():
-    shallow = _inside("def f(): warn('told')")
-    deep = _inside("def f(depth): return f(depth - 1) if depth else g()", g=shallow)
-    manager = _inside("def f():\n    g(3)\n    yield", g=deep)
-    between = contextlib.contextmanager(manager)
-    partial = functools.partial(deep, 2)
-    for call in (shallow, partial, lambda: deep(5), between().__enter__):
-        with pytest.warns(ao.AntioscWarning, match="told") as caught:
-            call()
-        assert caught[0].filename == __file__
 
 
 def test_simulate_warns_at_the_line_that_called_it():

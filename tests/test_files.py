@@ -31,15 +31,6 @@ def test_permissions_stay(tmp_path):
     assert ao.AntiOscillators.load(path).n == 2
 
 
-def test_a_new_file_follows_the_umask(tmp_path):
-    before = os.umask(0o027)
-    try:
-        MODEL.save(tmp_path / "m.npz")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "m.npz").stat().st_mode) == 0o640
-
-
 @pytest.mark.parametrize("exists", [True, False])
 def test_a_link_stays_a_link(tmp_path, exists):
     (tmp_path / "far").mkdir()

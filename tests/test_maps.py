@@ -97,20 +97,6 @@ def test_loads_of_a_surface_are_those_of_single_sites(cell):
                 np.testing.assert_allclose(found.loads[:, i].toarray()[:, 0], one.b, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
-    """Force and moments of the load, and so m_CR of a free block, do not depend on the mesh."""
-    site = ao.Site((0.071, 0.037, SIZE[2]), (0.3, -0.2, -1.0), radius=0.012)
-    found = []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the patch is not resolved, which does not matter here
-        for n in ((3, 2, 1), (5, 3, 2), (7, 6, 2)):
-            for cell in ("hexahedron", "tetrahedron"):
-                part = block(n, supported=False, cell=cell)
-                found.append(ao.extract(part, site, n=0).m_st)
-    np.testing.assert_allclose(found, found[0], rtol=1e-9)
-
-
 def sheet(cell="quadrilateral") -> ao.Structure:
     """A sheet of two thicknesses."""
     groups = {
@@ -126,40 +112,6 @@ def sheet(cell="quadrilateral") -> ao.Structure:
         },
         [ao.Support("left")],
     )
-
-
-def test_the_half_space_is_that_of_the_material_at_the_site():
-    groups = {
-        "left": (2, lambda x: np.isclose(x[0], 0)),
-        "steel": (3, lambda x: x[0] < SIZE[0] / 2 + 1e-9),
-        "light": (3, lambda x: x[0] > SIZE[0] / 2 - 1e-9),
-        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
-    }
-    mesh = parts.box((4, 4, 2), SIZE, groups=groups)
-    materials = {"steel": ao.Solid(**parts.STEEL), "light": ao.Solid(**parts.ALUMINIUM)}
-    part = ao.Structure(mesh, materials, [ao.Support("left")])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = ao.impact_map(part, "end", radius=0.01)
-    expected = materials["light"].half_space_compliance(1.0) / 0.01
-    np.testing.assert_allclose(result.local_compliance, expected)
-
-
-@pytest.mark.slow
-def test_sites_that_are_not_good_enough_are_extracted(steel):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        rough = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e9, band=6e4)
-        fine = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e-3, band=6e4)
-    assert not rough.direct.any()
-    assert fine.direct.any()
-    assert np.all(fine.error[fine.direct] < rough.error[fine.direct])
-    i = int(np.flatnonzero(fine.direct)[0])
-    direct = ao.extract(steel, at(steel, "end", i), n=60)
-    error = stiffness_error(
-        fine.model(i).dynamic_stiffness, direct.dynamic_stiffness, 6e4, direct.omega[0]
-    )
-    assert error <= fine.error[i]
 
 
 def test_impacts_are_single_impacts(steel):

@@ -74,20 +74,6 @@ def test_indices_are_those_of_ishigamis_function():
     assert np.all(true <= found.bars[:, 1] + 0.02)
 
 
-def test_values_may_be_drawn_from_a_list_and_failures_are_kept():
-    def run(law, mass):
-        if law is None:
-            raise ao.AccuracyError("no law")
-        return {"mass": mass, "power": law.exponent}
-
-    laws = [ao.Power(1e8, 1.5), ao.Power(1e8, 2.0), None]
-    with pytest.warns(ao.AccuracyWarning, match="of 60 runs failed"):
-        many = ao.monte_carlo(run, {"law": laws, "mass": ao.uniform(1.0, 2.0)}, 60)
-    assert set(many.failed) == set(np.flatnonzero(many.inputs["law"] == 2))
-    assert np.isnan(many.values["power"]).sum() == len(many.failed)
-    assert set(many.finite("power")) == {1.5, 2.0}
-
-
 def test_a_campaign_that_breaks_off_goes_on(tmp_path):
     path, calls = tmp_path / "campaign.csv", []
 

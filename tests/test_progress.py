@@ -40,14 +40,6 @@ def test_the_innermost_work_is_shown_and_goes_away(terminal):
     assert lines(terminal) == [*(f"antiosc: {text} …" for text in texts), ""]
 
 
-def test_the_line_goes_away_after_an_error_and_never_wraps(terminal):
-    with pytest.raises(ValueError, match="wrong"), progress.doing("long " * 40):
-        raise ValueError("wrong")
-    first, last = lines(terminal)
-    assert len(first) < 60
-    assert last == ""
-
-
 @pytest.mark.parametrize("case", ["pipe", "rank", "dumb", "none", "closed"])
 def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     if case == "pipe":
@@ -62,25 +54,6 @@ def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     with progress.doing("work", rank=1 if case == "rank" else 0) as further:
         further("more")
     assert terminal.getvalue() == ""
-
-
-def test_counted_work_tells_what_remains(terminal, monkeypatch):
-    monkeypatch.setattr(progress, "_tqdm", lambda: None)
-    clock = iter([0.0, 10.0, 10.01, 40.0, 41.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
-    with progress.counting("sites", 400) as done:
-        done(100)
-        done(101)  # too soon after the one before
-        done(300)
-        done(400)
-    told = [line.removeprefix("antiosc: ").removesuffix(" …") for line in lines(terminal)]
-    assert told == [
-        "sites",
-        "sites: 100 of 400, about 30 s left",
-        "sites: 300 of 400, about 13 s left",
-        "sites: 400 of 400",
-        "",
-    ]
 
 
 def test_a_terminal_without_unicode_gets_question_marks():

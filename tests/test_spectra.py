@@ -56,24 +56,6 @@ def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
         assert found.maximax[i] == pytest.approx(max(exact), rel=tol)
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("even", [True, False])
-def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
-    """Against integrations with the acceleration that is constant in each step."""
-    rng = np.random.default_rng(3)
-    t = np.linspace(0, 2e-3, 41) if even else np.cumsum([0, *rng.choice([1e-5, 4e-5], 60)])
-    v = np.cumsum(rng.standard_normal(t.size))
-    v[-1] = v[0] = 3.0
-    steps = np.repeat(np.diff(v) / np.diff(t), 2)
-    edges = np.sort([*t[:-1], *(t[1:] - 1e-12)])
-    edges[0], edges = 0.0, np.append(edges, t[-1])
-    for f in (300.0, 2000.0):
-        exact = integrated(edges, np.append(steps, 0.0), f, 10.0)
-        found = ao.srs(t, v, [f], signal="velocity")
-        assert found.positive[0] == pytest.approx(exact[0], rel=3e-3)
-        assert found.negative[0] == pytest.approx(exact[1], rel=3e-3)
-
-
 def test_velocities_have_the_spectrum_that_samples_of_accelerations_miss():
     """A slow vibration below a strong one that the samples turn into one of 600 Hz."""
     fine, coarse = np.linspace(0, 5e-3, 100_001), np.linspace(0, 5e-3, 2001)

@@ -10,7 +10,6 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
-from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -55,15 +54,6 @@ def test_the_motions_of_a_scene_meet_at_the_touch_under_the_names_of_its_bodies(
     assert np.diff(beam.get_xdata()).max() < 0.1  # nodes in flights, too
     ax = plotting.plot_force({"a": hit, "b": hit})
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["a", "b"]
-
-
-def test_the_picture_of_a_body_is_at_its_own_largest_motion():
-    model, striker = case_two(3)
-    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-3)
-    largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
-    assert np.argmax(largest[0]) != np.argmax(largest[1])
-    for body, expected in zip(("structure", "impactor"), largest, strict=True):
-        assert np.array_equal(pictures._motion(hit, body), expected)
 
 
 def test_model_charts():

@@ -17,7 +17,7 @@ from antiosc.closed_form import (
     pinned_pinned,
 )
 from refusals import refused
-from scenes import BEAM, finely
+from scenes import BEAM
 from spectral_beam import SpectralBeam
 from struck_beams import ARTICLE, SLENDER, SOME, SUPPORTS, THICK, UNIT, struck
 
@@ -99,41 +99,6 @@ def test_modes_give_the_same_receptance(supports):
     np.testing.assert_allclose(np.abs(free.b[:4]), body.b[:4], rtol=5e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("supports", SOME, ids=str)
-def test_shapes_expand_the_static_shape(supports):
-    """phi_st - Σ psi_i → 0 away from the site, and every psi_i vanishes at the site."""
-    beam = struck(THICK, supports)
-    x = np.array([0.11, 0.52, 0.83]) * THICK.length
-    model = beam.anti_oscillators(40, np.append(x, beam.site))
-    assert model.shapes is not None
-    np.testing.assert_allclose(model.shapes[-1, 1:], 0, atol=1e-8)
-    rest = model.shapes[:-1, 0] - model.shapes[:-1, 1:].sum(axis=1)
-    near = np.abs(x - beam.site) < 0.12 * THICK.length
-    assert np.all(np.abs(rest[~near]) < 0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("beam", "orders"), [(UNIT, (3, 5, 7)), (THICK, (1, 3, 3))])
-def test_orders_of_what_truncation_leaves_out(beam, orders):
-    """Where bending governs, and where the short waves are shear waves (omega_j ~ j).
-
-    Left out of H by n modes: Σ b²/ω². Left out of Z/ω⁴ by n anti-oscillators: Σ m/ω². Left out of
-    H/ω² in spite of static correction: Σ b²/ω⁴.
-    """
-    case, top = pinned_pinned(beam), 160
-    modes, model = case.modes(top), case.anti_oscillators(top)
-    sums = (
-        (modes.b / modes.omega) ** 2,
-        model.m / model.omega**2,
-        modes.b**2 / modes.omega**4,
-    )
-    wholes = (1 / case.static_stiffness, sums[1].sum(), sums[2].sum())
-    for terms, whole, order in zip(sums, wholes, orders, strict=True):
-        left = whole - np.cumsum(terms)
-        assert np.log2(left[19] / left[39]) == pytest.approx(order, abs=0.3)
-
-
 # ---- bad input -----------------------------------------------------------------------------------
 
 
@@ -154,51 +119,6 @@ def test_orders_of_what_truncation_leaves_out(beam, orders):
 def test_bad_input_is_named(make, word):
     with refused(None, word, InputError):
         make()
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    ("kind", "site"), [("anti-oscillators", 0.3), ("modes", 1.0), ("corrected", 0.5)]
-)
-def test_a_free_beam_falls_and_spins_as_a_whole(kind, site):
-    """Momentum, energy and field of the struck free beam against rigid-body mechanics."""
-    beam = free_free(BEAM, site)
-    length, mass = BEAM.length, BEAM.mass
-    x = np.linspace(0, length, 5)
-    model = {
-        "anti-oscillators": lambda: beam.anti_oscillators(6, x),
-        "modes": lambda: beam.modes(6, x),
-        "corrected": lambda: beam.modes(6, x, static_correction=True),
-    }[kind]()
-    V, W, g = -0.4, 2.0, -9.81
-    tensor = mass * length**2 * (1 / 12 + BEAM.alpha)
-    hit = ao.simulate(
-        model, ao.RigidMass(0.3 * mass, 1.0), ao.Hertz(1e9), 4e-3, gap=1e-4, gravity=(0, g, 0),
-        initial_velocity=ao.Motion((0, V, 0), (0, 0, W)),
-    )  # fmt: skip
-    energy = mass * V**2 / 2 + tensor * W**2 / 2 + 0.15 * mass
-    assert hit.energy.kinetic[0] == pytest.approx(energy, rel=1e-9)
-    start = hit.contacts[0][0]
-    times = start * np.linspace(0.2, 1, 4)
-    fallen = V * times + g * times**2 / 2
-    expected = fallen[:, None] + W * times[:, None] * (x - length / 2)
-    found = hit.field(times)
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
-    t = hit.time
-    parts = 32
-    close, F = finely(hit, parts)
-    J = np.concatenate(([0], np.cumsum(np.diff(close) * (F[1:] + F[:-1]) / 2)))[::parts]
-    np.testing.assert_allclose(hit.cumulative_impulse, J, atol=1e-6 * J.max())
-    P = mass * (V + g * t) + J
-    L = tensor * W + (beam.site - length / 2) * J
-    np.testing.assert_allclose(hit.momentum[:, 1], P, atol=1e-6 * np.abs(P).max())
-    np.testing.assert_allclose(hit.angular_momentum[:, 2], L, atol=1e-6 * np.abs(L).max())
-    # a number translates the whole beam; nothing is held at its centre of percussion
-    number = ao.simulate(model, ao.Obstacle(gap=0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.5)
-    assert number.energy.kinetic[0] == pytest.approx(mass * 1.5**2 / 2, rel=1e-9)
-    motion = ao.Motion(velocity=(1, 0, 0))
-    with pytest.raises(ao.InputError, match="along x"):
-        ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=motion)
 
 
 @pytest.mark.sample(-1)

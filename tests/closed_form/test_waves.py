@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.closed_form.beams import even_odd, wave_roots
+from antiosc.closed_form.beams import wave_roots
 from antiosc.closed_form.plates import SHEAR, SupportedPlate
 
 
@@ -23,18 +23,6 @@ def test_roots_are_those_of_timoshenkos_equation(alpha: float, eta: float, Omega
     for mu, beta in ((mu1, beta1), (mu2, beta2)):
         assert beta == pytest.approx(mu + Omega * eta, abs=1e-13 * (abs(mu) + Omega * eta))
     assert beta1 < 0 < beta2
-
-
-@pytest.mark.parametrize("mu", [-900.0, -3.0, -1e-9, 0.0, 1e-9, 2.0, 400.0])
-@pytest.mark.parametrize("x", [-0.5, -0.2, 0.0, 0.3, 0.5])
-def test_even_and_odd_waves(mu: float, x: float) -> None:
-    """cosh(λx) and sinh(λx)/λ, where they grow both over cosh(λ/2)."""
-    root = np.sqrt(complex(mu))
-    cosh, sinh = np.cosh(root * x), (np.sinh(root * x) / root if mu else x)
-    over = np.cosh(root * 0.5) if mu > 0 else 1.0
-    found = even_odd(np.array([mu]), x, 0.5)
-    assert found[0] == pytest.approx((cosh / over).real, rel=1e-6)
-    assert found[1] == pytest.approx((sinh / over).real, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("terms", [1, 4])

@@ -40,16 +40,6 @@ def test_a_case_lies_within_its_bounds_or_says_why(name, book, tmp_path, capsys)
     assert name in capsys.readouterr().out
 
 
-def test_rows_are_judged_by_their_own_bound(book):
-    row = book.Row
-    assert row("relative", 2.0, 2.019, 0.01).agrees
-    assert not row("relative", -2.0, -2.021, 0.01).agrees
-    assert row("around zero", 0.0, 9e-6, 1e-5, absolute=True).agrees
-    assert not row("around zero", 0.0, -2e-5, 1e-5, absolute=True).agrees
-    assert "**outside**" in row("relative", 1.0, 1.1, 0.05).cells()
-    assert "recalled" in row("relative", 1.0, 1.1, 0.05, "recalled").cells()
-
-
 def test_the_page_holds_every_case(book):
     text = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
     assert [case.name for case in book.CASES] == ALL

@@ -135,23 +135,6 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
-def test_a_probe_is_the_field_at_a_point(hit):
-    structure, history = hit
-    times = np.linspace(0, DURATION, 7)
-    field = history.field(times)
-    for point in [(0.2, 0.06), (0.0731, 0.0312), (0.1, 0.03)]:
-        moved = ao.probe(structure, history, point, times)
-        assert moved.shape == (7, 2)
-        for axis in (0, 1):
-            weights = functional(structure, ao.Site(point, np.eye(2)[axis], radius=None)).b
-            np.testing.assert_allclose(moved[:, axis], field @ weights, rtol=1e-10, atol=1e-18)
-    everywhere = ao.probe(structure, history, (0.2, 0.06))
-    assert everywhere.shape == (len(history.time), 2)
-    assert np.abs(everywhere[:, 1]).max() > 1e-6
-    assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
-
-
 @pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])

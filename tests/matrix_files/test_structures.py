@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.sparse
-from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem import structure
@@ -60,22 +57,6 @@ def test_a_site_is_a_node_and_its_dof(form, tmp_path):
         ao.extract(part, ao.Site(node=21, dof="z"))
     with pytest.raises(ao.InputError, match=r"node 20 has no dof rx in the matrices: it has x, y"):
         ao.extract(part, ao.Site(node=20, dof="rx"))
-
-
-@pytest.mark.parametrize("coordinates", [False, True])
-def test_several_sites_at_nodes(coordinates):
-    """k0 and Z of two sites, a node's dof and a slanted direction, are those of the matrices."""
-    given = LABELS
-    if coordinates:
-        given = np.column_stack([LABELS, 0.01 * LABELS[:, :1], 0 * LABELS])
-    part = ao.Structure.from_matrices(K, M, map=given, backend="scipy")
-    sites = {"a": ao.Site(node=20, dof="z"), "b": ao.Site(node=40, direction=(1, 1, 0))}
-    model = ao.extract(part, sites, n=12, tol=1e-14)
-    B = np.column_stack([unit(5), (unit(9) + unit(10)) / np.sqrt(2)])
-    np.testing.assert_allclose(model.k0, np.linalg.inv(B.T @ np.linalg.solve(K, B)), rtol=1e-9)
-    Z = np.linalg.inv(B.T @ np.linalg.solve(K - 250.0**2 * M, B))
-    np.testing.assert_allclose(model.dynamic_stiffness(250.0), Z, rtol=1e-7)
-    assert bool(model.info["points"]) == coordinates
 
 
 def test_supports_by_nodes_are_rows_left_out(tmp_path):
@@ -236,26 +217,3 @@ def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio,
     turning = np.arange(6) >= 3
     monkeypatch.setattr(structure, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
     assert (body.rigid_inertia is not None) == rigid
-
-
-def test_matrices_on_a_shaken_ground():
-    """With the participation of docs/howto/shaking.md the tip moves as all 50 dofs by DOP853."""
-    K = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], shape=(50, 50)).tolil()
-    K[49, 49] = 1e6
-    M = scipy.sparse.diags(np.full(50, 0.02)).tocsr()
-    chain = ao.extract(ao.Structure.from_matrices(K.tocsr(), M), ao.Site(dof=49), n=30)
-    along = chain.shapes.T @ (M @ np.ones(50))
-    chain = replace(chain, participation=[along[0] - along[1:].sum(), *along[1:]])
-    t = np.linspace(0, 0.1, 1001)
-    ground = 10.0 * np.sin(300.0 * t)
-    stop = ao.Contact("chain", "stop", ao.Hertz(1e8), gap=1.0)
-    scene = ao.Scene({"chain": chain, "stop": ao.Obstacle()}, [stop], base=ao.Base(t, ground))
-    found = scene.run(0.1).at(t)["chain"].displacement()
-    squares, V = np.linalg.eigh(K.toarray() / 0.02)
-
-    def rate(time, y):
-        return np.append(y[50:], -squares * y[:50] - V.sum(axis=0) * np.interp(time, t, ground))
-
-    exact = solve_ivp(rate, (0, 0.1), np.zeros(100), "DOP853", t, rtol=1e-9, atol=1e-12)
-    tip = V[49] @ exact.y[:50]
-    assert np.abs(found - tip).max() < 1e-5 * np.abs(tip).max()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices import fortran, read_pair
-from antiosc_decks import matrices as dmig
+from antiosc.io.matrices import read_pair
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(
@@ -89,11 +88,3 @@ def test_rigid_motions_that_hardly_move_the_sites_are_dofs_of_their_own():
 def test_numbers_that_do_not_fit(arguments, says):
     with pytest.raises(ao.InputError, match=says):
         ONE.to_matrices(**arguments)
-
-
-@pytest.mark.parametrize(("low", "high", "off"), [(-9, 0, 6e-12), (0, 9, 6e-14)])
-def test_numbers_in_sixteen_characters_keep_12_to_15_digits(rng, low, high, off):
-    for value in rng.choice([-1.0, 1.0], 400) * 10 ** rng.uniform(low, high, 400):
-        text = dmig._large(float(value))
-        assert len(text) <= 16
-        assert float(fortran(text.encode())) == pytest.approx(value, rel=off, abs=0)

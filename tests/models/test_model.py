@@ -75,27 +75,6 @@ def test_equal_frequencies_act_as_one(rng):
     assert split.modal().shape[1] == pytest.approx(split.modal().shape[2])
 
 
-def test_truncation_returns_the_mass_and_keeps_the_static_answer(rng):
-    model = random_model(rng, 6)
-    short = model.truncated(2)
-    assert short.n == 2
-    assert short.m_st == pytest.approx(model.m_st)
-    assert short.dynamic_stiffness(0.0) == model.k0
-    assert short.participation.sum() == pytest.approx(model.participation.sum())
-    # the low-frequency expansion k0 - x m_st - ... begins alike
-    x = 1e-3 * model.omega[0]
-    assert short.dynamic_stiffness(x) == pytest.approx(model.dynamic_stiffness(x), rel=1e-9)
-
-
-def test_field_is_equation_eight(rng):
-    shapes = rng.standard_normal((7, 3))
-    model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[1.0, 2.0], omega=[1.0, 2.0], shapes=shapes)
-    lam = np.array([0.3, -0.2, 0.9])
-    by_hand = lam[0] * shapes[:, 0] + (lam[1] - lam[0]) * shapes[:, 1]
-    by_hand += (lam[2] - lam[0]) * shapes[:, 2]
-    assert model.field(lam) == pytest.approx(by_hand)
-
-
 class TestFile:
     def test_round_trip(self, rng, tmp_path):
         model = ao.AntiOscillators(

@@ -16,7 +16,6 @@ from paths import MESHES
 from scene_files import (
     BEAM,
     PROBE,
-    SCENES,
     STRIKE,
     SWEEP,
     antiosc,
@@ -44,18 +43,6 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     probes = table(tmp_path / "out/probes.csv")
     assert np.array_equal(probes["quarter z (m)"], found.probes["quarter"][:, 2])
     assert np.abs(probes["quarter z (m)"]).max() > 0
-
-
-def test_the_program_is_the_api_as_users_write_it(tmp_path):
-    hit = objects(written(tmp_path, BEAM)).history
-    part = ao.Structure.from_files(
-        f"{SCENES}/beam_K.mtx", f"{SCENES}/beam_M.mtx", map=f"{SCENES}/beam_nodes.txt"
-    )
-    model = ao.extract(part, ao.Site(node=9, dof="z"), n=6)
-    own = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(5e8), 2e-3)
-    assert np.array_equal(hit.force, own.force)
-    # closed form: k0 = 48 E I / L³ of a simply supported beam at its middle
-    assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):
@@ -113,16 +100,6 @@ def test_mistakes_of_a_sweep(tmp_path, capsys, sweep, held):
     (told,) = capsys.readouterr().err.splitlines()
     assert held in told
     assert int(re.search(r"scene.toml:(\d+):", told)[1]) > len(BEAM.splitlines())
-
-
-def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
-    first = written(tmp_path, BEAM + "[output]\nmodel = true\n")
-    assert antiosc("run", first, "--out", tmp_path / "out") == 0
-    start = BEAM.index("[impactor]")
-    again = written(tmp_path, '[model]\npath = "out/model.npz"\n' + BEAM[start:], "again.toml")
-    assert antiosc("run", again, "--out", tmp_path / "again") == 0
-    peaks = [numbers(tmp_path / name)["result"]["peak_force"] for name in ("out", "again")]
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
 
 
 def test_a_mistake_that_shows_in_the_run_has_its_line(tmp_path, capsys):

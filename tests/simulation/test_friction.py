@@ -77,22 +77,6 @@ def test_the_reference_slides_as_published() -> None:
     assert partial_slip(0.5) == pytest.approx(partial_slip(0.5, 3000, 400), abs=1e-3)
 
 
-@pytest.mark.parametrize("psi", [6.0, 9.0])
-def test_gross_sliding(psi: float) -> None:
-    """In a hundred steps."""
-    hit = struck(psi, ao.Hertz(1e9))
-    assert hit.run.steps < 100
-    assert rebound(hit) == pytest.approx(psi - 4 * CHI, abs=1e-4 * KAPPA / MU)
-
-
-@pytest.mark.parametrize(
-    ("psi", "most"), [(0.25, 0.2), (0.6, 0.29), (1.0, 0.2), (1.5, 0.08), (2.5, 0.08), (4.5, 0.08)]
-)
-def test_difference_to_partial_slip(psi: float, most: float) -> None:
-    """A single spring of constant stiffness in series with a slider; the bounds are documented."""
-    assert rebound(struck(psi, ao.Hertz(1e9))) == pytest.approx(partial_slip(psi), abs=most)
-
-
 def on_a_patch(law: ao.ContactLaw, local: float, **options: float) -> ao.SceneHistory:
     """The sphere's mass, without spin, on a floor; its site gives way as a patch does."""
     b = np.zeros((6, 3))

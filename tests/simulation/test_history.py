@@ -26,28 +26,6 @@ def test_coordinates_hold_the_site_first(hit):
     assert hit.coordinates(1e-3).shape == (10,)
 
 
-def test_massless_site_has_its_static_share():
-    """With m0 = 0 the site follows k0 l0 + sum k_i (l0 - l_i) = F at every time."""
-    rng = np.random.default_rng(0)
-    base = random_model(rng, 4)
-    model = ao.AntiOscillators(m0=0.0, k0=base.k0, m=base.m, omega=base.omega)
-    run = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 1e-3)
-    lam = run.coordinates(run.time)
-    held = model.k0 * lam[:, 0] + np.sum(model.k * (lam[:, :1] - lam[:, 1:]), axis=1)
-    assert held == pytest.approx(run.force, abs=1e-9 * run.peak_force)
-
-
-def test_field_is_the_model_s(hit):
-    model, striker = case_two(3)
-    shapes = np.random.default_rng(0).standard_normal((5, 4))
-    with_shapes = ao.AntiOscillators(model.m0, model.k0, model.m, model.omega, shapes=shapes)
-    run = ao.simulate(with_shapes, striker, ao.Hertz(HERTZ), 1e-3)
-    assert run.field(5e-4) == pytest.approx(with_shapes.field(run.coordinates(5e-4)))
-    assert run.field([1e-4, 5e-4]).shape == (2, 5)
-    with pytest.raises(ao.InputError, match="has no shapes"):
-        hit.field(1e-3)
-
-
 def test_later_impact_is_another_one():
     """A ball that falls back after a long flight: the main impact is the first."""
     body = ao.AntiOscillators(m0=1e9, k0=0, m=[], omega=[])

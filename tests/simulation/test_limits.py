@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble
-from antiosc.simulation.march.engine import run
 from scene_cases import bounce, random_scene
 
 
@@ -19,14 +16,6 @@ def test_bounds_on_the_work_are_told() -> None:
     assert hit.status == 2
     with pytest.warns(ao.AccuracyWarning, match="leaves no finer run"):
         assert scene.run(1e-2, max_steps=30).status == 1
-
-
-def test_what_touches_by_rounding_alone_is_no_contact() -> None:
-    """A load far from a stop without gap draws the body away from it."""
-    made = assemble(random_scene(1112), 5e-3)
-    found = run(made.system, 5e-3, 1e-3, fine=made.lasting / 200, max_steps=100)
-    assert found.answer == march.TOO_MANY_STEPS
-    assert found.touches == 0
 
 
 def test_a_gain_of_energy_is_told() -> None:

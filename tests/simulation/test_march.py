@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,34 +39,6 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
         mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
     )  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
-@pytest.mark.parametrize("t", [1e-3, 0.04, 1.3])
-def test_slopes_of_responses(ratio: float, t: float) -> None:
-    """S, J0, J1, J2 by omega^2 and by the decay, against differences."""
-    omega = np.array([1e-3, 0.3, 0.7, 0.8, 2.0, 7.0, 40.0])
-    decay, steps = ratio * omega, np.full(omega.size, t)
-    at, found = march.responses(omega, decay, steps), np.empty((8, omega.size))
-    arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (omega, decay, at, found))
-    one, two, response, out = arrays
-    built().part_response_slopes(omega.size, one, two, ctypes.c_double(t), response, out)
-    given = omega**2, decay
-    for k in range(2):
-        if k == 1 and ratio == 0.0:
-            continue  # a decay is not negative
-        h = 1e-3 * given[k]
-        total = np.zeros((4, omega.size))
-        for shift, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
-            x, d = (each + (shift * h if i == k else 0.0) for i, each in enumerate(given))
-            total += weight * march.responses(np.sqrt(x), d, steps)[2:]
-        expected = total / (12 * h)
-        scale = np.array([t ** (n + 3 - k) for n in (0, 1, 2, 3)])[:, None]
-        # differences of the responses lose what they have in common
-        loss = 1e-13 * np.abs(at[2:]) / h
-        off = np.abs(found[4 * k : 4 * k + 4] - expected)
-        assert np.all(off <= 1e-7 * np.abs(expected) + 1e-9 * scale + loss), (k, off / scale)
 
 
 def test_a_crossing_is_that_of_the_polynomial() -> None:
@@ -112,20 +83,6 @@ def test_a_chord_misses_no_more_than_its_curvature_and_twice_its_amplitude() -> 
             expected += swing[0] * h * h / 8
             found = stepper.library.part_chord(stepper.at, c, h)
             assert found == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("t", [1e-5, 1e-2])
-def test_a_rigid_mass_and_a_spring_feel_a_force_as_they_do(t: float) -> None:
-    """A mass alone is felt whole; on a spring the motion under a force is (1 - cos wt) F/k."""
-    given = {
-        "decay": np.zeros(1), "beta": np.array([[0.5]]), "R": np.zeros((1, 1)),
-        "loads": np.zeros((3, 1)), "q": np.zeros(1), "v": np.ones(1),
-    }  # fmt: skip
-    way = 0.25 * (1 - np.cos(300.0 * t)) / 300.0**2
-    for w, mass in ((0.0, 4.0), (300.0, 0.5 * t * t / way)):
-        stepper = Stepper(system([ao.Linear(1.0)], omega=np.array([w]), **given), 1.0)
-        found = stepper.library.part_mass_felt(stepper.at, 0, t)
-        assert found == pytest.approx(mass, rel=1e-9)
 
 
 @pytest.mark.parametrize("fresh", [0, 1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import pickle
 
 import numpy as np
@@ -53,17 +52,6 @@ def test_a_saved_history_comes_back(which, request, tmp_path):
         _ = saved.nothing
 
 
-def test_csv_has_all_digits(landed, tmp_path):
-    path = landed.to_csv(tmp_path / "run.csv")
-    with path.open(encoding="utf-8", newline="") as stream:
-        head, *rows = list(csv.reader(stream))
-    assert head == list(landed.columns())
-    assert head[1] == 'a - b,"c" force [N]'
-    np.testing.assert_array_equal(
-        np.array(rows, dtype=float).T, np.array(list(landed.columns().values()))
-    )
-
-
 @pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0", "+1", "-a", "@SUM(1)", "\t=1", "＝1"])
 def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
     bodies = {name: ao.RigidMass(0.1, 1.0), "b": ao.Obstacle()}
@@ -73,18 +61,6 @@ def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
     assert head[1] == f"'{name} - b force [N]"
     assert not any(cell.strip()[:1] in ("=", "+", "-", "@", "＝") for cell in head)
     assert head[0] == "time [s]"
-
-
-def test_json_is_read_by_others(hit, tmp_path):
-    text = hit.to_json(tmp_path / "run.json")
-    found = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
-    assert found == json.loads(text)
-    assert found["peak_force"] == hit.peak_force
-    assert found["antiosc"] == ao.__version__
-    assert found["series"]["force [N]"] == hit.force.tolist()
-    assert "NaN" not in text
-    cut = ao.simulate(MODEL, BALL, ao.Hertz(1e9), 0.05e-3)
-    assert json.loads(cut.to_json())["restitution"] is None
 
 
 def test_dataframe_where_pandas_is(hit, monkeypatch):

@@ -102,25 +102,6 @@ def test_a_strip_beside_its_pins_is_an_arch(tmp_path, share):
 # --- Stiffnesses and directions -------------------------------------------------------------------
 
 
-def test_each_element_has_its_own_direction(tmp_path):
-    """The angles of one property's elements, against one property for each angle."""
-    angles = [10.0 * k for k in range(MANY)]
-    ply = "MAT8,8,1.4+11,1.+10,.3,5.+9,5.+9,3.+9,1600.\nSPC1,1,123456,1,2\n"
-    grids = "".join(f"GRID,{n},,{x},{y},0.\n" for n, x, y in points())
-    found = []
-    for apart in (False, True):
-        cells = "".join(
-            f"CQUAD4,{k + 1},{k + 1 if apart else 1},{','.join(map(str, nodes))},{angle}\n"
-            for k, (nodes, angle) in enumerate(zip(quads(), angles, strict=True))
-        )
-        count = MANY if apart else 1
-        cells += "".join(f"PCOMPG,{k + 1},,,,,,,\n,1,8,.01,0.\n" for k in range(count))
-        path = tmp_path / "part.bdf"
-        path.write_text(grids + cells + ply)
-        found.append(omegas(ao.read_model(path)))
-    assert found[0] == pytest.approx(found[1], rel=1e-9)
-
-
 def test_a_solid_by_its_stresses(tmp_path):
     """MAT9 in a turned system, against the same constants by hand."""
     rng = np.random.default_rng(5)

@@ -9,13 +9,12 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import Placement, skew
+from antiosc.fem.structure import Placement
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet
@@ -23,7 +22,6 @@ from sheets import sheet
 pytestmark = pytest.mark.fem
 
 TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
-FRAME = every_joint.FRAME
 
 
 def whole(mesh: Mesh) -> Mesh:
@@ -51,50 +49,6 @@ def layout() -> Layout:
 
 def placed(*x: float) -> tuple[float, ...]:
     return tuple(TURNED.placed(np.array([x]))[0])
-
-
-#: Ends, their places, and which rotations they have: all, none, or all but those about an axis.
-ENDS = {
-    "point": ("hub", (3.0, 1.0, -2.0), "all"),
-    "face": ("block:x1", placed(1.0, 1.0, 1.5), "all"),
-    "volume": ("cut:all", (0.5, 1.0, 1.5), "all"),
-    "inside": (("block", placed(0.3, 0.7, 2.2)), placed(0.3, 0.7, 2.2), "none"),
-    "inside a tetrahedron": (("cut", (0.3, 0.7, 2.2)), (0.3, 0.7, 2.2), "none"),
-    "around a point": (("block", placed(0.9, 1.1, 3.0), 1.2), placed(0.9, 1.1, 3.0), "all"),
-    "around a point of a rod": (("rod", placed(0.4, 0.0, 0.0), 0.3), placed(0.4, 0.0, 0.0), "all"),
-    "end of a rod": ("rod:end", placed(1.0, 0.0, 0.0), "all"),
-    "a whole rod": ("rod:all", placed(0.5, 0.0, 0.0), "all"),
-    "on a rod": (("rod", placed(0.4, 0.0, 0.0)), placed(0.4, 0.0, 0.0), "all"),
-    "a shell": ("arc:all", None, "all"),
-    "two points of a shell": ("arc:two", None, "all"),
-    "two points of a block": ("block:two", None, "about a line"),
-    "node": ("ecu:2", placed(*FRAME[1]), "none"),
-    "node by its place": (("ecu", placed(*FRAME[2])), placed(*FRAME[2]), "none"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(ENDS))
-def test_an_end_sees_rigid_motions(layout, name):
-    end, place, has = ENDS[name]
-    found = motion(layout, end)
-    if place is not None:
-        np.testing.assert_allclose(found.point, place, atol=1e-12)
-    about = np.array([0.2, -0.7, 0.3])
-    rigid = rigid_motions(layout, about)
-    P = {"all": np.eye(3), "none": np.zeros((3, 3))}.get(has, found.rotation_space)
-    np.testing.assert_allclose(found.rotation_space, P, atol=1e-12)
-    if has == "about a line":
-        assert np.linalg.matrix_rank(P, 1e-6) == 2
-        np.testing.assert_allclose(P @ P, P, atol=1e-12)
-    for moved in (found, found.at(np.array([1.0, 5.0, 2.0]))):
-        arm = moved.point - about
-        if has == "all" or moved is found:
-            exact = np.hstack([np.eye(3), -skew(arm)])
-            np.testing.assert_allclose(moved.displacements @ rigid, exact, atol=1e-11)
-        turned = np.hstack([np.zeros((3, 3)), P])
-        np.testing.assert_allclose(moved.rotations @ rigid, turned, atol=1e-11)
-    assert [found.has(c) for c in ("x", "ry")] == [True, has == "all"]
 
 
 def test_a_rigid_line_of_a_beam_is_a_rigid_body():

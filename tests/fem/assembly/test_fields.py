@@ -135,32 +135,3 @@ def test_a_reference_point_is_struck_and_probed():
         ao.strain_gauge(part, hit, "tip", (1, 0, 0), 1e-3)
     with pytest.raises(InputError, match="'tip' has no surface: leave radius"):
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
-
-
-@pytest.mark.slow
-def test_a_turned_part_of_an_anisotropic_material_is_the_part():
-    """Its axes turn with it: model, motion, and stresses in global and in local axes."""
-    C = np.diag([10.0, 4.0, 3.0, 1.0, 1.5, 2.0]) * 1e9
-    C[0, 1] = C[1, 0] = 1e9
-    mesh = box((0, 0, 0), (0.1, 0.05, 0.05), (3, 2, 2))
-    alone = ao.Structure(mesh, ao.AnisotropicSolid(C, 1500.0), [ao.Support("x0")], order=1)
-    place = ao.Placement((1, 2, 3), (0.3, 0.5, -0.8), 1.1, (0.1, 0.2, 0))
-    placed, R = ao.assemble({"p": alone}, at={"p": place}), place.rotation
-    x, inside, direction = np.array([[0.1, 0.02, 0.05], [0.05, 0.021, 0.022], [0.2, 0.3, -1.0]])
-    y, there = place.placed(np.array([x, inside]))
-    found = []
-    for part, site, point in (
-        (alone, ao.Site(tuple(x), tuple(direction)), inside),
-        (placed, ao.Site(tuple(y), tuple(R @ direction), part="p"), there),
-    ):
-        model = ao.extract(part, site, n=4)
-        hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e5), 1e-2)
-        asked = ("displacement", "global"), ("stress", "global"), ("stress", "local")
-        values = [ao.probe(part, hit, point, q, [5e-4], axes=axes)[0] for q, axes in asked]
-        found.append((model, *values))
-    (own, u, stress, local), (model, moved, turned, same) = found
-    assert model.k0 == pytest.approx(own.k0, rel=1e-9)
-    assert model.omega == pytest.approx(own.omega, rel=1e-9)
-    assert moved == pytest.approx(R @ u, abs=1e-6 * np.abs(u).max())
-    assert turned == pytest.approx(R @ stress @ R.T, abs=1e-6 * np.abs(stress).max())
-    assert same == pytest.approx(local, abs=1e-6 * np.abs(stress).max())

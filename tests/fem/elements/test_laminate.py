@@ -125,18 +125,6 @@ def test_isotropic_layers_are_a_shell(cell):
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
 
 
-@pytest.mark.parametrize("angle", [0, 30, 90, -45])
-def test_a_homogeneous_section_has_five_sixths_of_its_shear_stiffness(angle):
-    layers = stack([angle] * 5, 4e-3)
-    section = stacked(layers)
-    assert pytest.approx(5 / 6 * uniform(layers), rel=1e-12, abs=1e-6) == section.S
-    Q = layers[0].plane_stress()
-    assert pytest.approx(Q * 4e-3, rel=1e-12, abs=1e-3) == section.A
-    assert pytest.approx(Q * 4e-3**3 / 12, rel=1e-12, abs=1e-9) == section.D
-    assert not section.B.any()
-    assert section.I1 == 0
-
-
 def test_a_sandwich_shears_as_its_core():
     """Thin stiff faces: Gc d²/c, d between the middles of the faces (Allen 1969)."""
     face = ao.Layer.isotropic(70e9, 0.3, 2700.0, 0.2e-3)
@@ -170,10 +158,3 @@ def test_a_flipped_section_is_that_of_its_flipped_stack():
         one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
         assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
         assert name == "S" or np.abs(other).min() > 0
-
-
-def test_which_stacks_have_sides():
-    sides = {(0, 90): True, (45,): True, (45, -45, -45, 45): True}
-    none = {(0, 90, 90, 0): False, (45, -45): False, (30, -30, 30, -30): False, (0,): False}
-    for angles, expected in (sides | none).items():
-        assert stacked(stack(angles, 1e-3)).has_sides is expected, angles

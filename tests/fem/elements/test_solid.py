@@ -113,64 +113,7 @@ def test_patch_of_constant_strain(cell, order):
     assert u @ force / 2 == pytest.approx(density * np.prod(size), rel=1e-12)
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_plane_states_in_tension(plane):
-    """A strip pulled at its end stretches by F L/(E' A), with E' = E or E/(1 − ν²)."""
-    L, h, t = 0.2, 0.06, 0.004
-    mesh = parts.plate((6, 3), (L, h), "triangle")
-    solid = ao.Solid(**parts.STEEL, plane=plane, thickness=t)
-    held = [
-        ao.Support("left", "x"),
-        ao.Support(lambda x: np.isclose(x[0], 0) & np.isclose(x[1], 0), "y"),
-    ]
-    structure = ao.Structure(mesh, solid, held)
-    modulus = solid.E if plane == "stress" else solid.E / (1 - solid.nu**2)
-    contraction = solid.nu if plane == "stress" else solid.nu / (1 - solid.nu)
-    strain = 1e-3
-    u = nodal(structure, lambda x: strain * np.array([x[0], -contraction * x[1]]))
-    force = csr(structure.K) @ u
-    dofs, x = compat.dof_coordinates(structure.form.space, (0,))
-    pulled = np.zeros(len(u), dtype=bool)
-    pulled[dofs] = np.isclose(x[:, 0], L)
-    assert force[pulled].sum() == pytest.approx(modulus * strain * h * t, rel=1e-12)
-    rest = ~pulled
-    rest[structure.fixed] = False
-    assert np.abs(force[rest]).max() < 1e-11 * np.abs(force).max()
-
-
 # --- The half-space behind a patch ----------------------------------------------------------------
-
-
-def half_space_patch(E: float, nu: float, direction: np.ndarray) -> float:
-    """Compliance × radius of a patch by quadrature of Boussinesq's and Cerruti's point solutions.
-
-    Weights √(1 − r²/a²) of load and displacement; a = 1. With P(s) the autocorrelation of the
-    normalised weight, the compliance is ∫ P(s) u(s) d²s, and u ~ 1/s times a function of the
-    angle: ∫ P(s) ds over s, times the mean over the angle.
-    """
-    G = E / 2 / (1 + nu)
-    normal, tangential = direction[2], np.hypot(*direction[:2])
-    # Johnson, Contact Mechanics, (3.18), (3.75): u_z = (1 - ν) F/(2πGs), u_x = F/(2πGs)
-    # (1 - ν + ν cos²)
-    angle = (np.arange(64) + 0.5) * np.pi / 32
-    along = np.mean((1 - nu) + nu * np.cos(angle) ** 2)
-    shape = normal**2 * (1 - nu) + tangential**2 * along  # the coupling normal–tangential is odd
-    # ∫ P(s) ds · 2π/(2πG), with P by its Fourier transform W(k)², W(k) = 3 j1(k)/k: on a line
-    # through the origin ∫0^∞ P ds = (1/2π)∫ W² dk (central slice, and ∫ over the half line).
-    k = (np.arange(400_000) + 0.5) * 2.5e-3
-    j1_over_k = (np.sin(k) / k - np.cos(k)) / k**2
-    area = np.sum((3 * j1_over_k) ** 2) * 2.5e-3 / (2 * np.pi)
-    return shape * area / G
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
-@pytest.mark.parametrize("degrees", [0, 30, 60, 90])
-def test_half_space_compliance_along_any_direction(nu, degrees):
-    solid = ao.Solid(E=2.0, nu=nu, rho=1.0)
-    t = np.radians(degrees)
-    direction = np.array([np.sin(t) * 0.6, np.sin(t) * 0.8, np.cos(t)])
-    expected = half_space_patch(2.0, nu, direction)
-    assert solid.half_space_compliance(np.cos(t)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_normal_patch_compliance_is_that_of_hertz():

@@ -8,9 +8,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.bisection import excess, halved, interpolation
-from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.histories.parts import QUANTITIES
 from parts import frame, line
 
@@ -72,42 +69,7 @@ def test_bars_of_an_impact_hold(order):
     assert coarse == (order == 1)
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("order", [1, 2])
-def test_interpolated_rigid_motions_have_no_strain(order):
-    part = on_mesh(ao.Structure(frame(*IN_SPACE, 3), BEAM, order=order))
-    fine = part.again(halved(part.mesh, np.array([0.0, 0.55, 0.11])))
-    up = interpolation(part, fine)
-    K = csr(fine.K)
-    assert np.allclose(up @ np.ones(up.shape[1]), 1.0)
-    moved = up @ part.rigid_modes
-    assert np.abs(K @ moved).max() < 1e-9 * abs(K).max() * np.abs(moved).max()
-
-
 def test_what_halving_does_not_take():
     part, _ = CASES["portal"]
     with pytest.raises(ao.InputError, match="Site"):
         ao.extract(part(4, 2), ao.Site(dof=20), n=2, error="estimate")
-
-
-def test_energies_in_excess_are_what_the_mesh_lacks():
-    """Symmetric and exact where they can be; else a matrix that is near, with the same diagonal."""
-    root = np.random.default_rng(6).normal(size=(4, 4))
-    E = root @ root.T
-    np.testing.assert_allclose(excess(E), E, rtol=1e-9)
-    askew = E.copy()
-    askew[0, 1] += 0.5
-    askew[1, 0] -= 0.5
-    np.testing.assert_allclose(excess(askew), E, rtol=1e-9)
-    size = np.sqrt(np.outer(E.diagonal(), E.diagonal()))
-    wild = E.copy()
-    wild[0, 3] = wild[3, 0] = -5 * size[0, 3]
-    found = excess(wild)
-    assert np.linalg.eigvalsh(found)[0] > -1e-9 * found.max()
-    np.testing.assert_allclose(found.diagonal(), E.diagonal(), rtol=1e-9)
-    off = ~np.eye(4, dtype=bool)
-    share = found[off] / np.clip(wild, -size, size)[off]
-    assert share == pytest.approx(np.full(12, share[0]))
-    assert 0.3 < share[0] < 1
-    E[2] = E[:, 2] = 0.0
-    np.testing.assert_allclose(excess(E), E, rtol=1e-9, atol=1e-12)

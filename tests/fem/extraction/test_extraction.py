@@ -156,22 +156,3 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
 
 
 # --- Numbers asked for ----------------------------------------------------------------------------
-
-
-def test_none_at_all_is_the_classical_one_mass_model():
-    structure, site, _ = CASES["plane frame"]()
-    none, some = extract(structure, site, 0), extract(structure, site, 5)
-    assert none.n == 0
-    assert none.k0 == pytest.approx(some.k0, rel=1e-12)
-    assert none.m0 == pytest.approx(some.m_st, rel=1e-12)
-
-
-def test_a_massless_dof_has_no_frequency():
-    """M may be singular: a rotation without inertia adds no anti-oscillator."""
-    k = 1e4
-    K = scipy.sparse.diags([[-k, -k], [2 * k, 2 * k, k], [-k, -k]], [-1, 0, 1])
-    structure = ao.Structure.from_matrices(K, scipy.sparse.diags([[0.5, 0.0, 0.5]], [0]))
-    model = extract(structure, ao.Site(dof=2), 2)
-    # between the held mass 3 and mass 1 lie two springs in series
-    np.testing.assert_allclose(model.omega, [np.sqrt((k + k / 2) / 0.5)], rtol=1e-10)
-    assert model.m0 + model.m.sum() == pytest.approx(model.m_st)

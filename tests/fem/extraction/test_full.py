@@ -81,21 +81,6 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
-@pytest.mark.sample
-def test_weight_of_a_free_part_is_its_mass(plate):
-    """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
-    part, site = plate
-    model = ao.superposition(part, site, 3)
-    assert model.weight is not None
-    if model.omega[0] == 0:
-        reduced = ao.extract(part, site, n=3, method="modes")
-        assert reduced.participation is not None
-        total = reduced.participation.sum() / np.sqrt(reduced.m_st)
-        assert model.weight[0] == pytest.approx(total, rel=1e-8)
-    else:
-        assert part.rigid_modes.shape[1] < 3
-
-
 def test_massless_dofs_are_a_compliance():
     """A spring in series with a mass-spring: the struck dof has no mass."""
     K = np.array([[3.0, -3.0], [-3.0, 5.0]])

@@ -60,26 +60,6 @@ def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
         hit.field(1.0)
 
 
-def test_gravity_as_a_number_needs_one_direction(block):
-    model = ao.extract(block, CORNERS, 10)
-    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
-    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
-    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
-    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
-    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
-    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
-    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
-    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
-    np.testing.assert_allclose(*both, rtol=1e-6)
-    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
-        mixed = ao.extract(block, sites, 6)
-    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
-    with pytest.raises(ao.InputError, match="several directions: give gravity"):
-        scene.run(1e-4)
-
-
 def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
     """A bar at 45 degrees, shaken along x, bends along z; one site's direction does not tell it."""
     section = ao.Section.rectangle(0.03, 0.01)

@@ -53,18 +53,6 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     assert soundness.doublets(cells, KINDS[name]).tolist() == [3, 4]
 
 
-@pytest.mark.parametrize("name", ["quad", "hexahedron"])
-def test_points_lie_on_the_half_of_a_cell_that_is_not_flat(name):
-    """Three corners on a line: one half of each quadrilateral is no triangle."""
-    flat = np.array([(0, 0), (0.5, 0), (1, 0), (0, 1)], dtype=float)
-    layers = [0.0] if name == "quad" else [0.0, 1.0]
-    x = np.vstack([np.column_stack([flat, np.full(4, z)]) for z in layers])
-    small = np.array([0.2, 0.2, 0.3 if len(layers) == 2 else 0.0]) + 0.1 * x
-    cells = np.arange(2 * len(x)).reshape(2, -1)
-    assert len(soundness.overlapping(np.vstack([x, small]), cells, KINDS[name]))
-    assert not len(soundness.overlapping(np.vstack([x, small + 2.0]), cells, KINDS[name]))
-
-
 #: Two cells of second order beside each other: (shape, points of the vertices, cells by these).
 PAIRS = {
     "interval": (np.array([[0.0], [1], [2]]), [[0, 1], [1, 2]]),

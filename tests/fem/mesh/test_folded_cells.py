@@ -60,22 +60,3 @@ def test_a_cell_without_measure_is_collapsed():
     assert collapsed(points, cells, "triangle", 2).tolist() == [0]
     points[:6] = 3.0  # at a point
     assert collapsed(points, cells, "triangle", 2).tolist() == [0]
-
-
-@pytest.mark.parametrize("shape", ["triangle", "quadrilateral"])
-def test_faces_in_space_fold_as_those_in_the_plane(shape):
-    """Random nodes: the same cells are folded wherever the plane lies, and a bent face is not."""
-    rng = np.random.default_rng(1)
-    corners = {"triangle": VERTICES["triangle"][:, :2],
-               "quadrilateral": np.array([(0.0, 0), (1, 0), (0, 1), (1, 1)])}[shape]  # fmt: skip
-    order, spread = (2, 0.25) if shape == "triangle" else (1, 0.45)
-    nodes = curved(shape)[:, :2] if shape == "triangle" else corners
-    nodes = nodes[compat.node_order(shape, len(nodes), "gmsh")] if shape == "triangle" else nodes
-    x = (nodes + spread * rng.standard_normal((200, *nodes.shape))).reshape(-1, 2)
-    cells = np.arange(len(x)).reshape(200, -1)
-    plane = folded(x, cells, shape, order)
-    assert 20 < len(plane) < 180
-    Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    np.testing.assert_array_equal(folded(x @ Q[:2] + 3.0, cells, shape, order), plane)
-    y = np.column_stack([nodes, 0.2 * nodes[:, 0] * nodes[:, 1]]) @ Q
-    assert not len(folded(y, np.arange(len(y))[None], shape, order))

@@ -112,14 +112,6 @@ def test_nodes_of_a_plane_move_freely_in_it_and_not_out_of_it(tmp_path):
         assert np.abs(C[:, node] @ normal).max() > 1e-3
 
 
-def test_nodes_of_a_line_move_freely_along_it_and_not_across(tmp_path):
-    C = equations(tmp_path, ON_LINE, CASES["STRAIGHT"][0])[:, :, :3]
-    along = RNG.normal(size=(6, 1)) * ANY[3]
-    assert np.abs(np.einsum("enc,nc->e", C, along)).max() < 1e-12
-    for node in range(6):
-        assert np.linalg.matrix_rank(C[:, node]) == 2
-
-
 @pytest.mark.parametrize("count", [2, 5])
 def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path, count):
     """Motion 1 of the last node, whose coordinates are the axis."""

@@ -12,7 +12,7 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc_decks.properties import fixed_along_axes, isotropic, of_stiffness
+from antiosc_decks.properties import fixed_along_axes
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
 
@@ -41,18 +41,6 @@ SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
 DENSITY = "*DENSITY\n2.E-9\n"
 
 
-def test_stiffness_gives_back_the_constants():
-    E, nu, G = [9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3]
-    np.testing.assert_allclose(of_stiffness(constants(E, nu, G)), [*E, *nu, *G], rtol=1e-12)
-    steel = isotropic(2e5, 0.3)
-    np.testing.assert_allclose(of_stiffness(constants(steel[:3], steel[3:6], steel[6:])), steel)
-
-
-def ply(card: str) -> str:
-    section = "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n"
-    return SHEET + section + "*MATERIAL,NAME=M\n" + card + DENSITY
-
-
 D = constants([9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3])
 ORTHO = ",".join(repr(float(D[i, j])) for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))
 CARDS = {
@@ -60,20 +48,6 @@ CARDS = {
     "lamina": "*ELASTIC,TYPE=LAMINA\n9E4,2E4,.3,5E3,4E3,3E3\n",
     "ortho": f"*ELASTIC,TYPE=ORTHOTROPIC\n{ORTHO},5E3,4E3,\n3E3\n",
 }
-
-
-@pytest.mark.parametrize("kind", CARDS)
-def test_an_orthotropic_shell_is_a_laminate_of_one_layer(abaqus, kind):
-    """In N and mm: moduli × 10⁶ Pa, density × 10¹² kg/m³."""
-    model, _ = abaqus(ply(CARDS[kind]))
-    ((name, family, given, _),) = model["families"]
-    assert (name, family) == ("ALL", "Laminate")
-    (layer,) = given["layers"]
-    expected = {"E1": 9e10, "E2": 2e10, "nu12": 0.3, "G12": 5e9, "G13": 4e9, "G23": 3e9}
-    expected |= {"rho": 2e3, "thickness": 5e-4, "angle": 0.0}
-    assert layer == pytest.approx(expected)
-    assert given["axis"] == pytest.approx([1, 0, 0])
-    assert given["top"] == pytest.approx([0, 0, 1])
 
 
 @pytest.mark.parametrize(

@@ -37,16 +37,6 @@ def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
     assert set(ours.group("SPC 1")) == {2}
 
 
-def test_a_bar_in_a_turned_system_bends_in_its_planes():
-    beam = ao.read_model(DECKS / "bar.bdf")
-    E, G, L, b, h = 2.1e11, 2.1e11 / 2.6, 2.0, 0.1, 0.2
-    assert beam.mass == pytest.approx(7850 * L * b * h, rel=1e-12)
-    for direction, width, height in (((0, 0, 1), b, h), ((1, 0, 0), h, b)):
-        exact = L**3 / (3 * E * width * height**3 / 12) + L / (5 / 6 * G * b * h)
-        model = ao.extract(beam, ao.Site((0, L, 0), direction), n=6)
-        assert model.k0 == pytest.approx(1 / exact, rel=1e-8)
-
-
 @pytest.mark.parametrize("kind", "RCS")
 def test_systems_agree_with_their_derivatives(kind):
     rng = np.random.default_rng(3)

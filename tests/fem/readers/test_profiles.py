@@ -179,14 +179,6 @@ def test_torsion_of_rectangles_is_prandtls(name):
     assert pytest.approx(prandtl(inside), rel=5e-3) == profile.J
 
 
-@pytest.mark.parametrize("name", ["ROD", "CIRC", "CIRC of CalculiX"])
-def test_torsion_of_ellipses_is_saint_venants(name):
-    """4 I₁I₂/(I₁ + I₂); on a circle the polar moment."""
-    profile = SECTIONS[name][0]
-    first, second = profile.I, profile.I_side
-    assert pytest.approx(4 * first * second / (first + second)) == profile.J
-
-
 def test_constants_of_the_general_sections():
     """PBAR: A, I1 (plane 1), I2, J; *BEAM GENERAL SECTION: A, I11, I12, I22, J about 1 and 2."""
     one = beam("PBAR", ["1", "1", "6.", "4.5", "2.", "4.7", "0.3"])

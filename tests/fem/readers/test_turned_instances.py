@@ -21,14 +21,6 @@ def deck(part: str, placed: str, rest: str = "", material: str = STEEL) -> str:
     return f"*PART,NAME=P\n{part}*END PART\n*ASSEMBLY\n{placed}{rest}*END ASSEMBLY\n{material}"
 
 
-def test_the_axes_of_beams(tmp_path):
-    text = deck(BARS + BEAM + "0,1,0\n", TURNED + STRAIGHT)
-    model, _ = read(tmp_path, text)
-    found = {name: arguments["orientation"] for name, _, arguments, _ in model["families"]}
-    assert found["I.ALL"] == pytest.approx([-1, 0, 0], abs=1e-12)
-    assert found["J.ALL"] == [0, 1, 0]
-
-
 @pytest.mark.parametrize("points", ["1,0,0,0,1,0", "3,2,1,2,3,1,2,2,1"])
 def test_the_axes_of_layers(tmp_path, points):
     """By two points, and an origin if it is given."""

@@ -47,26 +47,6 @@ def test_envelopes_of_motion_are_those_of_probes(struck, tmp_path):
     assert "acceleration" in repr(peak)
 
 
-def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
-    part, hit = struck
-    times = np.linspace(0, 5e-4, 41)
-    corner = (0.2, 0.0)  # of one cell alone
-    stress = ao.probe(part, hit, corner, "stress", times)
-    expected = {
-        "von_mises": ao.von_mises(stress),
-        "stress": np.abs(ao.principal(stress)).max(axis=1),
-        "strain": np.abs(ao.principal(ao.probe(part, hit, corner, "strain", times))).max(axis=1),
-    }
-    for quantity, own in expected.items():
-        peak = ao.peak_field(part, hit, quantity, times)
-        i = np.argmin(np.linalg.norm(peak.points[:, :2] - corner, axis=1))
-        assert peak.values[i] == pytest.approx(own.max(), rel=1e-6)
-    # by itself the times are dense enough
-    assert ao.peak_field(part, hit).values.max() == pytest.approx(
-        ao.peak_field(part, hit, times=np.linspace(0, 5e-4, 4001)).values.max(), rel=2e-3
-    )
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration", "von_mises"])
 def test_no_peak_of_a_long_run_is_missed(struck, quantity):

@@ -12,7 +12,6 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from marks import FREE_ON_PURPOSE
@@ -166,53 +165,7 @@ def test_a_point_above_a_plane_part_is_off_it():
         at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
 
 
-@pytest.mark.sample(-1)
-@pytest.mark.parametrize(
-    "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
-)
-def test_the_nearest_point_is_the_nearest(part):
-    """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
-    mesh = ao.read_mesh(
-        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
-        size=None if part != "bracket" else 0.01,
-    )
-    nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    rng = np.random.default_rng(5)
-    X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
-    if mesh.cell == "quadrilateral":
-        X = rng.uniform(0, 1, (40, 2))
-    cmap = compat.coordinate_map(mesh.dolfinx)
-    samples = np.concatenate([
-        cmap.push_forward(X, np.ascontiguousarray(n[:, : mesh.gdim])) for n in nodes
-    ])  # fmt: skip
-    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
-    points = rng.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (25, 3))
-    points[:, mesh.gdim :] = 0
-    spacing = np.ptp(nodes, axis=1).max()
-    for point in points:
-        place = surface.closest(mesh, point)
-        assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
-        brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
-        assert place.distance <= brute + 1e-9
-        assert place.distance >= brute - spacing
-        again = cmap.push_forward(
-            place.X.reshape(1, -1), np.ascontiguousarray(nodes[place.cell][:, : mesh.gdim])
-        )[0]
-        np.testing.assert_allclose(again, place.x[: mesh.gdim], atol=1e-9)
-
-
 # --- A patch --------------------------------------------------------------------------------------
-
-
-def test_a_patch_on_a_plane_part_lies_on_its_edge():
-    structure = ao.Structure(parts.plate((40, 8), (0.2, 0.04)), PLANE)
-    a = 0.012
-    result = functional(structure, ao.Site((0.103, 0.04), (0, -1), radius=a))
-    down = field_of(structure, lambda x: np.array([0 * x[0], -1 + 0 * x[0], 0 * x[0]]))
-    assert result.b @ down == pytest.approx(1.0, rel=1e-13)
-    square = field_of(structure, lambda x: np.array([0 * x[0], -((x[0] - 0.103) ** 2), 0 * x[0]]))
-    assert result.b @ square == pytest.approx(a**2 / 4, rel=1e-2)  # along a line
-    assert result.local_compliance == 0.0
 
 
 def test_a_patch_needs_a_surface():
