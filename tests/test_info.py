@@ -69,6 +69,15 @@ def test_the_remedy_is_one_of_this_installation(kind, asked, never):
 
 
 @pytest.mark.slow
+def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
+    (tmp_path / "meshio.py").write_text("raise OSError('libfoo.so: wrong ELF class')")
+    text = run_info(f"sys.path.insert(0, {str(tmp_path)!r})", code=1)
+    assert row(text, "meshio") == "fails to load"
+    assert "libfoo.so: wrong ELF class" in text
+    assert "BLAS" in text
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(
     not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
     reason="no reference BLAS installed here, or no /proc",

@@ -76,6 +76,17 @@ def test_two_meshes_show_how_much_of_its_bar_the_error_is():
 
 
 @pytest.mark.slow
+def test_a_structure_gets_a_bar_only():
+    part = ao.Structure(coarse(), SHEET, HELD, order=1)
+    hit = ao.strike(part, SITE, *IMPACT, tol=1e-4)
+    assert hit.status == 1
+    assert hit.error_budget.worst > 1e-4
+    assert "as it is" in hit.message
+    assert "as it is" in str(hit.error_budget)
+    assert ao.strike(part, SITE, *IMPACT, tol=0.5).status == 0
+
+
+@pytest.mark.slow
 def test_the_limit_stops_with_the_best_answer():
     hit = ao.strike(
         coarse(), SITE, *IMPACT, tol=1e-5, material=SHEET, supports=HELD, order=1, limit=1e-3
@@ -84,6 +95,14 @@ def test_the_limit_stops_with_the_best_answer():
     assert len(hit.model.info["strike"]) == 1
     assert "Stopped before the limit" in hit.message
     assert "dofs would meet it" in hit.message
+
+
+@pytest.mark.slow
+def test_a_radius_is_chosen_and_resolved():
+    site = ao.Site((0.25, 0.1), (0, -1))
+    hit = ao.strike(coarse(), site, *IMPACT, tol=0.2, material=SHEET, supports=HELD)
+    assert 0 < hit.model.radius < 0.05
+    assert not any("resolved" in note for note in hit.error_budget.notes)
 
 
 GEO = """

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -213,6 +215,25 @@ def test_a_scene_of_several_contacts(model, tmp_path):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.slow
+def test_the_c_file_is_the_same_run(model, tmp_path):
+    ao.export(tmp_path / "blow.c", model, BALL, LAW, duration=DURATION, tol=1e-6)
+    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6)
+    strict = ["-std=c99", "-O1", "-Wall", "-Werror"]
+    build = ["cc", *strict, "-DBLOW_MAIN", "-o", "blow", "blow.c", "-lm"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    table = subprocess.run([tmp_path / "blow"], capture_output=True, text=True, check=True)
+    rows = np.array([line.split() for line in table.stdout.splitlines()], dtype=float)
+    run = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    names = [name for name in run.fmu.variables if name not in ("time", "initial_velocity")]
+    found = np.array(run.run(DURATION, 1000, names))
+    run.close()
+    size = np.abs(found).max(axis=0)
+    assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
+
+
 def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
     """A heavy body stays in contact for longer than its contact on a rigid wall lasts."""
     heavy = ao.RigidMass(mass=20.0, velocity=1.0)
@@ -225,6 +246,17 @@ def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
     assert hit.contact_time < span
     with pytest.warns(ao.AccuracyWarning, match="duration"):
         ao.export(tmp_path / "short.c", model, heavy, LAW, duration=0.1 * hit.contact_time)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.parametrize("fmi", [2])
+def test_an_fmu_is_built_from_its_sources(struck, tmp_path):
+    listed = [each.attrib["name"] for each in struck.description.iter("File")]
+    folder = struck.folder / "sources"
+    build = ["cc", "-std=c99", "-shared", "-fPIC", "-o", str(tmp_path / "own.so"), *listed, "-lm"]
+    subprocess.run(build, cwd=folder, check=True)
+    assert (tmp_path / "own.so").stat().st_size > 0
 
 
 def stiffness(m0, k0, m, k, x):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
@@ -27,6 +28,41 @@ def place(tmp_path, monkeypatch):
     return compiled_forms.place()
 
 
+def length() -> float:
+    """Of three elements on a line, by a compiled form."""
+    line = dolfinx.mesh.create_unit_interval(MPI.COMM_SELF, 3)
+    return compat.integrate(compat.constant(line, 2.0) * ufl.dx(domain=line), line)
+
+
+def library(place: Path) -> Path:
+    return next(path for path in place.glob("libffcx_forms_*.so"))
+
+
+def cut(path: Path) -> None:
+    swapped(path, path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    swapped(path, bytes(content))
+
+
+def swapped(path: Path, content: bytes) -> None:
+    """This process has the old file loaded: it stays as it is, without a name."""
+    path.unlink()
+    path.write_bytes(content)
+
+
+DAMAGES = {
+    "cut": cut,
+    "flipped": flipped,
+    "missing": Path.unlink,
+    "killed while it was compiled": lambda path: next(path.parent.glob("*forms*.cached")).unlink(),
+    "checksum lost": lambda path: next(path.parent.glob("*forms*.sha256")).unlink(),
+}
+
+
 @pytest.mark.slow
 def test_what_one_mesh_has_compiled_serves_the_next(place):
     """The second form of a mesh has the same signature whether the first was compiled or loaded."""
@@ -38,6 +74,20 @@ def test_what_one_mesh_has_compiled_serves_the_next(place):
             assert compat.integrate(value, line) == pytest.approx(2.0**power)
         sizes.append(len(list(place.glob("libffcx_forms_*.so"))))
     assert sizes == [2, 2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_is_damaged_is_made_again(place, damage):
+    assert length() == pytest.approx(2.0)
+    compiled = library(place).read_bytes()
+    DAMAGES[damage](library(place))
+    assert length() == pytest.approx(2.0)
+    assert library(place).read_bytes()[:4] == b"\x7fELF"
+    assert len(library(place).read_bytes()) == len(compiled)
+    made = library(place).stat()
+    assert length() == pytest.approx(2.0)
+    assert library(place).stat() == made  # loaded, not compiled
 
 
 def test_nobody_else_may_write_there(place):

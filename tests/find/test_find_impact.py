@@ -133,6 +133,15 @@ def test_one_sensor_on_both_axes_of_symmetry_does_not_tell_the_place(part: ao.St
     assert len(found.others) == 1
 
 
+@pytest.mark.slow
+def test_signals_without_a_blow_are_not_explained(part: ao.Structure) -> None:
+    signals = np.random.default_rng(1).standard_normal((SAMPLES, 4))
+    with pytest.warns(ao.AccuracyWarning, match="cannot tell|determine"):
+        found = quick(part, SENSORS, signals, band=8e3)
+    assert found.status != 0
+    assert found.rank < found.unknowns or found.chi2 > 2
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [

@@ -14,6 +14,13 @@ pytest.importorskip("matplotlib")
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
+def test_find_blow(tmp_path):
+    errors = demo("find_blow").main(out=tmp_path)
+    assert errors["place"] < 2e-3
+    assert abs(errors["peak force"]) < 0.05
+    assert (tmp_path / "find_blow.png").stat().st_size > 0
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX")
 @pytest.mark.filterwarnings("ignore:the signals determine")  # a half-sine has no Hertz contact
 def test_signals_of_calculix():

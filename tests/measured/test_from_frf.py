@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -138,6 +139,14 @@ def test_several_sites_have_modes_of_rank_one():
     assert np.median(np.abs(one[:, 1, 0] - exact[:, 1, 0]) / size) < 0.005
 
 
+@pytest.mark.slow
+def test_damping_that_is_hysteretic_is_recognised():
+    H = noisy(part(hysteretic=True)[:, 0, 0])
+    found = ao.from_frf(ao.FRF(F, H, "receptance"))
+    assert found.info["damping"] == "hysteretic"
+    assert found.damping.ratio[0] == pytest.approx(ZETA[0], rel=0.05)
+
+
 def test_a_sensors_mass_is_removed_to_rounding():
     H, m = part(), 0.05
     loaded = np.linalg.inv(np.linalg.inv(H) - m * W[:, None, None] ** 2 * np.eye(2))
@@ -155,6 +164,17 @@ def test_noise_follows_from_the_coherence():
     frf = ao.FRF(F, part()[:, 0, 0], "receptance", coherence=np.full(F.size, 0.9), averages=10)
     expected = np.sqrt(0.1 / 0.9 / 10) * np.abs(frf.receptance)
     assert np.allclose(frf.receptance_sigma, expected)
+
+
+@pytest.mark.slow
+def test_signs_and_places_that_are_no_driving_point_are_said():
+    H = noisy(part())
+    with pytest.warns(ao.AntioscWarning, match="sign"):
+        turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
+    assert turned.k0 > 0
+    told = r"modes at (896|904), 3(096|104) Hz: the sensor lies beside"  # B has two signs there
+    with pytest.warns(ao.AntioscWarning, match=told), suppress(ao.AccuracyError):
+        ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 
 def test_modes_above_the_band_may_come_from_a_mesh():

@@ -67,6 +67,18 @@ def test_free_modes_are_exact_for_any_ratio_of_masses(rng, m0, k0):
     assert H * model.dynamic_stiffness(w) == pytest.approx(np.ones(8), rel=1e-11)
 
 
+@pytest.mark.slow
+def test_antiresonances_of_symmetric_models_may_lie_one_rounding_apart(rng):
+    for _ in range(400):
+        first = rng.uniform(10.0, 1e5, 3)
+        poles = np.sort(np.concatenate((first, np.nextafter(first, np.inf))))
+        m, m0 = 10 ** rng.uniform(-12, 0, 6), rng.choice([1e-6, 1.0])
+        x, shape = arrow_modes(rng.choice([0.0, 1e6]), m0, m, poles)
+        mass = np.concatenate(([m0], m))
+        assert shape.T @ (mass[:, None] * shape) == pytest.approx(np.eye(7), abs=1e-11)
+        assert np.all((x[:-1] <= poles) & (poles <= x[1:]))
+
+
 def test_equal_frequencies_act_as_one(rng):
     split = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.2, 0.3, 0.4], omega=[5.0, 5.0, 9.0])
     whole = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.5, 0.4], omega=[5.0, 9.0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,6 +40,20 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
         mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
     )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_structures_have_the_sizes_of_the_librarys() -> None:
+    sizes = (ctypes.c_size_t * 19)()
+    built().part_sizes(sizes)
+    mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
+    mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
+    expected = [ctypes.sizeof(each) for each in mirrored]
+    expected += [8 * march.EXIT, march.READING.itemsize]
+    expected += map(ctypes.sizeof, (march.Goal, march.Slopes))
+    expected += [march.TOUCH.itemsize]
+    batches = march.Numbers, march.Impact, march.Expected, march.Outcome, march.PulseNodes
+    assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 
 def test_a_crossing_is_that_of_the_polynomial() -> None:

@@ -119,6 +119,16 @@ def test_choice_is_the_smallest_that_meets_the_tolerance():
         assert getattr(short, quantity) == pytest.approx(getattr(whole, quantity), rel=0.03)
 
 
+@pytest.mark.slow
+def test_simulate_chooses():
+    model, striker = case_two(40)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, n="auto", tol=0.05)
+    assert hit.model.n < 40
+    assert hit.status == 0
+    assert max(hit.error.values()) <= 0.05
+    assert set(hit.error) == {"force", "peak", *(f"truncation {q}" for q in QUANTITIES)}
+
+
 def test_estimate_is_twice_what_the_two_extremes_differ_by():
     """What is left out follows the site rigidly, or hangs on one spring at the next frequency."""
     whole, striker = case_two(6)

@@ -9,6 +9,7 @@ import scipy.linalg
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.base.errors import InputError
 from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
 from laminates import navier, uniform
@@ -20,6 +21,7 @@ from sheets import (
     SIMPLE,
     E,
     edges,
+    flipped,
     frequencies,
     rectangle,
     sheet,
@@ -123,6 +125,26 @@ def test_isotropic_layers_are_a_shell(cell):
     mesh = sheet(3, lambda s, v: (s, np.sin(1.2 * v), np.cos(1.2 * v)), cell)
     one = ao.Structure(mesh, ao.Laminate(thirds, axis=(0.4, 1, 0.2)))
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize("cell", CELLS)
+def test_opposite_normals(cell):
+    """Refused where they matter, and settled by a top."""
+    mesh = rectangle(3, 1.0, 1.0, cell)
+    both = mesh, flipped(mesh, slice(4, 5))
+    layers = unsymmetric(0.05)
+    with pytest.raises(InputError, match="opposite"):
+        ao.Structure(both[1], ao.Laminate(layers))
+    straight, settled = (
+        ao.Structure(m, ao.Laminate(layers, top=(0, 0.2, 1)), SIMPLE) for m in both
+    )
+    assert frequencies(settled, 3) == pytest.approx(frequencies(straight, 3), rel=1e-9)
+    assert max(differ(ao.Structure(mesh, ao.Laminate(layers), SIMPLE), straight)) < 1e-12
+    # a stack that is itself when flipped, asks for nothing
+    same, part = (ao.Structure(m, ao.Laminate(stack([45, -45], 0.05)), SIMPLE) for m in both)
+    assert frequencies(part, 2) == pytest.approx(frequencies(same, 2), rel=1e-9)
 
 
 def test_a_sandwich_shears_as_its_core():

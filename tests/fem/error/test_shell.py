@@ -59,6 +59,19 @@ def tilted(n: int):
     return sheet(n, lambda s, t: tuple(np.tensordot(TILT[:, :2], np.stack([s, t]), axes=1)))
 
 
+def two_thicknesses(n: int, mesh=None) -> ao.Structure:
+    """A plate whose half x > 0.5 is half as thick."""
+    mesh = mesh or rectangle(n, 1.0, 1.0)
+    middles = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)
+    thin = middles[:, 0] > 0.5
+    groups = {
+        name: {2: np.flatnonzero(own).astype(np.int32)}
+        for name, own in (("thick", ~thin), ("thin", thin))
+    }
+    shells = {"thick": ao.Shell(E, NU, RHO, 0.06), "thin": ao.Shell(E, NU, RHO, 0.03)}
+    return ao.Structure(ao.Mesh(mesh.dolfinx, groups), shells, [])
+
+
 STRUCTURES = {
     "plate": lambda: plate(3, 0.02),
     "cells turned over": lambda: ao.Structure(flipped(rectangle(3, 1.0, 1.0), [1, 4, 9]), SHEET),
@@ -141,6 +154,19 @@ def test_layers_along_free_edges_are_those_of_torsion():
     energy = float((E / (2 * (1 + NU))) * t**3 / 3 * width * length)
     assert layer_energy(strip, u) / energy == pytest.approx(0.63 * t / width, rel=0.01)
     assert layer_energy(ao.Structure(mesh, SHEET, [NO_TURN]), u) == 0
+
+
+def test_layers_where_the_thickness_changes():
+    """Both halves twist alike; the jump of the moments is shared so that both turn alike."""
+    structure = two_thicknesses(4)
+    u, G = twisted(structure), E / (2 * (1 + NU))
+    D, c = [], []
+    for t in (0.06, 0.03):
+        D.append(G * t**3 / 12)
+        c.append(t / np.sqrt(10) / D[-1])
+    free = sum(2 * (2 * d) ** 2 * own for d, own in zip(D, c, strict=True))
+    jump = (2 * (D[0] - D[1])) ** 2 * c[0] * c[1] / (c[0] + c[1])
+    assert layer_energy(structure, u) == pytest.approx(free + jump, rel=1e-6)
 
 
 def fold(s, t):

@@ -9,6 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+import sheets
 from antiosc.results.pictures import deformed
 from static_loads import held
 
@@ -63,6 +64,30 @@ def test_tsai_hill_of_an_off_axis_ply_is_the_closed_form():
         X, Y, S = PLY.X_t, PLY.Y_t, PLY.S
         squared = (c**4 - c**2 * s**2) / X**2 + s**4 / Y**2 + c**2 * s**2 / S**2
         assert PLY.tsai_hill(1e6 * stress) == pytest.approx(1e6 * squared**0.5)
+
+
+@pytest.mark.slow
+def test_plies_of_a_cantilever_fail_in_compression_and_delaminate_in_the_middle():
+    """A strip of 0° plies: σ1 = 6 F L/(b h²) at the clamp, τ13 = 3 F/(2 b h) in the middle."""
+    b, h, L, F = 0.02, 4e-3, 0.18, 10.0
+    layer = ao.Layer(
+        **{"E1": 140e9, "E2": 9e9, "nu12": 0.0, "G12": 5e9, "G13": 5e9, "G23": 3e9},
+        rho=1600.0, thickness=h / 2, strength=PLY,
+    )  # fmt: skip
+    mesh = sheets.sheet((20, 2), lambda s, t: (0.2 * s, b * t, 0 * s), "quadrilateral")
+    end = ao.Support(lambda x: x[0] < 1e-9)
+    part = ao.Structure(mesh, ao.Laminate([layer] * 2), [end])
+    part, hit = held(part, ao.Site((L, b / 2, 0), (0, 0, -1), radius=6e-3), F)
+    hill = ao.peak_field(part, hit, "tsai_hill", body="part")
+    worst = hill.margin()
+    assert worst.exposure == pytest.approx(6 * F * L / (b * h**2) / PLY.X_c, rel=0.02)
+    assert (worst.layer, worst.surface) == (0, "bottom")  # it is pressed down: compression below
+    shear = ao.peak_field(part, hit, "delamination", body="part")
+    k = np.argmin(np.linalg.norm(shear.points - (L / 2, b / 2, 0), axis=1))
+    assert shear.values[k] == pytest.approx(1.5 * F / (b * h) / PLY.interlaminar, rel=0.02)
+    assert "layer 0" in hill.summary()
+    with pytest.raises(ao.InputError, match="yield_strength"):
+        ao.peak_field(part, hit, "yield", body="part")
 
 
 @pytest.mark.parametrize("round_", [False, True])

@@ -105,6 +105,20 @@ def test_an_oblique_patch_is_the_sum_of_its_components():
     assert local[1] / local[0] == pytest.approx((2 - 0.3) / 2 / (1 - 0.3), rel=1e-12)
 
 
+@pytest.mark.slow
+def test_supports_under_a_patch_are_told():
+    groups = {"held": (2, lambda x: np.isclose(x[2], 0.03) & (x[0] < 0.03 + 1e-9))}
+    mesh = parts.box((12, 8, 2), (0.12, 0.08, 0.03), groups=groups)
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("held")])
+    site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
+    with pytest.warns(ao.AccuracyWarning, match=r"fix 50% of the patch"):
+        ao.extract(part, site, n=10)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ao.impact_map(part, radius=0.01, modes=30)
+    assert any("of the patch at" in str(one.message) for one in said)
+
+
 def test_rounding_does_not_turn_the_rule_of_a_patch():
     """The normal of a face along an axis has two components of rounding, of which one is less."""
     mesh = parts.box((4, 4, 2), SIZE)

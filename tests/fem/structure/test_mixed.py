@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ import antiosc as ao
 from antiosc import PointMass
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from mpi import one_and_several
+from mpi import one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, grouped, interpolated, loaded, rectangle, sheet
 
 pytestmark = pytest.mark.fem
@@ -90,3 +92,29 @@ def test_two_ranks_find_what_one_finds():
 
 
 # --- bad input --------------------------------------------------------------------------------
+
+
+#: Memory after each of some structures, which are dropped, in units of one's K and M.
+GROWTH = """
+import json, resource
+import antiosc as ao
+import parts
+from mpi4py import MPI
+
+peaks = []
+for _ in range(8):
+    part = ao.Structure(parts.box((6, 5, 4)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    ao.extract(part, ao.Site((0.1, 0.03, 0.03), (0, 0, -1), radius=0.03), n=2)
+    size = 2 * 12 * part.K.getInfo(part.K.InfoType.LOCAL)["nz_used"]
+    del part
+    peaks.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(json.dumps((peaks[-1] - peaks[2]) / size))
+"""
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_memory_does_not_grow():
+    for text in run_ranks(2, GROWTH, alone=True):
+        assert json.loads(text) < 1.5
