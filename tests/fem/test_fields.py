@@ -72,45 +72,6 @@ def test_the_field_is_that_of_the_full_model_under_the_same_force(hit):
     np.testing.assert_allclose(found @ b, history.displacement, atol=1e-9 * np.abs(u).max())
 
 
-MODELS = {
-    "krylov": lambda part: ao.extract(part, SITE, n=6),
-    "modes": lambda part: ao.extract(part, SITE, n=6, method="modes"),
-    "corrected": lambda part: ao.superposition(part, SITE, 4, static_correction=True),
-    "full": lambda part: ao.full(part, SITE),
-}
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("kind", [*MODELS, "plain"])
-@pytest.mark.parametrize("role", ["structure", "impactor"])
-def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
-    """The site in the field moves as the history says: the static correction included."""
-    structure = sheet()
-    model = ao.superposition(structure, SITE, 4) if kind == "plain" else MODELS[kind](structure)
-    law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
-    b = functional(structure, SITE).b
-    if role == "structure":
-        history = ao.simulate(model, ball, law, DURATION)
-        site = history.displacement
-    else:  # measured along the impact, against the direction of the model's own site
-        body = ao.AntiOscillators(m0=0.1, k0=0.0, m=[], omega=[])
-        history = ao.simulate(body, ao.Impactor(model), law, DURATION, initial_velocity=1.0)
-        site = -history.impactor_displacement
-    found = history.field(history.time, role)
-    assert np.abs(site).max() > 1e-6
-    np.testing.assert_allclose(found @ b, site, atol=1e-9 * np.abs(site).max())
-    corner = (0.2, 0.06)
-    moved = ao.probe(structure, history, corner, body=role)
-    dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components["y"])
-    dof = dofs[np.argmin(np.linalg.norm(x[:, :2] - corner, axis=1))]
-    np.testing.assert_allclose(moved[:, 1], found[:, dof], atol=1e-12 * np.abs(found).max())
-    ao.write_series(structure, history, tmp_path / "series.pvd", [DURATION], body=role)
-    frame = meshio.read(tmp_path / "series_0000.vtu")
-    node = np.argmin(np.linalg.norm(frame.points[:, :2] - corner, axis=1))
-    written = frame.point_data["displacement"][node, :2]
-    np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
-
-
 def test_bodies_without_shapes_say_so(tmp_path, hit):
     structure, history = hit
     history.model.save(tmp_path / "model.npz")

@@ -159,26 +159,6 @@ def record(content: bytes, order: str = "<") -> bytes:
 
 
 NAME = struct.pack("<4i", 2, 2, 6, 2) + b"KAA     "
-SINGLE = struct.pack("<4i", 2, 2, 6, 1) + b"KAA     "
-FULL = struct.pack("<4q", 2, 2, 6, 1) + b"KAA             "
-BOTH = np.array(A)
-BINARY = {
-    "single": (SINGLE, *(struct.pack("<3i", k + 1, 1, 2) + BOTH[k].astype("<f4").tobytes()
-                         for k in (0, 1)), struct.pack("<3i", 3, 1, 1)),
-    "single in long words": (FULL, *(struct.pack("<3q", k + 1, 1, 2) + BOTH[k].tobytes()
-                                     for k in (0, 1)), struct.pack("<3q", 3, 1, 1)),
-    "an empty string": (NAME, struct.pack("<4i", 1, 0, 6, (1 << 16) + 1)
-                        + struct.pack("<i", (5 << 16) + 1) + BOTH[0].tobytes(),
-                        struct.pack("<3i", 2, 1, 4) + BOTH[1].tobytes(),
-                        struct.pack("<3i", 3, 1, 1)),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", BINARY)
-def test_binary_records(case, tmp_path):
-    path = tmp_path / "a"
-    path.write_bytes(b"".join(map(record, BINARY[case])))
-    np.testing.assert_array_equal(read_pair(path, path).K.toarray(), A)
 
 
 DAMAGED = {
@@ -200,14 +180,6 @@ def test_damaged_records_are_told_with_their_byte(case, tmp_path):
     path.write_bytes(content)
     with refused(line, word, ao.InputError):
         read_pair(path, path)
-
-
-def test_the_last_dof_may_have_no_mass(tmp_path):
-    """Abaqus's coordinate format does not say how many rows there are."""
-    (tmp_path / "K").write_text("1 1 2.\n2 1 -1.\n2 2 3.5\n")
-    (tmp_path / "M").write_text("1 1 1.\n")
-    M = read_pair(tmp_path / "K", tmp_path / "M").M
-    np.testing.assert_array_equal(M.toarray(), [[1, 0], [0, 0]])
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(20, marks=pytest.mark.slow)])

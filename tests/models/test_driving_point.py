@@ -70,17 +70,6 @@ def test_stiffness_at_sites_is_the_condensed_matrix():
         np.testing.assert_allclose(Z, condensed, rtol=1e-10)
 
 
-def test_the_lowest_frequency_at_sites_is_an_eigenvalue():
-    k0 = np.diag([8e4, 3e4])
-    m_st = np.diag([2.0, 3.0])
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([1e6])) == pytest.approx(100)
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([2.5e3])) == pytest.approx(50)
-    assert bands.lowest_frequency_at_sites(0 * k0, m_st, np.array([])) == np.inf
-    # one site slides: its stiffness is rounding
-    k0 = np.diag([8e4, 1e-9])
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([])) == pytest.approx(200)
-
-
 def test_semidefinite_clips_what_is_negative_on_equal_scales():
     rng = np.random.default_rng(5)
     root = rng.normal(size=(4, 3))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import struct
-import zipfile
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -13,7 +10,6 @@ import scipy.linalg as la
 
 import antiosc as ao
 from antiosc.models.motion import arrow_modes
-from scenes import random_model
 
 
 def spd(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -123,44 +119,6 @@ class TestFile:
         for wrong in ({"dofs": -1}, {"band": 3.0}, "none", {"doubts": 5}, *wrong_records):
             with pytest.raises(ao.InputError, match="info"):
                 ao.AntiOscillators(m0=0.5, k0=1e5, m=[], info=wrong)
-
-    @pytest.mark.parametrize(
-        ("stop", "raised"),
-        [(KeyboardInterrupt(), KeyboardInterrupt), (OSError(28, "disk full"), ao.InputError)],
-    )
-    def test_interrupted_write_leaves_the_old_file(self, tmp_path, monkeypatch, stop, raised):
-        path = tmp_path / "m.npz"
-        old = random_model(np.random.default_rng(0), 2)
-        old.save(path)
-
-        def interrupted(stream, **arrays):
-            stream.write(b"half")
-            raise stop
-
-        monkeypatch.setattr(np, "savez", interrupted)
-        with pytest.raises(raised):
-            random_model(np.random.default_rng(1), 3).save(path)
-        monkeypatch.undo()
-        assert os.listdir(tmp_path) == ["m.npz"]
-        assert ao.AntiOscillators.load(path).n == 2
-
-    @pytest.mark.parametrize(
-        ("content", "says"),
-        [(b"", "damaged"), (b"PK\x03\x04broken", "damaged"), (b"text", "damaged")],
-    )
-    def test_foreign_file(self, tmp_path, content, says):
-        path = tmp_path / "m.npz"
-        path.write_bytes(content)
-        with pytest.raises(ao.InputError, match=says):
-            ao.AntiOscillators.load(path)
-
-    @pytest.mark.parametrize("text", ["((((", "{'descr':", "'''", "[1]"])
-    def test_an_array_with_a_damaged_header(self, tmp_path, text):
-        head = text.encode().ljust(118) + b"\n"
-        with zipfile.ZipFile(tmp_path / "m.npz", "w") as archive:
-            archive.writestr("m.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head)
-        with pytest.raises(ao.InputError, match="damaged"):
-            ao.AntiOscillators.load(tmp_path / "m.npz")
 
 
 def test_rounding_below_zero_is_zero():

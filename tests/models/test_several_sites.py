@@ -57,18 +57,6 @@ def test_all_modes_are_the_structure(p, held, rng):
     np.testing.assert_allclose(free.omega[1 - held :], exact[1 - held :], rtol=1e-8)
 
 
-def test_free_modes_are_orthonormal_in_the_shapes(rng):
-    K, M = loose_chains((9,), 0, rng)
-    B = rng.standard_normal((9, 2))
-    model = by_hand(K, M, B)
-    free = model.site_modes()
-    modes = free.field(free.shape.T)  # one mode after the other
-    np.testing.assert_allclose(modes @ M @ modes.T, np.eye(9), atol=1e-9)
-    stiffness = modes @ K @ modes.T
-    np.testing.assert_allclose(stiffness, np.diag(free.omega**2), atol=1e-9 * free.omega[-1] ** 2)
-    np.testing.assert_allclose(modes @ B, free.b, atol=1e-9)
-
-
 def test_saved_and_loaded(tmp_path, rng):
     K, M = loose_chains((8,), 0, rng)
     model = by_hand(

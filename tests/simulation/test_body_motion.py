@@ -68,20 +68,6 @@ PLATE = ao.AntiOscillators(m0=0.02, k0=2e6, m=[0.2, 0.1], omega=[3e3, 1.1e4])
 MASS = ao.RigidMass(0.05, 2.0)
 
 
-@pytest.mark.parametrize("m0", [0.02, 0.0])  # without it the site has a residual compliance
-def test_bodies_sum_to_the_energy_of_the_run(m0):
-    plate = ao.AntiOscillators(m0=m0, k0=2e6, m=[0.2, 0.1], omega=[3e3, 1.1e4])
-    hit = ao.simulate(plate, MASS, ao.Hertz(1e9), 2e-3)
-    assert (plate.modal().r > 0) == (m0 == 0)
-    own = [ao.body_energy(hit, name) for name in ("structure", "impactor")]
-    kinetic = sum(e.rigid + e.kinetic for e in own)
-    np.testing.assert_allclose(kinetic, hit.energy.kinetic, atol=1e-12)
-    np.testing.assert_allclose(sum(e.strain for e in own), hit.energy.strain, rtol=1e-9, atol=1e-15)
-    assert own[1].rigid[0] == pytest.approx(0.5 * 0.05 * 4)
-    np.testing.assert_array_equal(own[1].vibration, 0)
-    np.testing.assert_array_equal(own[0].rigid, 0)
-
-
 def test_what_vibrates_is_what_the_rebound_lacks():
     """Without losses in the contact, 1 − e² of the ball's energy is in the plate."""
     hit = ao.simulate(PLATE, MASS, ao.Hertz(1e9), 2e-3, tol=1e-6)

@@ -13,19 +13,6 @@ from antiosc.simulation import states
 from scenes import HERTZ, case_two, random_model
 
 
-@pytest.fixture(scope="module")
-def hit() -> ao.History:
-    model, striker = case_two(9)
-    return ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3)
-
-
-def test_coordinates_hold_the_site_first(hit):
-    lam = hit.coordinates(hit.time)
-    assert lam.shape == (hit.time.size, 10)
-    assert lam[:, 0] == pytest.approx(hit.displacement, abs=1e-15)
-    assert hit.coordinates(1e-3).shape == (10,)
-
-
 def test_later_impact_is_another_one():
     """A ball that falls back after a long flight: the main impact is the first."""
     body = ao.AntiOscillators(m0=1e9, k0=0, m=[], omega=[])

@@ -125,21 +125,6 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
 # --- Unobservable and repeated modes --------------------------------------------------------------
 
 
-def test_two_equal_oscillators_are_merged():
-    """Two equal pendulums on one mass: only their common mass has a meaning."""
-    k0, m0, k, m = 5.0e4, 0.3, 2.0e4, [0.4, 0.4, 0.7]
-    ks = [k, k, 3 * k]
-    K = np.diag([k0 + sum(ks), *ks])
-    K[0, 1:] = K[1:, 0] = -np.array(ks)
-    structure = ao.Structure.from_matrices(K, np.diag([m0, *m]))
-    model = extract(structure, ao.Site(dof=0), 3)
-    np.testing.assert_allclose(model.omega, np.sqrt([k / 0.4, 3 * k / 0.7]), rtol=1e-10)
-    np.testing.assert_allclose(model.m, [0.8, 0.7], rtol=1e-10)
-    assert model.m0 == pytest.approx(m0, rel=1e-9)
-    assert model.k0 == pytest.approx(k0, rel=1e-9)
-    assert model.info["modes_merged"] == 1
-
-
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     """Bending across the impact, torsion and stretching are there, and carry nothing."""
     L = 0.8

@@ -203,12 +203,6 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     assert u.ravel() @ C @ u.ravel() == pytest.approx(0.1 * energy, rel=1e-9)
 
 
-def test_a_bush_to_the_ground_is_along_the_axes(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"))
-    expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
-    np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
-
-
 def test_only_the_constants_that_an_element_uses_count(joints):
     """An entry that is not read is no matter where nothing uses it; GE is told once."""
     cards = "PBUSH,3,K,10.\n,,GE,.1\nCBUSH,8,3,2,5\nCBUSH,9,3,3,5\nPELAS,4,40.,.2\nPELAS,6,1.,.2\n"

@@ -239,15 +239,3 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         seen = ao.probe(joined, hits[1], there, quantity, times, part="block")
         expected = own @ R.T if own.ndim == 2 else R @ own @ R.T
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
-
-
-@pytest.mark.parametrize(("other", "word"), [({"E": 210e9}, "stiff"), ({"rho": 2750.0}, "heavy")])
-def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run(other, word):
-    def bar(E=70e9, rho=2700.0):
-        beam = ao.Beam(E, 0.3, rho, ao.Section.rectangle(0.01, 0.01))
-        return ao.Structure(parts.line(0.2, 8), beam, [ao.Support("left")])
-
-    hit = quiet_load(ao.extract(bar(), ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
-    assert ao.probe(bar(), hit, (0.1, 0.0)).any()
-    with pytest.raises(ao.InputError, match=word):
-        ao.probe(bar(**other), hit, (0.1, 0.0))

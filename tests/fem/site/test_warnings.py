@@ -36,13 +36,6 @@ def told(part, **facts) -> list[str]:
     return [str(one.message) for one in found]
 
 
-def test_sound_patches_are_not_told(part):
-    near = {"size": [0.04] * 3, "share": [0.901] * 3, "moving": [0.901] * 3}
-    assert told(part) == []
-    assert told(part, **near) == []
-    assert told(part, moving=[0.5] * 3, local=[0.0] * 3) == []
-
-
 def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
     assert "the site at 2 of 3 sites measure 0.06 m, more than the radius 0.045" in text
