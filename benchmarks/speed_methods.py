@@ -13,13 +13,13 @@ import numpy as np
 import scipy.integrate
 import scipy.sparse
 import scipy.sparse.linalg
-from antiosc.fem.site.functionals import functional
 from speed_cases import Case
 
 import antiosc as ao
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
+from antiosc.fem.site import functional
 from antiosc.simulation.assembly import freed
 
 #: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts

@@ -279,7 +279,7 @@ def headline_of_map(found: ImpactMap) -> Headline:
 
 
 def _most_dangerous(found: ImpactMap) -> str:
-    """Where a blow stresses the part most, and whether it yields."""
+    """The place that a blow stresses most, and whether it yields."""
     assert found.peak_stress is not None
     assert found.stress_points is not None
     share = found.exposure
@@ -337,7 +337,7 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
 
 
 def _absorbed(hit: History) -> str:
-    """Which share of the striker's energy stays."""
+    """The share of the striker's energy that stays in the part."""
     if len(hit.bodies) != 2 or not hit.contacts:
         return ""
     striker = list(hit.bodies.values())[1]
@@ -405,7 +405,7 @@ def drawn(data: Data) -> str:
 
 
 def _place(hit: History, own: Data) -> Data | None:
-    """Where the striker is drawn; None where the site is not known in space."""
+    """The place of the striker in the picture; None for a site without coordinates."""
     points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None

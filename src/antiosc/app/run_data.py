@@ -88,7 +88,7 @@ class RunData:
         ]  # fmt: skip
 
     def integers(self) -> NDArray[np.int32]:
-        """Of each contact law, number of parameters, tangential rows; then the outputs."""
+        """The kind, number of parameters and tangential rows of each contact; then the outputs."""
         contacts = [
             (c.law.kind, c.law.n_params, c.first_tangential, c.n_tangential)
             for c in self.given.contacts

@@ -178,7 +178,10 @@ def _check_class(kind: Any) -> None:
 
 
 def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
-    """`function` with its wrong calls told; the first `own` arguments are not the caller's."""
+    """`function`, whose calls with wrong arguments raise InputError.
+
+    The caller does not write the first `own` arguments, as `self`.
+    """
     # that of a base class tells the name of the base
     inner: Callable[P, T] = getattr(function, "__wrapped__", function)
     if not hasattr(function, "checks_calls"):

@@ -22,7 +22,6 @@ from ctypes import (
     c_void_p,
 )
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,7 +244,7 @@ FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
 SOURCE = _PACKAGE.parent.parent / "csrc"
 _REMEDY = "build it with `make` in the source folder, or install antiosc anew"
 
-_SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
+_SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_version": (c_int,),
     "aom_source_hash": (c_char_p,),
     "aom_status_name": (c_char_p, c_int),
@@ -300,7 +299,7 @@ def source_hash(folder: Path) -> str:
     return text.hexdigest()[:16]
 
 
-def load(path: Path = FILE, source: Path = SOURCE) -> Any:
+def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
     """The library; MissingDependencyError where it is missing, damaged or not of these sources."""
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
@@ -342,7 +341,7 @@ def _doubles(*arrays: Array) -> list[Array]:
     return [np.ascontiguousarray(each, dtype=float) for each in arrays]
 
 
-def address(values: NDArray[Any]) -> int:
+def address(values: NDArray[np.generic]) -> int:
     """Where the numbers of an array stand; NumPy's own way takes thrice as long."""
     try:
         return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]

@@ -425,7 +425,7 @@ def require(need: float, what: str, remedy: str, free: float | None = None) -> N
 
 
 def shortage(what: str, need: float, free: float) -> str:
-    """That something needs more memory than is free, without a remedy."""
+    """The sentence that something needs more memory than is free, without the remedy."""
     return f"{what} needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are free"
 
 

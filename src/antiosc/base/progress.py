@@ -1,4 +1,4 @@
-"""What long work does, on one line of the terminal, which is gone when the work ends.
+"""The progress of long work on one line of the terminal, which is erased at the end.
 
 Where the amount of work is known, the line tells what remains of it (by tqdm, if installed).
 

@@ -132,7 +132,7 @@ class Deformed:
 
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
-        """Of displacements (P, 3) [m], drawn larger by what suits the largest one [m]."""
+        """The part deformed by displacements (P, 3) [m], enlarged to suit the largest one [m]."""
         shown, factor = largest or 1.0, enlarged(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)

@@ -35,7 +35,7 @@ MOST_FREQUENCIES = 10_000
 
 
 class _Static(NamedTuple):
-    """Of the static mode, or of the rigid motion in its place."""
+    """The static mode of the beam, or the rigid motion in its place."""
 
     stiffness: float  # k0 in N/m
     mass: float  # m_st in kg
@@ -71,7 +71,7 @@ class BeamModes(Body):
     inertia: Inertia | None = None
 
     def modal(self) -> ModalBody:
-        """As a body of an impact; its coordinates are the deflections at x."""
+        """The beam as a body of an impact; its coordinates are the deflections at x."""
         none = np.zeros(len(self.hidden))
         weight = self.weight
         if self.inertia is not None:
@@ -298,7 +298,10 @@ class StruckBeam:
         return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * moved
 
     def _inertia(self, moved: Array) -> Inertia | None:
-        """Of a beam that can move as a whole, along y with the beam on x; `moved` (C, 2) in kg."""
+        """The inertia of a free beam on x that moves along y; None if it is supported.
+
+        moved : (C, 2) momentum of each shape, and its moment over the length [kg].
+        """
         if not self.rigid_modes:
             return None
         length, momentum, matrix = self.beam.length, np.zeros((len(moved), 6)), np.zeros((6, 6))

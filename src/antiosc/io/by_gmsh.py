@@ -346,7 +346,7 @@ def read(ask: Request) -> FileMesh:
 
 
 def generate(ask: Request) -> FileMesh:
-    """A geometry, meshed."""
+    """The mesh of a geometry."""
     source = Path(ask.path)
     suffix = source.suffix.lower()
     # a script may take long to build the geometry

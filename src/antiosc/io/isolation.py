@@ -160,7 +160,7 @@ _owner = 0
 
 
 def ask(request: Json) -> tuple[int, bytes]:
-    """(exit code, answer) of the reader of one file; see `child`."""
+    """Read one file in the other process: (exit code, answer); see `child`."""
     with _lock:
         process = _running()
         try:

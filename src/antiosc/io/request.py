@@ -133,7 +133,7 @@ def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]
 
 
 def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
-    """Those of pyproject.toml, where antiosc is used from its sources, installed or not."""
+    """The entry points of pyproject.toml, where antiosc runs from its source tree."""
     try:
         text = Path(__file__).resolve().parents[3].joinpath("pyproject.toml").read_text("utf-8")
         project = tomllib.loads(text).get("project", {})

@@ -1,4 +1,4 @@
-"""What a simulation asks of a body besides its modes: its record; the door for foreign bodies.
+"""The interface of a body to a simulation, its record `info`, and conversion of foreign bodies.
 
 `ModelInfo` tells where a model comes from, how it was found, and what its errors need to know.
 
@@ -363,7 +363,7 @@ def checked_body(name: str, body: object) -> Body:
 
 
 def places_of(body: object) -> dict[str, tuple[float, ...]]:
-    """Where the sites of an extracted body lie [m], by name; "" is the name of a single one."""
+    """Points of the sites of an extracted body [m], by name; "" is the name of a single site."""
     info = info_of(body)
     named = {"": info.point} if info.points is None else info.points
     return {

@@ -291,7 +291,7 @@ class SideBySide:
 
     @property
     def undamped(self) -> BoolArray:
-        """Which free modes (J,) have no damping."""
+        """Whether each free mode (J,) is undamped."""
         own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f, _ in self.parts]
         return np.concatenate(own)
 

@@ -49,7 +49,7 @@ UNRESISTED = 1e-11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameters(Body):
-    """The parameters of `AntiOscillators`, which explains and checks them; what follows at once."""
+    """The fields of `AntiOscillators`, and the values that one formula gives."""
 
     m0: Value
     k0: Value

@@ -272,7 +272,7 @@ class HertzContact(NamedTuple):
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def told(self, remedy: str = "{}") -> str:
-        """That the contact yields, and the law that does so, in a `remedy`; "" if it does not."""
+        """The warning of a contact that yields, with the law for it as `remedy`; else ""."""
         if not self.share > 1:
             return ""
         radius = (0.75 * self.stiffness / self.modulus) ** 2
@@ -286,7 +286,7 @@ class HertzContact(NamedTuple):
 
 
 def contact_yield(structure: Structure, shapes: Array, history: Motions) -> str:
-    """That the pressure of an impact exceeds that at first yield; "" where not, or unknown.
+    """The warning of a pressure above that of first yield; "" where it is lower or unknown.
 
     Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
     isotropic material.
@@ -354,7 +354,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
 
 
 def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
-    """That the error of the stresses of a part without solids is not known, if it has sheets."""
+    """The warning that the stresses of sheets have no error estimate; "" for other parts."""
     from antiosc.fem.fields.mesh_fields import families  # needs dolfinx
 
     if "sheet" not in families(structure, shapes, part):

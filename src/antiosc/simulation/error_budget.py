@@ -146,7 +146,7 @@ def measured_errors(impact: Repeated) -> tuple[Shares, Shares]:
 
 
 def low_band(hit: History) -> str:
-    """That the band of the measurement is too low for the contact; "" where it is not."""
+    """The warning of a measured band that is too low for the contact; "" if it is not."""
     facts = info_of(hit.model).measured
     if facts is None or not hit.contacts:
         return ""

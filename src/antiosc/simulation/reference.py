@@ -409,7 +409,7 @@ class Settings:
 
     @property
     def limits(self) -> tuple[int, int]:
-        """Of the work: contacts and steps."""
+        """Largest numbers of contacts and of steps."""
         return self.max_contacts, self.max_steps
 
 

@@ -94,7 +94,7 @@ class JointContacts:
                 self.states[c] = law.advance(float(delta[c]), float(rate[c]), state)
 
     def slide(self, way: Array, force: Array) -> None:
-        """Let the springs of friction hang where `force` (m,) acts at the displacements `way`."""
+        """Set the anchors of friction so that `force` (m,) acts at the displacements `way`."""
         for c in self.active:
             rows = self.tangents(c)
             if rows.start < rows.stop:

@@ -388,7 +388,7 @@ def acting(
     gaps: Array,
     duration: float,
 ) -> tuple[Array, Array, Array]:
-    """Times (K,), modal loads (K, J) and offsets (K, m) of all that acts on the scene."""
+    """Times (K,), modal loads (K, J) and offsets (K, m) of loads, base motion and gravity."""
     if not scene.loads and scene.base is None and not np.any(scene.gravity):
         return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
     series = [load.times for load in scene.loads]

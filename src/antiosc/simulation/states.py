@@ -105,7 +105,7 @@ def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, 
 
 
 def marched_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """Those of `states` in the modes that the march integrates, (n, I)."""
+    """The states (n, I) in the modes that the march integrates."""
     q, v = marched_starts(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -132,7 +132,7 @@ def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
 
 
 def marched_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Those of `starts` in the modes that the march integrates, (n, I)."""
+    """The starts (n, I) in the modes that the march integrates."""
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]

@@ -101,7 +101,7 @@ _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDiction
 
 
 def too_few(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
-    """That the anti-oscillators are too few for a contact that touched; "" where they suffice.
+    """The warning of too few anti-oscillators for a contact; "" where they suffice.
 
     `begin` : the first mode of the model among those of all bodies.
     Of models that `extract` made by the Krylov method; other truncations are their maker's choice.

@@ -426,7 +426,7 @@ class _Space:
         return size == self.size
 
     def taken(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
-        """The nodes that were written, so many of each impact."""
+        """The nodes of all impacts, without the unused ends of their buffers."""
         time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()

@@ -174,7 +174,7 @@ class ImpactMap(Brief):
         return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
 
     def summary(self) -> str:
-        """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
+        """One line for each group or part: its sites, their stiffness, and its hardest impact."""
         surfaces = self.surfaces()
         width = max(5, *(len(name) for name in surfaces))
         title = f"{'where':<{width}}{'sites':>7}{'k0':>32}"

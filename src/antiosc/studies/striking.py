@@ -243,7 +243,7 @@ def _sheets(materials: Sequence[object]) -> bool:
 
 
 def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
-    """Of Hertz's contact at its peak [m]; 0 where the impactor does not tell its shape."""
+    """Radius of Hertz's contact at its peak [m]; 0 for an impactor of unknown shape."""
     if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
         return 0.0
     E, nu, rho = material.constants()

@@ -82,11 +82,11 @@ class Call:
 
     @property
     def name(self) -> str:
-        """Of what is called: "simulate", "Structure.from_files"."""
+        """Name of the callable: "simulate", "Structure.from_files"."""
         return str(getattr(self.make, "__qualname__", ""))
 
     def refused(self, error: Exception) -> tuple[Place, str]:
-        """Where and what is wrong; the sentences of checks begin with the argument's name."""
+        """The place of a mistake and its sentence; checks begin theirs with the argument's name."""
         what = str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
         name = what.removeprefix("every ").partition(" ")[0]
         within = (name,) if name in self.arguments else ()
@@ -141,7 +141,7 @@ DOING = {
 
 
 class Evaluation:
-    """Makes the objects of calls, each once; a mistake of the scene gets its line."""
+    """Makes the object of each call once; an InputError becomes a SceneFileError with its line."""
 
     def __init__(self, document: Document) -> None:
         self.document = document

@@ -112,7 +112,7 @@ def check(found: Compiled) -> list[str]:
 
 
 def outlines(found: Compiled) -> list[Outline]:
-    """Of the files that can be looked at."""
+    """The outlines of all files that can be read."""
     known = []
     for _, call in _meshes(found):
         with contextlib.suppress(AntioscError):

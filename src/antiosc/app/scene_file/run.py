@@ -107,7 +107,7 @@ _GIVEN = ("models", "impactors", "contacts")
 
 
 def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """(place, value) of the values in tables within tables, of which one with a kind is a value."""
+    """(place, value) of each value in nested tables; a table with a `kind` counts as a value."""
     for key, value in table.items():
         if isinstance(value, dict) and KIND not in value:
             yield from leaves(value, (*place, key))

@@ -275,7 +275,7 @@ def compiled(document: Document) -> Compiled:
 
 
 def source(build: Builder) -> str:
-    """Which section says what is struck; "" for rigid bodies alone."""
+    """The section that says what is struck; "" for rigid bodies alone."""
     return next((name for name in SOURCES if name in build.data), "")
 
 
@@ -593,7 +593,7 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
-    """Of a fall the field of the criterion with the largest exposure; None without strengths."""
+    """The field of the criterion that a fall exposes most; None for materials without strengths."""
     with finite_element_packages():
         from antiosc.results.margin import criteria_of
     structure: Any = self.body.structure

@@ -331,7 +331,7 @@ class Added:
         self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
 
     def dissipation(self) -> list[Dissipation]:
-        """Dashpots and Maxwell branches, of q."""
+        """Dashpots and Maxwell branches that act on q."""
         found = [Dissipation(G, one.c) for one, G in self._elastic if one.c is not None]
         return found + [Dissipation(G, k, t) for one, G in self._elastic for k, t in one.branches]
 

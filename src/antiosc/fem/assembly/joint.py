@@ -71,7 +71,7 @@ class Motion:
         return six[[COMPONENTS.index(name) for name in names]]
 
     def lacking(self, names: Sequence[str]) -> list[str]:
-        """Those of these components that it does not have."""
+        """The components among `names` that the end does not have."""
         empty = np.diff(self.components(names).indptr) == 0
         return [
             name

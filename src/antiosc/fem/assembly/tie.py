@@ -138,7 +138,7 @@ def _distance(sides: Sequence[Facets]) -> float:
 
 
 def _leader(sides: Sequence[Facets], common: Overlap) -> int:
-    """Which side leads: the one that is covered less, of equal ones that with larger faces."""
+    """The side (0 or 1) that leads: it is covered less by the other, or has the larger faces."""
     if sides[0].dim != sides[1].dim:
         return int(np.argmax([side.dim for side in sides]))
     covered = common.weight.sum() / np.array([side.measure for side in sides])

@@ -216,7 +216,7 @@ class Layer(Checked):
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Of an axis, exact at right angles, so that a cross-ply has no coupling terms."""
+    """Cosine and sine of an angle; exact at right angles, so that a cross-ply has no coupling."""
     if degrees % 90 == 0:
         return (1.0, 0.0) if degrees % 180 == 0 else (0.0, 1.0)
     return float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))

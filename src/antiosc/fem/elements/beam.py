@@ -116,7 +116,7 @@ def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
 
 
 def _shear_degree(order: int) -> int:
-    """As many Gauss points as the order, which prevents shear locking."""
+    """Quadrature degree of the shear energy: as many Gauss points as the order prevent locking."""
     return 2 * order - 1
 
 

@@ -393,7 +393,7 @@ def polygon(mesh: Mesh) -> str:
 
 
 def _largest_angle(pieces: Pieces) -> float:
-    """Of those between the two cells at a node that are taken for a curve, degrees; 0: none."""
+    """Largest angle [degrees] between two cells that meet as parts of a curve; 0 if none do."""
     cells = pieces.cells
     ends, cell = cells.ravel(), np.repeat(np.arange(len(cells)), 2)
     two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)

@@ -50,7 +50,7 @@ LINES = 8
 
 
 class Source(ABC):
-    """Where the meshes of one part come from, of which `coarsest` is one."""
+    """The source of ever finer meshes of one part; `coarsest` is the first of them."""
 
     #: why there is only one mesh; "" if there are more
     fixed = ""
@@ -185,7 +185,7 @@ class OfLines(Source):
         self._site: Array | None = None
 
     def thickness(self) -> float:
-        """Of a line 0."""
+        """0: a line has no thickness."""
         return 0.0
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:

@@ -201,7 +201,7 @@ MEMBRANE, BENDING, SHEAR, DRILLING = slice(0, 3), slice(3, 6), slice(6, 8), 8
 
 
 class SheetStrains(NamedTuple):
-    """Of some cells, at all their points (P,), in the axes of the piece."""
+    """Strains of some cells at all their points (P,), in the axes of the cells' plane."""
 
     #: (P, 9, k)
     own: Array
@@ -377,7 +377,7 @@ class _Side(NamedTuple):
 
 
 class Layers(NamedTuple):
-    """Layers along edges, at Gauss's points of these."""
+    """Boundary layers along edges of a sheet, at Gauss points of the edges."""
 
     #: moments that vanish in the layers (P, k)
     m: Array

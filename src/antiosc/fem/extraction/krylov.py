@@ -317,7 +317,7 @@ class Lanczos:
         return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
 
     def resolved(self, n: int) -> tuple[Array, Array]:
-        """Those of `ritz` with θ > 0."""
+        """The Ritz pairs of `ritz` whose θ is positive."""
         theta, turn = self.ritz(n)
         return theta[theta > 0], turn[:, theta > 0]
 

@@ -95,7 +95,7 @@ def tensors_of_part(
 
 
 def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Largest von Mises stress (nodes,) of what stresses of a solid's cells differ from their mean.
+    """Largest von Mises stress (nodes,) of the differences between cells' stresses and their mean.
 
     Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
     the cells of one material is taken for the smooth stress. Of a node of one cell, the largest

@@ -147,12 +147,12 @@ class _Entry:
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
 
     def seal(self) -> None:
-        """Note the library as whole."""
+        """Write the checksum that marks the library as complete."""
         self.file.truncate(0)
         self.file.write(self._checksum())
 
     def release(self) -> None:
-        """Let others have it."""
+        """Release the lock on the library for other processes."""
         self.file.close()
 
     def _checksum(self) -> str:

@@ -328,7 +328,7 @@ class SheetFrame(NamedTuple):
 
 
 class Strains(NamedTuple):
-    """Of the middle surface, in its axes."""
+    """Strains and curvatures of the middle surface of a sheet, in its axes."""
 
     #: (ε1, ε2, γ12) (P, 3, columns)
     membrane: Array

@@ -426,7 +426,7 @@ def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
-    """Which points lie behind another one, seen against the direction of impact."""
+    """Whether each point lies behind another one, seen against the direction of impact."""
     covered = np.zeros(len(points), dtype=bool)
     for k, point in enumerate(points):
         to = points - point

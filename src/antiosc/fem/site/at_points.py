@@ -291,7 +291,7 @@ def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -
 def _across(
     structure: MeshedStructure, sites: Sequence[Site], found: Sites
 ) -> list[tuple[Functional, ...]]:
-    """Of each site the loads across its direction, where they are asked for."""
+    """The tangential loads of each site; () for a site that asks for none."""
     sides: list[list[Functional]] = [[] for _ in sites]
     asked = [i for i, site in enumerate(sites) if site.tangential]
     if not asked or found.weighted is None:

@@ -381,7 +381,7 @@ class StructureMatrices:
 
     @property
     def located(self) -> bool:
-        """Whether they are given matrices with coordinates of their nodes."""
+        """Whether the matrices are given ones whose nodes have coordinates."""
         return False
 
     @property

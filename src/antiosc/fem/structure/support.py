@@ -123,7 +123,7 @@ class Support(Given):
 
     @property
     def label(self) -> str:
-        """Where it is, in a sentence."""
+        """The place of the support, for messages."""
         if isinstance(self.where, str):
             return f"on group {self.where!r}"
         if isinstance(self.where, Region):

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 
 class SeveralContactsError(InputError, AttributeError):
-    """What one contact has was asked of a history of several."""
+    """A result of a single contact is asked of a history with several."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -280,7 +280,7 @@ class History(HistoryResults, OneContact):
 
     @property
     def _row(self) -> int:  # type: ignore[override]
-        """That of the one contact."""
+        """The row of the one contact in the system."""
         if len(self.assembly.laws) > 1:
             pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
             raise SeveralContactsError(
@@ -597,7 +597,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Of bodies at rest: (time (S,), modal displacements (S, J), force (S,)), for time after time.
+    """Motions of bodies that were at rest: (time (S,), modal displacements (S, J), force (S,)).
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
     where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.

@@ -110,7 +110,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Those that are told: noise and band of a measured model alone."""
+        """The errors to print; noise and band only of a measured model."""
         bars = self.bars.values()
         return tuple(c for c in CAUSES if c not in MEASURED or any(getattr(b, c) for b in bars))
 

@@ -145,7 +145,7 @@ def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable
 
 
 def cut_short(assembly: Assembly, ended: Ended) -> str:
-    """Which contacts go on at the end of the run; those that rest since its start do not count."""
+    """The warning of contacts that last at the end of the run; "" if only resting ones do."""
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""

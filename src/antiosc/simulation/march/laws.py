@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from ctypes import addressof
 from math import isfinite, isnan
-from typing import Any
+from typing import TYPE_CHECKING
 
 from antiosc.base import march
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
+
+if TYPE_CHECKING:
+    from ctypes import _Pointer, c_double
+
+    Doubles = _Pointer[c_double]
 
 
 class OwnLaw:
@@ -31,7 +36,7 @@ class OwnLaw:
         )  # fmt: skip
         self.kernel = march.UserLaw(None, self.size, law.rate_dependent, *functions)
 
-    def _force(self, _: Any, delta: float, rate: float, state: Any, out: Any) -> int:
+    def _force(self, _: object, delta: float, rate: float, state: Doubles, out: Doubles) -> int:
         def values() -> Iterator[float]:
             now = tuple(state[: self.size])
             yield self.law.force(delta, rate, now)
@@ -39,16 +44,18 @@ class OwnLaw:
 
         return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
-    def _touch(self, _: Any, speed: float, first: int, state: Any, origin: Any) -> int:
+    def _touch(self, _: object, speed: float, first: int, state: Doubles, origin: Doubles) -> int:
         before = None if first else tuple(state[: self.size])
         return self._state(f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, before)
 
-    def _advance(self, _: Any, delta: float, rate: float, state: Any, origin: Any) -> int:
+    def _advance(
+        self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles
+    ) -> int:
         where = f"advance at {delta:g} m and {rate:g} m/s"
         now = tuple(state[: self.size])
         return self._state(where, state, origin, self.law.advance, delta, rate, now)
 
-    def _work(self, _: Any, speed: float, delta: float, work: Any) -> int:
+    def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
         def values() -> Iterator[float]:
             yield self.law.potential(delta, self.law.touch(speed))
 
@@ -57,8 +64,8 @@ class OwnLaw:
     def _state(
         self,
         where: str,
-        state: Any,
-        origin: Any,
+        state: Doubles,
+        origin: Doubles,
         new: Callable[..., tuple[float, ...]],
         *arguments: object,
     ) -> int:
@@ -76,7 +83,7 @@ class OwnLaw:
         self,
         where: str,
         values: Callable[[], Iterator[float]],
-        out: Any,
+        out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
         """0 if the law's values were stored in `out`; 1 if it failed: the march returns at once."""
@@ -94,7 +101,7 @@ class OwnLaw:
         return int(self.error is not None)
 
 
-def packed(law: ContactLaw) -> tuple[march.Law, Any]:
+def packed(law: ContactLaw) -> tuple[march.Law, object]:
     """A law as the march takes it, and what keeps its numbers and functions alive."""
     if is_compiled(law):
         assert isinstance(law, Compiled)
@@ -104,7 +111,7 @@ def packed(law: ContactLaw) -> tuple[march.Law, Any]:
     return march.Law(march.USER, 0, None, addressof(own.kernel)), own
 
 
-def raise_error(own: Any) -> None:
+def raise_error(own: object) -> None:
     """Raise the error of a law of the user's own, if it failed; `own` as `packed` gives it."""
     if isinstance(own, OwnLaw) and own.error is not None:
         raise own.error

@@ -131,7 +131,7 @@ class FoundImpact(Brief):
         return [*rows, ("chi2", f"{self.chi2:.3g}")]
 
     def numbers(self) -> dict[str, object]:
-        """What was found, in SI units, with its bars, status and message."""
+        """The results in SI units, with their bars, the status and the message."""
         names = ("place", "direction", "mass", "velocity", "stiffness", "start", "E", "peak_force")
         more = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")
         return {name: getattr(self, name) for name in (*names, *more)}

@@ -212,7 +212,7 @@ class Struck:
 
     @property
     def exponent(self) -> float:
-        """Of the force over the indentation; 1.5 where the law has none."""
+        """Exponent n of the law F = k d^n; 1.5 for a law that has none."""
         if isinstance(self.law, Linear):
             return 1.0
         return float(getattr(self.law, "exponent", 1.5))

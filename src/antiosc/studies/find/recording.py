@@ -139,7 +139,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Of the record [s]."""
+        """Length of the record [s]."""
         return self.dt * len(self.values)
 
     @cached_property
@@ -233,7 +233,7 @@ def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:
 
 
 def _band(values: Array, rate: float) -> float:
-    """Where the power of all signals above their noise ends [rad/s]."""
+    """Frequency [rad/s] above which no signal exceeds its noise."""
     w, power = _spectrum(values, rate)
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
     above = np.cumsum(power - floor, axis=0)

@@ -255,7 +255,10 @@ def noise(data: Measured, modes: Modes) -> Array:
 
 
 def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
-    """Most likely variances, sums of `kinds` (2, N), of squares `off` (N,): Fisher's scoring."""
+    """Most likely variances of two kinds of noise by Fisher's scoring.
+
+    The squares `off` (N,) have as means the sums of the variances times `kinds` (2, N).
+    """
     x = np.log(start)
     for _ in range(MOST_SCORES):
         parts = np.exp(x)[:, None] * kinds
@@ -470,7 +473,7 @@ def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
 
 
 def _standing(modes: Modes, spreads: Array) -> BoolArray:
-    """Which modes in the band stand above the noise at one site or more."""
+    """Whether each mode in the band stands above the noise at one site or more."""
     own = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
     spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
