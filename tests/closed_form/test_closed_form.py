@@ -69,25 +69,6 @@ def test_dynamic_stiffness_is_the_models(supports):
     assert error[0] < 1e-3
 
 
-@pytest.mark.parametrize("supports", SOME, ids=str)
-@pytest.mark.slow
-def test_modes_give_the_same_receptance(supports):
-    """Σ b²/(ω_j² - ω²) + r from the zeros against Z from the beam's solution."""
-    beam = struck(THICK, supports)
-    modes = beam.modes(24, [beam.site], static_correction=True)
-    body = modes.modal()
-    omega = 0.8 * modes.omega[1:4]
-    H = 1 / beam.dynamic_stiffness(omega)
-    np.testing.assert_allclose(body.receptance(omega).real, H, atol=1e-3 * np.abs(H).max())
-    assert body.r > 0
-    # what the modes left out deflect per unit force, at the site and as a shape, is one thing
-    np.testing.assert_allclose(modes.residual, modes.r, rtol=1e-6)
-    # and the free modes of the anti-oscillator model are those modes
-    free = beam.anti_oscillators(24).modal()
-    np.testing.assert_allclose(free.omega[:4], body.omega[:4], rtol=5e-4)
-    np.testing.assert_allclose(np.abs(free.b[:4]), body.b[:4], rtol=5e-3)
-
-
 # ---- bad input -----------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
 from antiosc.simulation.histories.energy import replay
 from law_formulas import permanent, virgin
-from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
+from laws import LAWS, laws
 from scenes import HERTZ, rigid, thornton_restitution
 
 
@@ -84,14 +84,6 @@ def test_thornton_yield_from_material():
     # the pressure cut-off: dF/d(area of contact) = p beyond yield, with area = pi R delta
     delta = 5 * law.yield_indentation
     assert law.tangent(delta, 0.0, law.touch(1.0))[0] == pytest.approx(np.pi * R * p)
-
-
-def test_table_passes_through_its_points():
-    law = LAWS["table"]
-    fresh = law.touch(1.0)
-    assert [law.force(x, 0, fresh) for x in LOADING_DEPTHS] == pytest.approx(LOADING)
-    state = law.advance(LOADING_DEPTHS[-1], 0.0, fresh)
-    assert [law.force(x, 0, state) for x in UNLOADING_DEPTHS] == pytest.approx(UNLOADING)
 
 
 # -- the patch's compliance

@@ -14,7 +14,6 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, plate_patch, zener
-from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
@@ -215,18 +214,3 @@ def test_a_model_that_its_file_cannot_hold(tmp_path: Path) -> None:
     with refused(None, "write", ao.InputError):
         MODEL.save(tmp_path / "none" / "m.npz")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_model_tells_up_to_which_antiresonance_it_has_converged() -> None:
-    """In Hz: the last of so many that have, of those that there are; inf of the full model."""
-    for facts, expected in (
-        ({"converged": 1}, 900.0 / (2 * np.pi)),
-        ({"converged": 2}, 2e3 / (2 * np.pi)),
-        ({"converged": 9}, 2e3 / (2 * np.pi)),
-        ({"converged": 0}, 0.0),
-        ({"converged": 0, "method": "full"}, np.inf),
-    ):
-        model = ao.AntiOscillators(**ONE, info=facts)
-        assert resolved_frequency(model) == pytest.approx(expected)
-        hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Linear(1e5), 1e-4)
-        assert resolved_frequency(hit) == pytest.approx(expected)

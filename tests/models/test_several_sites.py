@@ -98,21 +98,6 @@ def test_a_model_of_several_sites_needs_a_scene():
         ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).site_modes()
 
 
-def test_a_damped_receptance_is_that_of_the_matrices(rng):
-    """[K + iω C - ω² M]⁻¹ with the modal damping C, and the residual compliance beside."""
-    omega, decay = np.array([0.0, 40.0, 90.0]), np.array([2.0, 5.0, 0.0])
-    b, r = rng.standard_normal((3, 2)), np.diag([1e-6, 3e-6])
-    body = ao.SiteModes(omega, b, ["a", "b"], r=r, decay=decay)
-    for w in (3.0, 55.0):
-        dynamic = np.diag(omega**2 + 2j * w * decay - w**2)
-        expected = b.T @ np.linalg.inv(dynamic) @ b + r
-        np.testing.assert_allclose(body.receptance(w), expected, rtol=1e-12)
-        one = ao.ModalBody(omega, b[:, 0], r=1e-6, decay=decay)
-        np.testing.assert_allclose(one.receptance(w), expected[0, 0], rtol=1e-12)
-    # what is pushed goes on by itself more and more slowly: the phase lags
-    assert np.all(body.receptance(np.array([39.0]))[0].diagonal().imag < 0)
-
-
 # --- Dynamic stiffness, shares and bands of models against sums written out and small matrices ----
 
 

@@ -81,25 +81,6 @@ def test_the_misfit_of_a_cubic_is_its_distance_from_the_parabola() -> None:
     assert worst < misfit(9.0, doubles(nodes), 1.0, 1.0, 1) < 1.35 * worst
 
 
-def test_a_chord_misses_no_more_than_its_curvature_and_twice_its_amplitude() -> None:
-    """Σ swing min(2, ω (ω + 2 d) h²/8), with the amplitudes about where the loads hold the modes;
-    of what has no frequency the largest acceleration."""
-    s = system([ao.Linear(1.0), ao.Linear(1.0)])
-    load, rise = s.loads[0], (s.loads[1] - s.loads[0]) / 0.2
-    square = np.where(OMEGA > 0, OMEGA, 1.0) ** 2
-    rest = (load - 2 * DECAY * rise / square) / square
-    wide = np.hypot(s.q - rest, (s.v - rise / square) / np.sqrt(square))
-    wide[0] = max(abs(load[0]), abs(load[0] + 0.3 * rise[0]))
-    stepper = Stepper(s, 0.3)
-    for c in (0, 1):
-        swing = np.abs(s.beta[c]) * wide
-        for h in (1e-5, 1e-3, 0.2):
-            expected = swing @ np.minimum(2.0, OMEGA * (OMEGA + 2 * DECAY) * h * h / 8)
-            expected += swing[0] * h * h / 8
-            found = stepper.library.part_chord(stepper.at, c, h)
-            assert found == pytest.approx(expected, rel=1e-12)
-
-
 @pytest.mark.parametrize("fresh", [0, 1])
 def test_ripple_is_the_amplitude_of_what_a_step_does_not_resolve(fresh: int) -> None:
     """On a spring k behind a compliance c an amplitude a of the free motion is k a/(1 + k c)."""

@@ -63,37 +63,6 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
     np.testing.assert_allclose(found.point_data["displacement"][end], moved[0], rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
-    """Groups of both parts, all their surfaces, and points: the models of single extractions."""
-    options = {"n": 4, "modes": 12}
-    where = ["right:y1", "left:z1"]
-    alone = [ao.impact_map(cut(), one, **options) for one in where]
-    impact = {"impactor": ao.RigidMass(0.05, 1.0), "contact": ao.Linear(1e6), "duration": 2e-4}
-    found = ao.impact_map(cut(), where, **impact, **options)
-    assert list(found.names) == [n for n, one in zip(where, alone, strict=True) for _ in one.points]
-    for name in ("points", "directions"):
-        reference = np.concatenate([getattr(one, name) for one in alone])
-        np.testing.assert_allclose(getattr(found, name), reference, atol=1e-12)
-    reference = np.concatenate([one.models.k0 for one in alone])
-    np.testing.assert_allclose(found.models.k0, reference, rtol=1e-9)
-    assert len(found.elements) == sum(len(one.elements) for one in alone)
-    assert {str(found.names[t[0]]) for t in found.elements} == set(where)
-    assert (found.names[found.elements] == found.names[found.elements[:, :1]]).all()
-    rows = found.summary().splitlines()
-    assert [row.split()[:2] for row in rows[1:]] == [
-        [name, f"{len(one)}"] for name, one in zip(where, alone, strict=True)
-    ]
-    for row, name in zip(rows[1:], where, strict=True):
-        assert f"{found.peak_force[found.names == name].max():.4g} N" in row
-    every = ao.impact_map(cut(), n=2, modes=6)
-    assert set(every.names) == {"left", "right"}
-    assert every.skipped == 9  # the clamped face, whose normals have no other part
-    read = meshio.read(every.write(tmp_path / "map.vtu"))
-    assert set(read.point_data["surface"]) == {0.0, 1.0}
-    assert every.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
-
-
 def test_a_group_names_the_point_of_a_probe():
     """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
     one, two = hits()

@@ -72,54 +72,7 @@ def test_sections_by_their_definitions():
 # --- One element ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_linear_element_is_the_classical_one():
-    """One-point shear: 2-node Timoshenko element, e.g. Hughes, The FEM (1987), §5.4."""
-    L = 0.3
-    structure = ao.Structure(parts.line(L, 1), beam(), order=1)
-    order = [dofs_at(structure, p, [n])[0] for p in [(0, 0), (L, 0)] for n in ("x", "y", "rz")]
-    K, M = (csr(A)[order][:, order].toarray() for A in (structure.K, structure.M))
-    b = beam()
-    EA, GA, EI = b.E * FLAT.A, b.G * FLAT.A * FLAT.shear, b.E * FLAT.I
-    s = GA / L
-    expected = np.array([
-        [EA / L, 0, 0, -EA / L, 0, 0],
-        [0, s, s * L / 2, 0, -s, s * L / 2],
-        [0, s * L / 2, s * L**2 / 4 + EI / L, 0, -s * L / 2, s * L**2 / 4 - EI / L],
-        [-EA / L, 0, 0, EA / L, 0, 0],
-        [0, -s, -s * L / 2, 0, s, -s * L / 2],
-        [0, s * L / 2, s * L**2 / 4 - EI / L, 0, -s * L / 2, s * L**2 / 4 + EI / L],
-    ])  # fmt: skip
-    np.testing.assert_allclose(K, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
-    line = np.array([[2, 1], [1, 2]]) * L / 6
-    weights = np.diag([b.rho * FLAT.A] * 2 + [b.rho * FLAT.I])
-    np.testing.assert_allclose(M, np.kron(line, weights), rtol=0, atol=1e-14)
-
-
 # --- Mass and rigid motions -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_mass_and_rigid_motions_of_a_space_frame(order):
-    points = [(0, 0, 0), (0.3, 0.1, 1.0), (1.2, 0.8, 0.9), (0.5, -0.4, 0.7), (0.3, 0.1, 2.0)]
-    members = [(0, 1), (1, 2), (1, 3), (1, 4), (3, 4)]
-    mesh = parts.frame(points, members, 2)
-    structure = ao.Structure(mesh, beam(orientation=(0.3, 1.0, 0.1)), order=order)
-    lengths = [np.linalg.norm(np.subtract(points[a], points[b])) for a, b in members]
-    check_free(structure, lengths, 6)
-
-
-def check_free(structure: ao.Structure, lengths, count: int) -> None:
-    mass = sum(lengths) * FLAT.A * parts.ALUMINIUM["rho"]
-    assert structure.mass == pytest.approx(mass, rel=1e-13)
-    K, M, R = csr(structure.K), csr(structure.M), structure.rigid_modes
-    assert R.shape[1] == count
-    np.testing.assert_allclose(R.T @ (M @ R), np.eye(count), atol=1e-11)
-    assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
-    # No other null vector: nothing is loose at the joints.
-    values = scipy.linalg.eigvalsh(K.toarray(), M.toarray())
-    assert values[count] > 1e-3 * structure.shift
-    assert abs(values[count - 1]) < 1e-6 * values[count]
 
 
 # --- Statics --------------------------------------------------------------------------------------
@@ -209,18 +162,6 @@ def test_order_of_convergence(name, order, rate):
         assert rates.min() > rate - 0.25, (quantity, found)
         if quantity == "omega":  # the masses of some sites converge faster
             assert rates.max() < rate + 0.25, found
-
-
-def test_stiffness_of_the_article_supported_beam():
-    """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
-    model = meshed("pinned-pinned, mid-span", 50, 1)
-    bending = 48 * BEAM.E * SECTION.I / LENGTH**3
-    assert model.k0 == pytest.approx(bending, rel=2e-3)
-    assert model.m.sum() / model.m_st == pytest.approx(0.86, abs=0.01)
-    assert model.info["modes_unobservable"] >= 4
-    assert meshed("pinned-free, tip", 50, 1).m.sum() / meshed(
-        "pinned-free, tip", 50, 1
-    ).m_st == pytest.approx(0.89, abs=0.01)
 
 
 def test_a_solid_bar_becomes_the_beam():

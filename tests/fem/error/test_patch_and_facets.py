@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.error import model_errors
-from antiosc.fem.error.model_errors import estimator, faceted, layers, mean_gaps
+from antiosc.fem.error.model_errors import estimator, layers, mean_gaps
 from antiosc.fem.platform import compat
 from parts import STEEL, box, plate
 from sheets import sheet
@@ -27,13 +27,6 @@ def ring(n: int, cell: str) -> ao.Mesh:
         return (1 + s) * np.cos(np.pi / 2 * t), (1 + s) * np.sin(np.pi / 2 * t)
 
     return sheet((2, n), polar, cell)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_straight_cells_of_a_ring_are_facets(cell):
-    text = faceted(ring(9, cell))
-    assert "angles of up to 10°" in text
-    assert "order=2" in text
 
 
 @pytest.mark.slow

@@ -127,15 +127,6 @@ def _row(n: int) -> np.ndarray:
 
 
 @pytest.mark.fem
-def test_krylov_steps_end_where_no_mode_has_the_share_asked():
-    structure = ao.Structure.from_matrices(_row(300), np.eye(300))
-    with pytest.warns(ao.AccuracyWarning, match=r"share in Z above 0\.999"):
-        model = ao.extract(structure, ao.Site(dof=7), 5, tol=0.999)
-    assert model.n < 5
-    assert model.info["modes_computed"] < 40
-
-
-@pytest.mark.fem
 def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     from antiosc.fem.extraction import eigenmodes
 

@@ -61,16 +61,6 @@ def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
     np.testing.assert_allclose(x, np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("order", "CF")
-@pytest.mark.parametrize("n", [0, 1, 2, 9])
-def test_square_leaves_the_triangle(n, order):
-    """One row is contiguous either way round: a conversion alone is no copy of it."""
-    L = np.array(np.tril(np.random.default_rng(n).standard_normal((n, n)) + 2), order=order)
-    before = L.copy()
-    np.testing.assert_allclose(solver_choice._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
-    np.testing.assert_array_equal(L, before)
-
-
 SOLVES = """
 import json, warnings
 import numpy as np

@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.mesh import soundness
-from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed, folded, straightened
+from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed
 from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
@@ -137,30 +137,6 @@ def curved(shape: str) -> np.ndarray:
     if shape == "triangle":
         nodes[:, 2] = 0.0
     return nodes
-
-
-EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
-
-
-@pytest.mark.parametrize(("shape", "edge"), EVERY_EDGE)
-def test_one_of_two_cells_is_straightened(shape, edge):
-    ends = MID_SIDE_EDGES[shape]
-    n, corners = len(curved(shape)), len(VERTICES[shape])
-    points = np.vstack([curved(shape), curved(shape) + 5.0])
-    i, j = ends[edge]
-    points[corners + edge] = 1.4 * points[j] - 0.4 * points[i]  # beyond the end of its edge
-    if shape == "triangle":
-        points = points[:, :2]
-    cells = np.arange(2 * n).reshape(2, n)
-    order = compat.node_order(shape, n, "gmsh")
-    assert folded(points, cells[:, order], shape, 2, 0.02).tolist() == [0]
-    assert not len(collapsed(points, cells[:, order], shape, 2))
-    found = straightened(points, cells, shape)
-    np.testing.assert_array_equal(found[n:], points[n:])
-    np.testing.assert_array_equal(found[:corners], points[:corners])
-    for k, (i, j) in enumerate(ends):
-        np.testing.assert_allclose(found[corners + k], (points[i] + points[j]) / 2, atol=1e-15)
-    assert not len(folded(found, cells[:, order], shape, 2, 0.02))
 
 
 def test_a_cell_without_measure_is_collapsed():

@@ -108,15 +108,6 @@ def test_dashpots_have_the_power_of_their_motions(read, case):
     assert not stiffness(model).any()
 
 
-def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
-    cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
-    model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
-    assert model["joints"]["springs"] == []
-    ((point, given),) = model["springs"]
-    assert node_at(point) == 1
-    assert given == pytest.approx({"z": 40e3})
-
-
 def test_masses_and_moments_of_inertia(read):
     cards = "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n9,3\n*MASS,ELSET=P\n2.E-3\n"
     cards += "*ELEMENT,TYPE=ROTARYI,ELSET=R\n10,4\n*ROTARY INERTIA,ELSET=R\n1.,2.,3.\n"

@@ -60,16 +60,6 @@ CYLINDER = """*NODE
 """
 
 
-@pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
-def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
-    """Where the radius is the normal of a shell, the first direction is that around the axis."""
-    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
-    ((_, _, arguments, _),) = model["families"]
-    expected = np.array(axis) / np.linalg.norm(axis)
-    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
-    assert not any("CalculiX" in text for text in model["ignored"])
-
-
 def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):
     """Constants of a solid: CalculiX has the first along the radius."""
     nine = "TYPE=ENGINEERING CONSTANTS\n2e5, 1e4, 1e4, .3, .3, .3, 5e3, 5e3\n4e3"

@@ -130,18 +130,6 @@ WALLS = {
 SECTIONS |= {kind: (nastran("PBARL", kind, *sizes), at) for kind, (at, sizes) in WALLS.items()}
 
 
-def test_sections_between_the_ends_are_linear():
-    """PBEAM with two stations; blank values at the end are those of the start."""
-    fields = ["1", "1", "6.", "4.", "2.", "", "1.", "", *8 * [""]]
-    fields += ["NO", "1.", "3.", "2.", "", "", "", "", "NO", ".5", "", "4.", "", "", "", "", ".8"]
-    at = [beam("PBEAM", fields, s).profile for s in (0.25, 0.75)]
-    assert [one.A for one in at] == pytest.approx([5.25, 3.75])
-    assert [one.I for one in at] == pytest.approx([4.0, 3.0])
-    assert [one.I_side for one in at] == pytest.approx([2.0, 2.0])
-    tapered = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
-    assert pytest.approx(np.pi * 0.01) == beam("PBEAML", tapered, 1.0).profile.A
-
-
 @pytest.mark.parametrize("name", SECTIONS)
 def test_area_and_second_moments_are_integrals(name):
     profile, inside = SECTIONS[name]

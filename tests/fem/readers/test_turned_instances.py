@@ -43,15 +43,6 @@ def test_orientations_of_the_same_name_belong_to_their_parts(tmp_path):
     assert found == {"J.All": [1, 0, 0], "K.All": [0, 1, 0]}
 
 
-def test_springs_along_axes_of_their_part(tmp_path):
-    spring = "*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K,ORIENTATION=O\n1\n4.\n"
-    part = BARS + BEAM + "0,1,0\n" + ALONG.format("1,0,0,0,0,1") + spring
-    for placed, motion in ((TURNED, "y"), (STRAIGHT, "x")):
-        model, _ = read(tmp_path, deck(part, placed))
-        ((_, stiffness),) = model["springs"]
-        assert stiffness == {motion: pytest.approx(4e3)}
-
-
 @pytest.mark.parametrize(
     ("transform", "fixed"),
     [

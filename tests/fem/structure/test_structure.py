@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from petsc4py import PETSc
 
 import antiosc as ao
 import parts
@@ -77,45 +76,6 @@ def test_reading_never_changes_the_shift(monkeypatch):
 
 
 # --- Foreign matrices -----------------------------------------------------------------------------
-
-
-def handed_over(structure: ao.Structure, kind: str):
-    """K and M without the fixed dofs, as another code would give them."""
-    free = np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
-    pair = [csr(A)[free][:, free] for A in (structure.K, structure.M)]
-    if kind == "petsc":
-        pair = [
-            PETSc.Mat().createAIJ(A.shape, csr=(A.indptr, A.indices, A.data), comm=PETSc.COMM_SELF)
-            for A in pair
-        ]
-    elif kind == "coo":
-        pair = [A.tocoo() for A in pair]
-    elif kind == "dense":
-        pair = [A.toarray() for A in pair]
-    return pair, free
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
-@pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
-def test_matrices_give_the_model_of_the_mesh(kind, supports):
-    mesh = parts.plate((6, 3), (0.2, 0.05))
-    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01), supports)
-    (K, M), free = handed_over(meshed, kind)
-    foreign = ao.Structure.from_matrices(K, M)
-    assert foreign.rigid_modes.shape[1] == meshed.rigid_modes.shape[1]
-    assert foreign.dofs == meshed.dofs
-    dofs, x = coordinates(meshed, "y")
-    dof = int(dofs[np.argmin(np.linalg.norm(x - [0.2, 0.05, 0], axis=1))])
-    b = np.zeros(meshed.K.getSize()[0])
-    b[dof] = 1.0
-    expected = ao.extract(meshed, ao.Site(vector=b), n=6, method="modes")
-    for site in (ao.Site(dof=int(np.searchsorted(free, dof))), ao.Site(vector=b[free])):
-        model = ao.extract(foreign, site, n=6, method="modes")
-        np.testing.assert_allclose(model.omega, expected.omega, rtol=1e-8)
-        np.testing.assert_allclose(model.m, expected.m, rtol=1e-7)
-        assert model.k0 == pytest.approx(expected.k0, rel=1e-8)
-        assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
 
 
 def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
