@@ -32,6 +32,12 @@ LIGHT = {
     *("api/errors", "api/exports", "api/measured", "api/find"),
 }
 MESHED = {"howto/deck", "howto/drop", "howto/damping"}
+#: The first programs of these pages are jobs that an engineer does: so many lines at most.
+JOBS = {
+    *("howto/drop", "tutorials/composite", "howto/shaking", "howto/sweep", "assemblies"),
+    *("howto/map", "matrices", "howto/damping", "howto/measured", "howto/export"),
+}
+LONGEST_JOB = 15
 #: The first program of this page reads what the second one makes.
 BACKWARDS = {"howto/measured"}
 SLOW = {
@@ -70,6 +76,12 @@ def test_the_program_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     assert said.strip()
     if page == "first_impact":
         same_numbers(said)
+
+
+@pytest.mark.parametrize("page", sorted(JOBS))
+def test_a_job_takes_few_lines(page):
+    lines = [line.strip() for line in programs(page)[0].splitlines()]
+    assert 0 < len([line for line in lines if line and line[0] != "#"]) <= LONGEST_JOB
 
 
 def same_numbers(said: str) -> None:

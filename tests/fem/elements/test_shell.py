@@ -28,6 +28,7 @@ from sheets import (
     frequencies,
     plate,
     pressed,
+    rectangle,
     sheet,
 )
 
@@ -109,6 +110,36 @@ def test_frequencies_converge_with_the_fourth_order(cell, t):
     coarse, fine = plate_error(4, t, cell), plate_error(8, t, cell)
     assert 3.5 < np.log2(coarse / fine) < 5.5
     assert fine < 1.5e-3
+
+
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize(
+    ("supports", "factors"),
+    [
+        pytest.param([], [13.468, 19.596, 24.270, 34.801, 34.801, 61.093], id="FV12"),
+        pytest.param(
+            [ao.Support(at(0, 0.0))],
+            [3.4710, 8.5066, 21.285, 27.199, 30.955, 54.187],
+            id="FV16",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+@pytest.mark.parametrize("cell", CELLS)
+def test_nafems_square_plates(cell, supports, factors):
+    """The plates of NAFEMS's FV12 (free) and FV16 (cantilever), t/L = 0.005.
+
+    Kirchhoff's factors ωL²√(ρt/D), ν = 0.3, from converged Ritz series; the values that NAFEMS
+    prints come from Leissa's shorter ones and lie up to 1 % higher.
+    """
+    structure = ao.Structure(
+        rectangle(10, 10.0, 10.0, cell), ao.Shell(200e9, 0.3, 8000.0, 0.05), supports
+    )
+    rigid = structure.rigid_modes.shape[1]
+    unit = SupportedPlate(200e9, 0.3, 8000.0, 0.05, 10.0, 10.0)
+    found = frequencies(structure, rigid + 6) * 100 * np.sqrt(unit.surface_density / unit.D)
+    assert found[:rigid] == pytest.approx(np.zeros(rigid), abs=0.1)
+    assert found[rigid:] == pytest.approx(factors, rel=4e-3)
 
 
 # --- shells -----------------------------------------------------------------------------------
