@@ -219,3 +219,13 @@ def test_what_is_no_file_is_no_model(tmp_path, kind):
         os.mkfifo(path)
     with pytest.raises(ao.InputError, match="no model file"):
         ao.AntiOscillators.load(path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_write_protected_file_stays(tmp_path):
+    path = tmp_path / "text"
+    path.write_text("old")
+    path.chmod(0o444)
+    with pytest.raises(ao.InputError, match="write-protected"):
+        files.write_text(path, "new")
+    assert path.read_text() == "old"

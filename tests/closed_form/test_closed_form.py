@@ -15,6 +15,7 @@ from antiosc.closed_form import (
     cantilever,
     clamped_clamped,
     free_free,
+    pinned_free,
     pinned_pinned,
 )
 from paths import ROOT
@@ -138,3 +139,12 @@ def test_the_example_runs(tmp_path, capsys):
     assert natural[-1] < beam.cutoff
     hit = names["hit"]
     assert hit.impulse == pytest.approx(0.1 * (1.0 - hit.impactor_velocity[-1]), rel=1e-6)
+
+
+def test_rigid_body_mass_formulae():
+    L, site = THICK.length, 0.3 * THICK.length
+    J = THICK.rhoA * L**3 / 12 + THICK.rhoI * L
+    expected = 1 / (1 / THICK.mass + (site - L / 2) ** 2 / J)
+    assert free_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)
+    expected = (THICK.rhoA * L**3 / 3 + THICK.rhoI * L) / site**2
+    assert pinned_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)

@@ -114,3 +114,13 @@ def test_a_patch_on_a_thick_plate_is_a_sum_of_waves(terms: int) -> None:
             soft = 1 / (plate.D * square**2) + 1 / (SHEAR * G * 0.02 * square)
             total += 4 / (0.5 * 0.4) * mean**2 * soft
     assert plate.mindlin_compliance(x, y, r0, terms) == pytest.approx(total, rel=1e-9)
+
+
+def test_shear_beam_limit():
+    """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
+    errors = []
+    for EI in (1e2, 1e3, 1e4):
+        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
+        errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
+    assert errors[-1] < 1e-5
+    np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)

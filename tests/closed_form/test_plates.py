@@ -220,3 +220,41 @@ def test_the_compliance_is_what_the_plate_moves_more_than_the_layer(nu):
     below = 0.2 * more(0.1)  # nearly straight there
     found = plate_patch(2 * (1 + nu), nu, 1.0).local_compliance
     assert found == pytest.approx((above + below) / (2 * np.pi), rel=2e-3)
+
+
+def _modes(plate: SupportedPlate, x: float, y: float, count: int = 1500):
+    m = np.arange(1, count + 1)
+    sines = np.outer(np.sin(m * np.pi * x / plate.a), np.sin(m * np.pi * y / plate.b))
+    b2 = 4 / (plate.surface_density * plate.a * plate.b) * sines**2
+    return plate.kirchhoff(m[:, None], m) ** 2, b2
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_single_and_double_series_agree(point):
+    omega2, b2 = _modes(PLATE, *point)
+    assert np.sum(b2 / omega2) == pytest.approx(PLATE.compliance(*point), rel=1e-6)
+    for x in (1e2, 1e4, 3e5):
+        # the same difference of slow tails on both sides
+        double = np.sum(b2 * (1 / (omega2 - x) - 1 / omega2)) + PLATE.compliance(*point)
+        assert PLATE.receptance(*point, x).real == pytest.approx(double, rel=1e-6)
+
+
+def test_compliance_at_the_centre_is_timoshenkos():
+    # Theory of Plates and Shells, table 23: 0.01160 P a²/D
+    assert SQUARE.compliance(0.5, 0.5) * SQUARE.D == pytest.approx(0.01160, abs=5e-6)
+
+
+def test_zener_limits():
+    assert zener.restitution(0.0) == pytest.approx(1, abs=1e-9)
+    # two bodies through Hertz alone: 2.9433 (5/4)^{2/5}
+    assert zener.contact_time(0.0) == pytest.approx(2.9432 * 1.25**0.4, rel=1e-4)
+    values = [zener.restitution(lam) for lam in (0.1, 0.3, 0.5, 1.0)]
+    assert np.all(np.diff(values) < 0)
+    # first order: the work of the damping force along the undamped path,
+    # 1 − e = λ ∫ (3/2)√σ σ'² dτ = λ · 2 ∫ (3/2)√σ √(1 − (4/5)σ^{5/2}) dσ
+    from scipy.integrate import quad
+
+    top = 1.25**0.4
+    work = 2 * quad(lambda s: 1.5 * np.sqrt(s * max(1 - 0.8 * s**2.5, 0.0)), 0, top)[0]
+    assert (1 - zener.restitution(1e-4)) / 1e-4 == pytest.approx(work, rel=1e-3)
+    assert zener.restitution(3.0) > 0

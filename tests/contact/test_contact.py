@@ -277,3 +277,19 @@ def test_the_contact_radius_is_that_of_the_law(radius):
     delta = (force / law.stiffness) ** (2 / 3)
     found = ao.contact_stress(tip, force, 70e9, 0.33, radius)
     assert found.radius**2 == pytest.approx(relative * delta, rel=1e-12)
+
+
+@pytest.mark.parametrize("e", [0.02, 0.3, 0.6, 0.95, 1.0])
+def test_gonthier_returns_the_restitution_it_was_given(e):
+    hit = ao.simulate(rigid(0.5), ao.RigidMass(0.24, 1.3), ao.Gonthier(HERTZ, e), 2e-3, tol=1e-4)
+    assert hit.restitution == pytest.approx(e, rel=1e-3)
+
+
+def test_a_damping_factor_of_single_precision_is_a_number_like_others():
+    """NumPy 2 would compute all that follows in single precision."""
+    assert restitution_of(np.float32(1.0)) == restitution_of(1.0)
+
+
+def test_force_beyond_the_table():
+    with pytest.raises(ao.AccuracyError, match="last point"):
+        ao.simulate(rigid(1.0), ao.RigidMass(1.0, 30.0), LAWS["table"], 1e-2)

@@ -11,6 +11,7 @@ import scipy.linalg as la
 import antiosc as ao
 from antiosc.models.body import checked_body
 from antiosc.models.motion import arrow_modes
+from scenes import random_model
 
 
 def spd(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -190,3 +191,15 @@ def test_the_patch_of_a_foreign_body_counts_like_a_model_s():
     assert checked_body("body", foreign).patch_radius == 3e-3
     assert ao.Impactor(foreign).local_compliance == ao.Impactor(MODEL).local_compliance == 2e-8
     assert ao.Impactor(MODEL).patch_radius == 3e-3
+
+
+def test_truncation_returns_the_mass_and_keeps_the_static_answer(rng):
+    model = random_model(rng, 6)
+    short = model.truncated(2)
+    assert short.n == 2
+    assert short.m_st == pytest.approx(model.m_st)
+    assert short.dynamic_stiffness(0.0) == model.k0
+    assert short.participation.sum() == pytest.approx(model.participation.sum())
+    # the low-frequency expansion k0 - x m_st - ... begins alike
+    x = 1e-3 * model.omega[0]
+    assert short.dynamic_stiffness(x) == pytest.approx(model.dynamic_stiffness(x), rel=1e-9)

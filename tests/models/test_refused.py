@@ -14,6 +14,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
 from antiosc.closed_form import SupportedLaminate, SupportedPlate, plate_patch, zener
+from antiosc.contact import Tabulated
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
@@ -127,6 +128,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ReducedMatrices(np.eye(2, k=1), np.eye(2), np.ones((2, 2))), "K must"),
     (lambda: MODEL.to_matrices().save("model.txt"), "model.txt"),
     # bodies in free modes
+    (lambda: ao.ModalBody(OMEGA, B, decay=[0, -1]), "negative"),
     (lambda: ao.ModalBody([-1.0], [1.0]), "omega"),
     (lambda: ao.ModalBody(OMEGA, B, basis=(np.ones((2, 1)), np.ones((3, 1)))), "number"),
     (lambda: ao.ModalBody(OMEGA, B, inertia=INERTIA), "2 modes"),
@@ -156,6 +158,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: error_bound(at_sites_of(*MODES), *MODES, 9.0), "last free mode"),
     (lambda: ao.impact_band(ao.Obstacle(), ao.Hertz(1e9)), "velocity > 0"),
     # closed forms and laws
+    (lambda: Tabulated([0, 1], [0, 1], 3.0), "unloading"),
     (lambda: laminate(D=-np.eye(3)), "definite"),
     (lambda: laminate(inertia=(0, 0, 0)), "mass per area"),
     (lambda: SupportedPlate(E=2e11, nu=0.3, rho=7800.0, thickness=1e-3, a=0.3, b=0.2)

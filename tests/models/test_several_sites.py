@@ -182,3 +182,18 @@ def test_semidefinite_clips_what_is_negative_on_equal_scales():
     found = bands.semidefinite(unit * np.outer(scale, scale) + 1e-30)
     assert np.abs(found[3]).max() < 1e-14
     assert np.linalg.eigvalsh(found).min() > -1e-12 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 6])
+def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
+    K, M = loose_chains((10,), 1, rng)
+    B = rng.standard_normal((10, 2))
+    model = by_hand(K, M, B, n)
+    assert model.n == n
+    assert np.linalg.eigvalsh(model.m0)[0] > 0.0
+    assert np.linalg.eigvalsh(model.k0)[0] > 0.0
+    least = np.linalg.inv(B.T @ np.linalg.solve(M, B))
+    assert np.linalg.eigvalsh(model.m0 - least)[0] > -1e-12
+    np.testing.assert_allclose(model.m_st, by_hand(K, M, B).m_st, rtol=1e-10)
+    at_rest = receptance(K, M, B, np.array([0j]))[0].real
+    np.testing.assert_allclose(model.site_modes().receptance(0.0), at_rest, rtol=1e-9)

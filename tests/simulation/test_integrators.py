@@ -132,3 +132,10 @@ def test_the_inertia_behind_a_contact_is_that_of_its_slowest_motions():
     assert mass_behind(np.array([0.0, 0.2]), omega) == pytest.approx(25.0)
     assert mass_behind(np.array([0.5, 0.2]), omega) == pytest.approx(1 / (0.25 + 0.04))
     assert mass_behind(np.zeros(2), omega) == 1.0
+
+
+@methods
+def test_momentum_is_exact_whatever_the_step(method):
+    run = strike(LAWS["hertz"], method, 1e-5)
+    lost = STRIKER.mass * (STRIKER.velocity - run.impactor_velocity[-1])
+    assert lost == pytest.approx(run.impulse, rel=1e-12)

@@ -164,3 +164,12 @@ def test_bodies_that_still_approach_are_told():
     assert short.restitution < 0
     assert f"approach (restitution {short.restitution:.3g} < 0)" in short.summary()
     assert "lengthen the duration" in short.explanation
+
+
+def test_what_rests_all_along_does_not_cut_an_impact():
+    mass, law = ao.RigidMass(1.0), ao.Linear(1e6)
+    contacts = [ao.Contact("m", "floor", law)]
+    bodies = {"m": mass, "floor": ao.Obstacle()}
+    rest = ao.Scene(bodies, contacts, gravity=-9.81, preload=True).run(1e-3)
+    assert (rest.status, rest.message) == (0, "Completed.")
+    assert rest["m", "floor"].contact_time == pytest.approx(1e-3)

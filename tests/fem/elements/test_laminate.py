@@ -180,3 +180,15 @@ def test_a_flipped_section_is_that_of_its_flipped_stack():
         one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
         assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
         assert name == "S" or np.abs(other).min() > 0
+
+
+@pytest.mark.parametrize("angle", [0, 30, 90, -45])
+def test_a_homogeneous_section_has_five_sixths_of_its_shear_stiffness(angle):
+    layers = stack([angle] * 5, 4e-3)
+    section = stacked(layers)
+    assert pytest.approx(5 / 6 * uniform(layers), rel=1e-12, abs=1e-6) == section.S
+    Q = layers[0].plane_stress()
+    assert pytest.approx(Q * 4e-3, rel=1e-12, abs=1e-3) == section.A
+    assert pytest.approx(Q * 4e-3**3 / 12, rel=1e-12, abs=1e-9) == section.D
+    assert not section.B.any()
+    assert section.I1 == 0

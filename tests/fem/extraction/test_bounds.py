@@ -138,3 +138,21 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     site = ao.Site(dof=0)
     with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
         assert ao.extract(structure, site, 5, "modes").n < 5
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+def test_a_residual_mass_that_a_difference_would_lose(method):
+    # a grain on a spring before ten tons that a soft spring holds
+    K = np.array([[1e3, -1e3], [-1e3, 1e3 + 1.0]])
+    structure = ao.Structure.from_matrices(K, np.diag([1e-9, 1e4]))
+    model = ao.extract(structure, ao.Site(dof=0), 1, method)
+    assert model.m_st == pytest.approx(1e4, rel=0.01)
+    np.testing.assert_allclose(model.m0, 1e-9, rtol=1e-6)
+
+
+@pytest.mark.fem
+def test_full_keeps_a_resonance_of_small_static_compliance():
+    structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
+    model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
+    assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest

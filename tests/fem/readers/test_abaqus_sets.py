@@ -238,6 +238,10 @@ def test_files_include_one_another_fifteen_deep(read):
 
 ASSEMBLED = PART + TOP
 WRONG = {
+    "** words\n": (None, "contains"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,6\n51,1,3,8\n": (18, "such"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,5\n51,1\n": (19, "program"),
+    SHEET + "*NSET,NSET=A,GENERATE\n1,9,0\n": (18, "selects"),
     "*NODE\n*INCLUDE,INPUT=" + 300 * "x" + "\n": (2, "beside"),
     "*NODE,SYSTEM=C\n1,2,3\n": (1, "rectangular"),
     SHEET + "*ELGEN\n10,2,2,10\n": (None, "defines"),

@@ -183,6 +183,7 @@ def test_groups_by_property_and_by_support(tmp_path):
 
 
 WRONG = {
+    GRIDS + "=,*1,==\n=(0)\n": (10, "repeats"),
     GRIDS + "SPOINT,99,3\n": (None, "SPOINT"),
     GRIDS + "CBAR,1,7,1\n": (9, "field"),
     GRIDS + "CBAR,,7,1,2\n": (9, "field"),

@@ -197,3 +197,21 @@ def test_a_torsion_constant_that_is_missing_is_told(name):
         profile = profiles_.at(0.0).profile
         assert pytest.approx(J or 3.5) == profile.J
         assert any("missing torsion constant J" in one for one in profiles_.told) == (not J)
+
+
+def test_torsion_of_hollow_sections():
+    """Bredt: 4 A²/∮ds/t with the area A within the middle line; round, it is the polar moment."""
+    for name in ("TUBE", "PIPE"):
+        tube = SECTIONS[name][0]
+        assert pytest.approx(np.pi / 2 * (1.5**4 - 1.1**4)) == tube.J
+    for name in ("BOX of Nastran", "BOX of Abaqus"):
+        around = 2 * 1.8 / 0.4 + 2 * 2.6 / 0.2  # two walls 0.4 thick, two 0.2
+        assert pytest.approx(4 * (2.6 * 1.8) ** 2 / around) == SECTIONS[name][0].J
+
+
+@pytest.mark.parametrize("name", ["ROD", "CIRC", "CIRC of CalculiX"])
+def test_torsion_of_ellipses_is_saint_venants(name):
+    """4 I₁I₂/(I₁ + I₂); on a circle the polar moment."""
+    profile = SECTIONS[name][0]
+    first, second = profile.I, profile.I_side
+    assert pytest.approx(4 * first * second / (first + second)) == profile.J

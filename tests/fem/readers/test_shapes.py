@@ -12,6 +12,7 @@ from antiosc.io import neutral
 from antiosc.io.conversion import NodeTable
 from antiosc.io.mesh_files import GMSH_FACES
 from antiosc_decks.abaqus_joints import SOLID_FACES
+from antiosc_decks.abaqus_mesh import element_type
 
 BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 POINTS = {
@@ -81,3 +82,16 @@ def test_middles_that_are_placed_lie_there_among_their_nodes():
         assert node in table.grown(np.array(own))
         for missing in range(len(own)):
             assert node not in table.grown(np.delete(own, missing))
+
+
+def test_inner_nodes_of_the_hexahedron_of_27():
+    """Node 21 is the centre; 22 bottom, 23 top, then the sides y = 0, x = 1, y = 1, x = 0.
+
+    In VTK's order they stand as x = 0, x = 1, y = 0, y = 1, bottom, top, centre.
+    """
+    found = element_type("C3D27")
+    sides = {21: "centre", 22: "bottom", 23: "top", 24: "y0", 25: "x1", 26: "y1", 27: "x0"}
+    names = [sides[place + 1] for place in found.inner]
+    assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
+    assert list(found.corners) == list(range(8))
+    assert list(found.mids) == list(range(8, 20))

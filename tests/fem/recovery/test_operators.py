@@ -235,3 +235,24 @@ def test_a_direction_names_the_surface(up):
     assert found[0, 0, 0, 0] == pytest.approx(up * 2e-3, rel=1e-9)
     with pytest.raises(ao.InputError, match="along"):
         evaluator(on_mesh(part), "strain", Place((1.0, 0, 0.01)))(at)
+
+
+def test_shear_stresses_of_layers_are_in_equilibrium():
+    """Their integral is the shear force, and the surfaces are free; 3/2 Q/t in the middle."""
+    from antiosc.fem.elements import shear_stresses
+
+    layers = [PLY.rotated(a) for a in (0, 90, 45, 20)]
+    x, w = np.polynomial.legendre.leggauss(3)
+    whole = np.zeros((2, 2))
+    for k in range(4):
+        for a, weight in zip(x, w, strict=True):
+            whole += weight / 2 * 1e-3 * shear_stresses(layers, k, (k - 2 + (a + 1) / 2) * 1e-3)
+        np.testing.assert_allclose(
+            shear_stresses(layers, max(k - 1, 0), (k - 2) * 1e-3),
+            shear_stresses(layers, k, (k - 2) * 1e-3),
+            atol=1e-6,
+        )
+    np.testing.assert_allclose(np.diag(whole), [1, 1], rtol=1e-10)
+    assert np.abs(shear_stresses(layers, 3, 2e-3)).max() < 1e-9 * 250
+    one = [ao.Layer.isotropic(210e9, 0.3, 7850.0, 4e-3)]
+    np.testing.assert_allclose(shear_stresses(one, 0, 0.0), 1.5 / 4e-3 * np.eye(2), atol=1e-9)
