@@ -63,7 +63,7 @@ def main(
     ----------
     repeats : runs of which the least and the median are taken
     scenes : in the batch
-    workers : threads that are compared with one
+    workers : threads that are compared with one, by calls of `simulate` and by a batch
     chart : picture of the first and the warm call, if wanted
     count : count instructions by valgrind, which takes a minute
     """
@@ -85,7 +85,7 @@ def main(
         "impacts": impacts,
         "instructions": {n: instructions(n) for n in models if count},
         "batch": batch(models[20], scenes),
-        "threads": threads(models[100], workers),
+        "threads": {n: threads(model, workers) for n, model in models.items()},
     }
     if chart is not None:
         draw(result, chart)
@@ -174,15 +174,30 @@ def batch(model: ao.AntiOscillators, scenes: int, repeats: int = 5) -> dict[str,
 def threads(
     model: ao.AntiOscillators, workers: int, scenes: int = 640, repeats: int = 3
 ) -> dict[str, float]:
-    """Seconds of the clock of a batch in one thread and in several, the least of some repeats."""
+    """How many times faster several threads are than one, by the clock, at best of some repeats:
+    calls of `simulate`, and a batch."""
     strikers, laws = drawn(scenes)
-    found = {f"{count} threads": np.inf for count in (1, workers)}
-    for _ in range(repeats):
-        for name, count in zip(found, (1, workers), strict=True):
-            with ThreadPoolExecutor(count) as pool:
-                began = time.perf_counter()
-                ao.simulate_many(model, strikers, laws, DURATION, tol=TOL, executor=pool)
-                found[name] = min(found[name], time.perf_counter() - began)
+
+    def strike(first: int, count: int) -> None:
+        for blow in list(zip(strikers, laws, strict=True))[first::count]:
+            ao.simulate(model, *blow, DURATION, tol=TOL)
+
+    def calls(count: int, pool: ThreadPoolExecutor) -> None:
+        list(pool.map(strike, range(count), [count] * count))
+
+    def batch(count: int, pool: ThreadPoolExecutor) -> None:
+        ao.simulate_many(model, strikers, laws, DURATION, tol=TOL, executor=pool)
+
+    found = {}
+    for work in (calls, batch):
+        least = dict.fromkeys((1, workers), np.inf)
+        for _ in range(repeats):
+            for count in least:
+                with ThreadPoolExecutor(count) as pool:
+                    began = time.perf_counter()
+                    work(count, pool)
+                    least[count] = min(least[count], time.perf_counter() - began)
+        found[work.__name__] = least[1] / least[workers]
     return found
 
 
@@ -194,8 +209,9 @@ def report(result: dict[str, Any]) -> None:
         print(f"N = {r['n']:>3}, {r['speed']:>4g} m/s, ms: {', '.join(parts)}")
     print("instructions of a warm simulate:", result["instructions"])
     print("scenes a second:", {k: round(v) for k, v in result["batch"].items()})
-    one, several = result["threads"].values()
-    print(f"a batch, s: {result['threads']}, ratio {one / several:.2f}")
+    for n, found in result["threads"].items():
+        ratios = ", ".join(f"{what} {ratio:.2f}" for what, ratio in found.items())
+        print(f"N = {n:>3}, times that threads are faster than one: {ratios}")
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -138,7 +138,7 @@ def tried(path: Path) -> dict[str, Any]:
         result["differ"] = differ
         model_of = abaqus_model.model_of if flat else nastran_model.model_of
         model_of(found, UnitSystem.of("m"), collection.DENSITY)
-        entries = [card for card, _ in found.cards] if flat else found.bulk.entries
+        entries = found.cards if flat else found.bulk.entries
         kinds = dict((name, fate.kind) for name, _, fate in found.account.cards)
         star = "*" if flat else ""
         result["unseen"] = Counter(

@@ -23,15 +23,16 @@ WHAT = {"NSET": "node", "ELSET": "element"}
 class Instance:
     """A placed part: the first rows of its nodes and elements in the whole deck."""
 
+    whole: Whole
     name: str
     cards: list[Card]
-    mesh: Mesh = field(default_factory=Mesh)
-    first_node: int = 0
-    first_element: int = 0
-    first_other: int = 0
+    mesh: Mesh
     #: x in the whole deck: turn @ x in the part + shift
     turn: Array = field(default_factory=lambda: np.eye(3))
     shift: Array = field(default_factory=lambda: np.zeros(3))
+    first_node: int = 0
+    first_element: int = 0
+    first_other: int = 0
 
     @property
     def prefix(self) -> str:
@@ -45,14 +46,60 @@ class Instance:
         beyond = rows - self.mesh.cells
         return np.where(beyond < 0, rows + self.first_element, beyond + self.first_other + OTHER)
 
-    def refuse_turned(self, card: Card) -> None:
-        """MeshError if the instance is rotated: the card gives motions or axes by their numbers."""
-        if not np.allclose(self.turn, np.eye(3), rtol=0, atol=1e-9):
-            raise card.place.error(
-                f"the instance {self.name!r} is rotated, and the axes of this "
-                f"*{card.keyword} in its part may be those before or after; give it outside the "
-                "part, or by vectors (n1, *ORIENTATION)."
-            )
+    def spelled(self, name: str) -> str:
+        """A set's name as first written; upper and lower case are not distinguished."""
+        name = self.prefix + name
+        return self.whole.spelling.setdefault(name.upper(), name)
+
+    def rows(self, keyword: str, word: str, place: Place) -> IntArray:
+        """Rows of the number or of the set (NSET or ELSET) that `word` names."""
+        found = self.find(keyword, word)
+        if found is None:
+            what, where = WHAT[keyword], f" in {self.name}" if self.name else ""
+            number = word.lstrip("-").isdigit()
+            if number and len(self.whole.instances) > 1 and not self.name:
+                where = " outside the instances; name its instance (INSTANCE=)"
+            what = what if number else f"set of {what}s"
+            raise place.error(f"there is no {what} {word}{where}.")
+        return found
+
+    def nodes(self, word: str, place: Place) -> IntArray:
+        """Rows of the node or of the set of nodes that `word` names."""
+        return self.rows("NSET", word, place)
+
+    def node(self, word: str, place: Place) -> int:
+        """The node that a number or a set of one node names."""
+        nodes = self.nodes(word, place)
+        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
+        return int(nodes[0])
+
+    def elements(self, word: str, place: Place) -> IntArray:
+        """Numbers of the cells that the number or the name of a set of elements stands for."""
+        rows = self.rows("ELSET", word, place)
+        return rows[rows < OTHER]
+
+    def find(self, keyword: str, word: str) -> IntArray | None:
+        """Rows of a number, or of the set with this name; None if there is none."""
+        word = word.strip().strip('"')
+        name, dot, inner = word.partition(".")
+        of = self
+        if dot and name.upper() in self.whole.instances:
+            of, word = self.whole.instances[name.upper()], inner
+        try:
+            label = np.array([int(word)])
+        except ValueError:
+            return self.whole.sets.get((keyword, (of.prefix + word).upper()))
+        found = of.numbered(keyword, lambda known: known.rows(label))
+        return found if len(found) else None
+
+    def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
+        """Rows of numbers; those of the assembly may be of its only instance."""
+        every = list(self.whole.instances.values())
+        for one in (self, *every[1:2] * (not self.name and len(every) == 2)):
+            rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
+            if (rows >= 0).any():
+                return one.placed(keyword, rows)
+        return NONE
 
 
 @dataclass
@@ -64,8 +111,8 @@ class Whole:
     account: Account
     #: by name in upper case; "" is the deck itself, or its assembly
     instances: dict[str, Instance] = field(default_factory=dict)
-    #: cards outside steps, and the instance whose names they use
-    cards: list[tuple[Card, Instance]] = field(default_factory=list)
+    #: cards outside steps, each with the instance whose names it uses
+    cards: list[Card] = field(default_factory=list)
     #: cards of each step
     steps: list[list[Card]] = field(default_factory=list)
     #: elements that are not cells: (type, its number and nodes, of which instance)
@@ -75,74 +122,16 @@ class Whole:
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
 
-    def named(self, *keywords: str) -> list[tuple[Card, Instance]]:
+    def named(self, *keywords: str) -> list[Card]:
         """The cards of the model of these keywords."""
-        return [(card, within) for card, within in self.cards if card.keyword in keywords]
+        return [card for card in self.cards if card.keyword in keywords]
 
-    def spelled(self, name: str, within: Instance) -> str:
-        """A set's name as first written; upper and lower case are not distinguished."""
-        name = within.prefix + name
-        return self.spelling.setdefault(name.upper(), name)
-
-    def nodes(self, word: str, place: Place, within: Instance) -> IntArray:
-        """Rows of the node or of the set of nodes that `word` names."""
-        return self._rows("NSET", word, place, within)
-
-    def node(self, word: str, place: Place, within: Instance) -> int:
-        """The node that a number or a set of one node names."""
-        nodes = self.nodes(word, place, within)
-        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
-        return int(nodes[0])
-
-    def elements(self, word: str, place: Place, within: Instance) -> IntArray:
-        """Numbers of the cells that the number or the name of a set of elements stands for."""
-        rows = self._rows("ELSET", word, place, within)
-        return rows[rows < OTHER]
-
-    def beside(self, card: Card, within: Instance) -> Iterator[tuple[str, list[int]]]:
+    def beside(self, card: Card) -> Iterator[tuple[str, list[int]]]:
         """(type, rows of nodes) of the elements in the set of a card that are not cells."""
-        rows = self._rows("ELSET", card.needed("ELSET"), card.place, within)
+        rows = card.within.rows("ELSET", card.needed("ELSET"), card.place)
         for k in rows[rows >= OTHER] - OTHER:
             kind, row, own = self.others[k]
-            yield kind, [self.node(word, row.place, own) for word in row.fields[1:]]
-
-    def find(self, keyword: str, word: str, within: Instance) -> IntArray | None:
-        """Rows of a number, or of the set with this name; None if there is none."""
-        word = word.strip().strip('"')
-        name, dot, inner = word.partition(".")
-        if dot and name.upper() in self.instances:
-            within, word = self.instances[name.upper()], inner
-        try:
-            label = np.array([int(word)])
-        except ValueError:
-            return self.sets.get((keyword, (within.prefix + word).upper()))
-        found = self._numbered(keyword, within, lambda known: known.rows(label))
-        return found if len(found) else None
-
-    def _numbered(
-        self, keyword: str, within: Instance, rows_of: Callable[[Numbering], IntArray]
-    ) -> IntArray:
-        """Rows of numbers; those of the assembly may be of its only instance."""
-        only = list(self.instances.values())[1:2] * (not within.name and len(self.instances) == 2)
-        for one in (within, *only):
-            rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
-            if (rows >= 0).any():
-                return one.placed(keyword, rows)
-        return NONE
-
-    def _rows(self, keyword: str, word: str, place: Place, within: Instance) -> IntArray:
-        found = self.find(keyword, word, within)
-        if found is None:
-            raise self._missing(keyword, word, place, within)
-        return found
-
-    def _missing(self, keyword: str, word: str, place: Place, within: Instance) -> MeshError:
-        what = WHAT[keyword]
-        where = f" in {within.name}" if within.name else ""
-        number = word.lstrip("-").isdigit()
-        if number and len(self.instances) > 1 and not within.name:
-            where = " outside the instances; name its instance (INSTANCE=)"
-        return place.error(f"there is no {what if number else f'set of {what}s'} {word}{where}.")
+            yield kind, [own.node(word, row.place) for word in row.fields[1:]]
 
     def add(self, instance: Instance) -> None:
         """Add an instance's nodes, elements and sets."""
@@ -155,7 +144,7 @@ class Whole:
         for block in mesh.blocks:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
         for kind, row in mesh.others:
-            deck.leave(kind)
+            deck.left[kind] += 1
             self.others.append((kind, row, instance))
         deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
         for keyword, label, rows in mesh.sets:
@@ -163,52 +152,48 @@ class Whole:
         if name:
             top = self.instances[""]
             self._extend("ELSET", name, top, [np.arange(start, deck.n_elements)])
-        self.cards += [(card, instance) for card in instance.cards]
+        self.cards += [card.of(instance) for card in instance.cards]
 
     def _extend(self, keyword: str, name: str, within: Instance, rows: list[IntArray]) -> None:
-        key = keyword, self.spelled(name, within).upper()
+        key = keyword, within.spelled(name).upper()
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
 
-    def read_set(self, card: Card, within: Instance) -> None:
+    def read_set(self, card: Card) -> None:
         """A card *NSET or *ELSET; one of the assembly may have members in instances."""
-        keyword, name, of = card.keyword, card.needed(card.keyword), within
+        keyword, name, within = card.keyword, card.needed(card.keyword), card.within
+        of = within
         if wanted := card.option("INSTANCE"):
             card.needs(wanted.upper() in self.instances, f"there is no instance {wanted!r}.")
             of = self.instances[wanted.upper()]
         found, lost, count = [NONE], [], 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
-            cells = self.find("ELSET", elements, of)
+            cells = of.find("ELSET", elements)
             if cells is not None:
                 found.append(self.deck.nodes_of(cells))
             else:
-                self.deck.told.append(
-                    f"{card.place}: *NSET {name} is of the set of elements {elements}, "
-                    "which does not exist before it."
-                )
+                told = f"{card.place}: *NSET {name} is of the set of elements {elements}"
+                self.deck.told.append(f"{told}, which does not exist before it.")
         strict = len(self.instances) > 1 and not within.name
         every = self._all_numbers(card, of)
         found += [] if every is None else [every]
         for row in card.rows() if every is None else ():
             if "GENERATE" in card.options:
-                found.append(self._numbered(keyword, of, _ranged(row)))
+                found.append(of.numbered(keyword, _ranged(row)))
                 row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
                           "selects nothing; name the instance of its numbers "
                           "(INSTANCE=).")  # fmt: skip
                 continue
             for word in filter(None, row.fields):
                 count += 1
-                rows = self.find(keyword, word, of)
-                if rows is not None:
-                    found.append(rows)
-                elif strict:
-                    raise self._missing(keyword, word, row.place, of)
-                else:
+                rows = of.rows(keyword, word, row.place) if strict else of.find(keyword, word)
+                if rows is None:
                     lost.append(word)
+                else:
+                    found.append(rows)
         if lost:
-            self.deck.told.append(
-                f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist "
-                f"({', '.join(lost[:4])}{', …' * (len(lost) > 4)})."
-            )
+            told = f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
+            shown = f"{', '.join(lost[:4])}{', …' * (len(lost) > 4)}"
+            self.deck.told.append(f"{told} ({shown}).")
         self._extend(keyword, name, within, found)
 
     def _all_numbers(self, card: Card, of: Instance) -> IntArray | None:
@@ -221,23 +206,14 @@ class Whole:
         rows = known.rows(np.array(words, dtype=np.int64))
         return of.placed(card.keyword, rows) if (rows >= 0).all() else None
 
-    def finish(self) -> None:
-        """Give the deck the sets, without elements that are not cells."""
-        sets = {"NSET": self.deck.node_sets, "ELSET": self.deck.element_sets}
-        for (keyword, name), rows in self.sets.items():
-            cells = rows[rows < OTHER]
-            if len(cells) or not len(rows):
-                sets[keyword][self.spelling[name]] = cells
-
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     """What selects the existing numbers in a range, which may be wide."""
     row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
     first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
-    if step == 0 and first == last:
-        step = 1
-    if step < 1 or last < first:
-        raise row.place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
+    step = step or int(first == last)
+    some = step >= 1 and last >= first
+    row.needs(some, f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
 
 
@@ -245,22 +221,23 @@ def read(sources: Sources) -> Whole:
     """The deck in some files."""
     cards, name = read_cards(sources), sources.name
     whole = Whole(Deck(name), account_for(cards, name))
-    whole.deck.told += whole.account.unknown_cards()
+    whole.deck.told += whole.account.unknown()
     top, parts, placed = _divided(cards, whole.steps)
-    whole.add(Instance("", top, mesh_of(top, name)))
+    whole.add(Instance(whole, "", top, mesh_of(top, name)))
     meshes: dict[str, Mesh] = {}
     used = {card.option("PART").upper() for card, _ in placed}
     for part, (spelled, _) in parts.items():
         if part not in used:
             whole.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
     for card, own in placed:
-        whole.add(_placed(card, own, parts, meshes))
-    instances = list(whole.instances.values())
-    for instance in (*instances[1:], instances[0]):
-        for card in instance.cards:
-            if card.keyword in WHAT:
-                whole.read_set(card, instance)
-    whole.finish()
+        whole.add(_placed(whole, card, own, parts, meshes))
+    for card in sorted(whole.named(*WHAT), key=lambda card: not card.within.name):
+        whole.read_set(card)
+    named = {"NSET": whole.deck.node_sets, "ELSET": whole.deck.element_sets}
+    for (keyword, label), rows in whole.sets.items():  # without elements that are not cells
+        cells = rows[rows < OTHER]
+        if len(cells) or not len(rows):
+            named[keyword][whole.spelling[label]] = cells
     if not len(whole.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE).")
     return whole
@@ -281,31 +258,28 @@ def _divided(
     for card in cards:
         if card.keyword in ("PART", "INSTANCE"):
             named = card.keyword, card.needed("NAME").upper()
-            if named in names:
-                raise card.place.error(f"*{card.keyword} {card.option('NAME')!r} is there twice.")
+            once = named not in names
+            card.needs(once, f"*{card.keyword} {card.option('NAME')!r} is there twice.")
             names.add(named)
-        match card.keyword:
-            case "PART":
-                current = []
-                parts[card.needed("NAME").upper()] = card.needed("NAME"), current
-            case "INSTANCE":
-                current = []
+            current = []
+            if card.keyword == "PART":
+                parts[named[1]] = card.needed("NAME"), current
+            else:
                 placed.append((card, current))
-            case "ENDPART" | "ENDINSTANCE":
-                current = top
-            case "STEP":
-                in_step = True
-                steps.append([])
-            case "ENDSTEP":
-                in_step = False
-            case _ if in_step and card.keyword not in WHAT:
-                steps[-1].append(card)
-            case _:
-                current.append(card)
+        elif card.keyword in ("ENDPART", "ENDINSTANCE"):
+            current = top
+        elif card.keyword in ("STEP", "ENDSTEP"):
+            in_step = card.keyword == "STEP"
+            steps += [[]] * in_step
+        else:
+            in_model = not in_step or card.keyword in WHAT
+            (current if in_model else steps[-1]).append(card)
     return top, parts, placed
 
 
-def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) -> Instance:
+def _placed(
+    whole: Whole, card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]
+) -> Instance:
     name, wanted = card.needed("NAME"), card.option("PART")
     card.needs(wanted.upper() in parts, f"the instance {name!r} is of the part {wanted!r}, which "
                "the deck does not define.")  # fmt: skip
@@ -321,20 +295,12 @@ def _placed(card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]) 
     rows = card.rows()
     if rows:
         shift = np.array(rows[0].reals(3))
-    if len(rows) > 1:
-        if len(rows[1].fields) < 7:
-            raise rows[1].place.error("the rotation of an instance is two points and an angle.")
-        numbers = rows[1].reals(7)
-        a, b = np.reshape(numbers[:6], (2, 3))
-        turn = _rotation(b - a, numbers[6], rows[1].place)
+    for row in rows[1:2]:  # Rodrigues' matrix of a rotation about an axis
+        row.needs(len(row.fields) >= 7, "the rotation of an instance is two points and an angle.")
+        a, b = np.reshape(row.reals(6), (2, 3))
+        length, angle = float(np.linalg.norm(b - a)), np.deg2rad(row.real(6))
+        row.needs(length != 0, "the two points of a rotation coincide.")
+        K = -lever((b - a) / length)
+        turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
         shift = a + turn @ (shift - a)
-    return Instance(name, cards, mesh, turn=turn, shift=shift)
-
-
-def _rotation(axis: Array, degrees: float, place: Place) -> Array:
-    """Rodrigues' matrix of a rotation about an axis."""
-    length = float(np.linalg.norm(axis))
-    place.needs(length != 0, "the two points of a rotation coincide.")
-    K = -lever(axis / length)
-    angle = np.deg2rad(degrees)
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+    return Instance(whole, name, cards, mesh, turn, shift)

@@ -1,16 +1,20 @@
-"""Keyword cards of Abaqus and CalculiX, `*KEYWORD, OPTION=VALUE` and the data lines below it.
-
-The tables say what becomes of each card, and of the options of those that are read.
-"""
+"""Keyword cards of Abaqus and CalculiX with their data lines, and what becomes of each."""
 
 from __future__ import annotations
 
 import re
+from copy import copy
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, Placed, real_number, whole_number
+from antiosc.io.deck import IntArray, Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
+
+if TYPE_CHECKING:
+    from antiosc_decks.abaqus_assembly import Instance
 
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
@@ -23,8 +27,8 @@ SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 class Row(Placed):
     """The fields of a data line; a comma at the end adds none."""
 
-    def __init__(self, line: str, place: Place) -> None:
-        self.place = place
+    def __init__(self, line: str, card: Card, place: Place) -> None:
+        self.card, self.place = card, place
         self.fields = [part.strip() for part in line.split(",")]
         while self.fields and not self.fields[-1]:
             self.fields.pop()
@@ -45,6 +49,10 @@ class Row(Placed):
         """Its numbers, or so many; an empty field is 0."""
         return [self.real(k) for k in range(count or len(self.fields))]
 
+    def nodes(self) -> IntArray:
+        """Rows of the node or of the set of nodes that its first field names."""
+        return self.card.within.nodes(self.word(0), self.place)
+
 
 @dataclass
 class Card(Placed):
@@ -59,11 +67,19 @@ class Card(Placed):
     lines: list[str] = field(default_factory=list)
     #: file and line of each data line
     places: list[Place] = field(default_factory=list)
+    #: whose names it uses
+    within: Instance = field(init=False, repr=False)
+
+    def of(self, within: Instance) -> Card:
+        """The card with the names of an instance."""
+        own = copy(self)
+        own.within = within
+        return own
 
     def rows(self) -> list[Row]:
         """The data lines that have fields."""
-        rows = map(Row, self.lines, self.places)
-        return [row for row in rows if row.fields]
+        every = zip(self.lines, self.places, strict=True)
+        return [row for line, place in every if (row := Row(line, self, place)).fields]
 
     def numbers(self) -> list[float]:
         """Numbers of all data lines; an empty field is 0."""
@@ -71,7 +87,7 @@ class Card(Placed):
 
     def first(self) -> Row:
         """The first data line, which may be without fields."""
-        return Row(self.lines[0], self.places[0]) if self.lines else Row("", self.place)
+        return Row("".join(self.lines[:1]), self, [*self.places, self.place][0])
 
     def option(self, name: str, default: str = "") -> str:
         """Value of an option, without quotes."""
@@ -82,6 +98,21 @@ class Card(Placed):
         value = self.option(name)
         self.needs(value, f"*{self.keyword} needs {name}=.")
         return value
+
+    def nodes(self, name: str) -> IntArray:
+        """Rows of the nodes that a required option names."""
+        return self.within.nodes(self.needed(name), self.place)
+
+    def elements(self) -> IntArray:
+        """Numbers of the cells that ELSET= names."""
+        return self.within.elements(self.needed("ELSET"), self.place)
+
+    def refuse_turned(self) -> None:
+        """MeshError if its instance is rotated: it gives motions or axes by their numbers."""
+        alike = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
+        self.needs(alike, f"the instance {self.within.name!r} is rotated, and the axes of this "
+                   f"*{self.keyword} in its part may be those before or after; give it outside the "
+                   "part, or by vectors (n1, *ORIENTATION).")  # fmt: skip
 
 
 def cards(sources: Sources) -> list[Card]:
@@ -122,23 +153,15 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             line += following
             number += 1
         card = _card(line, place)
-        if card.keyword == "INCLUDE" and not _of_loads(sources, card, found):
-            _included(sources, card.needed("INPUT"), place, found)
-            continue
-        found.append(card)
-        if card.keyword in WITH_INPUT and card.option("INPUT"):
-            _included(sources, card.option("INPUT"), place, found)
-
-
-def _of_loads(sources: Sources, card: Card, found: list[Card]) -> bool:
-    """Whether a file that is not there would be of loads, which are not read either."""
-    return bool(found) and found[-1].keyword in LOADS and not sources.holds(card.needed("INPUT"))
-
-
-def _included(sources: Sources, named: str, place: Place, found: list[Card]) -> None:
-    lines = sources.enter(named, place)
-    _collect(sources, lines, named.strip().strip('"'), found)
-    sources.leave()
+        include = card.keyword == "INCLUDE"
+        named = card.needed("INPUT") if include else card.option("INPUT")
+        # a file that is not there may be of loads, which are not read either
+        lost = include and found and found[-1].keyword in LOADS and not sources.holds(named)
+        if not include or lost:
+            found.append(card)
+        if not lost and named and (include or card.keyword in WITH_INPUT):
+            _collect(sources, sources.enter(named, place), named.strip().strip('"'), found)
+            sources.leave()
 
 
 def _card(line: str, place: Place) -> Card:
@@ -154,17 +177,10 @@ def _card(line: str, place: Place) -> Card:
 
 
 def _outside_quotes(text: str) -> list[str]:
-    """Fields between the commas outside quotes."""
-    if '"' not in text:
-        return text.split(",")
-    fields, quoted = [""], False
-    for letter in text:
-        quoted ^= letter == '"'
-        if letter == "," and not quoted:
-            fields.append("")
-        else:
-            fields[-1] += letter
-    return fields
+    """Fields between the commas outside quotes; no text contains zero bytes."""
+    parts = text.split('"')
+    parts[::2] = [part.replace(",", "\0") for part in parts[::2]]
+    return '"'.join(parts).split("\0")
 
 
 #: Cards that are read -> options that are read or harmless, with their values if not all are.
@@ -207,24 +223,21 @@ READ = {
     "SPRING": "ELSET ORIENTATION",
     "DASHPOT": "ELSET ORIENTATION",
 }
-#: Options that would change the result.
-REFUSED_OPTIONS = {
-    ("SOLIDSECTION", "COMPOSITE"): "a solid of layers",
-    ("SHELLSECTION", "SYMMETRIC"): "a half of the layers",
-    ("SHELLSECTION", "SHELLTHICKNESS"): "a distribution of the thickness",
-    ("COUPLING", "INFLUENCERADIUS"): "a limit of the surface",
-    ("RIGIDBODY", "POSITION"): "a change of the place of the reference node",
-    ("INSTANCE", "LIBRARY"): "a part of another analysis",
-    ("EQUATION", "REMOVE"): "a change of the equations between steps",
-    ("EQUATION", "REMOVEALL"): "a change of the equations between steps",
-    **dict.fromkeys(
-        (("TIE", kind) for kind in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC")),
-        "a sector of a whole ring",
-    ),
-    ("BOUNDARY", "SUBMODEL"): "a submodel",
-    ("SPRING", "NONLINEAR"): "a nonlinear law",
-    ("DASHPOT", "NONLINEAR"): "a nonlinear law",
-}
+#: Card and option that would change the result -> what becomes of it.
+REFUSED_OPTIONS = table(
+    refused={
+        "a solid of layers": "SOLIDSECTION,COMPOSITE",
+        "a half of the layers": "SHELLSECTION,SYMMETRIC",
+        "a distribution of the thickness": "SHELLSECTION,SHELLTHICKNESS",
+        "a limit of the surface": "COUPLING,INFLUENCERADIUS",
+        "a change of the place of the reference node": "RIGIDBODY,POSITION",
+        "a part of another analysis": "INSTANCE,LIBRARY",
+        "a change of the equations between steps": "EQUATION,REMOVE EQUATION,REMOVEALL",
+        "a sector of a whole ring": "TIE,CYCLICSYMMETRY TIE,MULTISTAGE TIE,FLUIDPERIODIC",
+        "a submodel": "BOUNDARY,SUBMODEL",
+        "a nonlinear law": "SPRING,NONLINEAR DASHPOT,NONLINEAR",
+    }
+)
 #: Cards that are also read in the first step.
 IN_STEPS = (
     *("NSET", "ELSET", "SURFACE", "BOUNDARY", "EQUATION", "MPC", "RIGIDBODY", "TIE", "COUPLING"),
@@ -234,42 +247,39 @@ IN_STEPS = (
 GENERATORS = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
 
 _HARMLESS = """
-HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP
-OUTPUT NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT INCREMENTATIONOUTPUT MODALOUTPUT
-SURFACEOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION RADIATIONOUTPUT FILEOUTPUT FILEFORMAT
-NODEPRINT ELPRINT FACEPRINT CONTACTPRINT ENERGYPRINT SECTIONPRINT MODALPRINT RADIATIONPRINT
-NODEFILE ELFILE CONTACTFILE ENERGYFILE SECTIONFILE MODALFILE ELEMENTMATRIXOUTPUT MATRIXGENERATE
-MONITOR PRINT DISPLAYBODY DIAGNOSTICS OUTPUTVARIABLES USEROUTPUTVARIABLES
-STATIC DYNAMIC FREQUENCY BUCKLE MODALDYNAMIC STEADYSTATEDYNAMICS COMPLEXFREQUENCY VISCO GEOSTATIC
-SOILS ANNEAL RANDOMRESPONSE RESPONSESPECTRUM DIRECTCYCLIC SUBSTRUCTUREGENERATE NOANALYSIS
-HEATTRANSFER COUPLEDTEMPERATURE-DISPLACEMENT UNCOUPLEDTEMPERATURE-DISPLACEMENT
-DYNAMICTEMPERATURE-DISPLACEMENT COUPLEDTHERMAL-ELECTRICAL MASSDIFFUSION ELECTROMAGNETICS CFD
-AMPLITUDE TIMEPOINTS CONTROLS SOLVERCONTROLS SECTIONCONTROLS BULKVISCOSITY SELECTEIGENMODES
-RETAINEDNODALDOFS SUBSTRUCTUREMATRIXOUTPUT SELECTCYCLICSYMMETRYMODES DISTRIBUTIONTABLE
-SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CONTACTDAMPING CONTACTCONTROLS CHANGEFRICTION
-CHANGECONTACTTYPE CHANGESURFACEBEHAVIOR GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION
-CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTPROPERTYASSIGNMENT CONTACTINITIALIZATIONASSIGNMENT
+HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP OUTPUT
+NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT INCREMENTATIONOUTPUT MODALOUTPUT SURFACEOUTPUT
+INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION RADIATIONOUTPUT FILEOUTPUT FILEFORMAT NODEPRINT ELPRINT
+FACEPRINT CONTACTPRINT ENERGYPRINT SECTIONPRINT MODALPRINT RADIATIONPRINT NODEFILE ELFILE
+CONTACTFILE ENERGYFILE SECTIONFILE MODALFILE ELEMENTMATRIXOUTPUT MATRIXGENERATE MONITOR PRINT
+DISPLAYBODY DIAGNOSTICS OUTPUTVARIABLES USEROUTPUTVARIABLES STATIC DYNAMIC FREQUENCY BUCKLE
+MODALDYNAMIC STEADYSTATEDYNAMICS COMPLEXFREQUENCY VISCO GEOSTATIC SOILS ANNEAL RANDOMRESPONSE
+RESPONSESPECTRUM DIRECTCYCLIC SUBSTRUCTUREGENERATE NOANALYSIS HEATTRANSFER
+COUPLEDTEMPERATURE-DISPLACEMENT UNCOUPLEDTEMPERATURE-DISPLACEMENT DYNAMICTEMPERATURE-DISPLACEMENT
+COUPLEDTHERMAL-ELECTRICAL MASSDIFFUSION ELECTROMAGNETICS CFD AMPLITUDE TIMEPOINTS CONTROLS
+SOLVERCONTROLS SECTIONCONTROLS BULKVISCOSITY SELECTEIGENMODES RETAINEDNODALDOFS
+SUBSTRUCTUREMATRIXOUTPUT SELECTCYCLICSYMMETRYMODES DISTRIBUTIONTABLE SURFACEINTERACTION
+SURFACEBEHAVIOR FRICTION CONTACTDAMPING CONTACTCONTROLS CHANGEFRICTION CHANGECONTACTTYPE
+CHANGESURFACEBEHAVIOR GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION CONTACTINCLUSIONS
+CONTACTEXCLUSIONS CONTACTPROPERTYASSIGNMENT CONTACTINITIALIZATIONASSIGNMENT
 CONTACTINITIALIZATIONDATA CONTACTCONTROLSASSIGNMENT CONTACTFORMULATION CONTACTSTABILIZATION
-CONNECTORBEHAVIOR CONNECTORELASTICITY CONNECTORDAMPING CONNECTORFRICTION CONNECTORLOCK
-CONNECTORSTOP CONNECTORCONSTITUTIVEREFERENCE
-PHYSICALCONSTANTS CONDUCTIVITY SPECIFICHEAT LATENTHEAT SPECIFICGASCONSTANT INELASTICHEATFRACTION
-JOULEHEATFRACTION VIEWFACTOR CAVITYDEFINITION VALUESATINFINITY ELECTRICALCONDUCTIVITY
-MAGNETICPERMEABILITY DIELECTRIC PIEZOELECTRIC FLUIDCONSTANTS DEPVAR
-BOUNDARYF EQUATIONF TRANSFORMF
-SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE CONSTRAINT FEASIBLEDIRECTION FILTER
+CONNECTORBEHAVIOR CONNECTORELASTICITY CONNECTORDAMPING CONNECTORFRICTION CONNECTORLOCK CONNECTORSTOP
+CONNECTORCONSTITUTIVEREFERENCE PHYSICALCONSTANTS CONDUCTIVITY SPECIFICHEAT LATENTHEAT
+SPECIFICGASCONSTANT INELASTICHEATFRACTION JOULEHEATFRACTION VIEWFACTOR CAVITYDEFINITION
+VALUESATINFINITY ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY DIELECTRIC PIEZOELECTRIC FLUIDCONSTANTS
+DEPVAR BOUNDARYF EQUATIONF TRANSFORMF SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE
+CONSTRAINT FEASIBLEDIRECTION FILTER
 """
 _IGNORED = """
-INCLUDE
-STEP CLOAD DLOAD DSLOAD TEMPERATURE FIELD FILM SFILM RADIATE SRADIATE CFLUX DFLUX DSFLUX MASSFLOW
-INITIALCONDITIONS INITIALSTRAININCREASE BASEMOTION INERTIARELIEF CONNECTORLOAD CONNECTORMOTION
-DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS SLIDEDAMPING
-FIXEDMASSSCALING VARIABLEMASSSCALING EXPANSION NORMAL
-PLASTIC CREEP CYCLICHARDENING DEFORMATIONPLASTICITY RATEDEPENDENT VISCOELASTIC HYSTERESIS
-HYPERELASTIC HYPERFOAM MULLINSEFFECT LOWDENSITYFOAM USERMATERIAL NOCOMPRESSION NOTENSION CONCRETE
-TENSIONSTIFFENING POTENTIAL CAPPLASTICITY DRUCKERPRAGER DRUCKERPRAGERHARDENING MOHRCOULOMB
-MOHRCOULOMBHARDENING CONCRETEDAMAGEDPLASTICITY CONCRETECOMPRESSIONHARDENING
-CONCRETETENSIONSTIFFENING DAMAGEINITIATION DAMAGEEVOLUTION SHEARFAILURE TENSILEFAILURE
-CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
+INCLUDE STEP CLOAD DLOAD DSLOAD TEMPERATURE FIELD FILM SFILM RADIATE SRADIATE CFLUX DFLUX DSFLUX
+MASSFLOW INITIALCONDITIONS INITIALSTRAININCREASE BASEMOTION INERTIARELIEF CONNECTORLOAD
+CONNECTORMOTION DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS SLIDEDAMPING FIXEDMASSSCALING
+VARIABLEMASSSCALING EXPANSION NORMAL PLASTIC CREEP CYCLICHARDENING DEFORMATIONPLASTICITY
+RATEDEPENDENT VISCOELASTIC HYSTERESIS HYPERELASTIC HYPERFOAM MULLINSEFFECT LOWDENSITYFOAM
+USERMATERIAL NOCOMPRESSION NOTENSION CONCRETE TENSIONSTIFFENING POTENTIAL CAPPLASTICITY
+DRUCKERPRAGER DRUCKERPRAGERHARDENING MOHRCOULOMB MOHRCOULOMBHARDENING CONCRETEDAMAGEDPLASTICITY
+CONCRETECOMPRESSIONHARDENING CONCRETETENSIONSTIFFENING DAMAGEINITIATION DAMAGEEVOLUTION SHEARFAILURE
+TENSILEFAILURE CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
 """
 _REFUSED = {
     "a contact pair": "CONTACTPAIR CLEARANCE",
@@ -344,5 +354,4 @@ def _of_option(card: Card, option: str) -> Fate:
     value = "".join(card.option(option).split()).upper()
     if option in known and (values == [""] or value in values):
         return Fate("read")
-    what = REFUSED_OPTIONS.get((card.keyword, option))
-    return Fate("refused", what) if what else UNKNOWN
+    return REFUSED_OPTIONS.get(f"{card.keyword},{option}", UNKNOWN)

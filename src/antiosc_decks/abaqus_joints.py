@@ -1,11 +1,8 @@
-"""Joints of Abaqus and CalculiX decks: equations, multi-point constraints, rigid bodies, ties.
-
-A tie (*SURFACE, *TIE) joins the nodes of one surface to faces of another by the shape functions of
-these.
-"""
+"""Joints of Abaqus and CalculiX decks: equations, multi-point constraints, rigid bodies, ties."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -14,29 +11,24 @@ import numpy as np
 
 from antiosc.io.deck import Array, Block, IntArray, Place, real_number, whole_number
 from antiosc.io.neutral import CORNERS, EDGES, Term
-from antiosc_decks.abaqus_assembly import NONE, Instance, Whole
+from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
-from antiosc_decks.constraints import Constraints
+from antiosc_decks.constraints import Constraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
 SOLID_FACES = {
-    "hexahedron": (
-        *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
-        *((1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-    ),
-    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
-}
+    shape: tuple(tuple(map(int, face)) for face in faces.split())
+    for shape, faces in (
+        ("hexahedron", "0123 4765 0451 1562 2673 3740"), ("wedge", "012 354 0341 1452 2530"),
+        ("tetra", "012 031 132 230"), ("pyramid", "0123 041 142 243 340"),
+    )
+}  # fmt: skip
 
 
 @dataclass
 class Surface:
-    """Faces, by (corners, middles of edges; -1: none) in order around each; its nodes.
-
-    An edge of a shell has nodes of its own, and the face that it belongs to.
-    """
+    """Faces, by (corners, middles of edges; -1: none) in order around each; tables of its nodes."""
 
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
     of: list[IntArray] = field(default_factory=list)
@@ -44,25 +36,25 @@ class Surface:
     @property
     def nodes(self) -> IntArray:
         """All of its nodes."""
-        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *self.of]))
+        nodes = np.unique(np.concatenate([NONE, *self.of]))
         return nodes[nodes >= 0]
 
 
-def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[str, Surface]:
+def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
     """The surfaces of a deck by name in upper case."""
     found: dict[str, Surface] = {}
-    for card, within in cards:
+    for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        surface = found.setdefault((within.prefix + card.option("NAME")).upper(), Surface())
+        surface = found.setdefault((card.within.prefix + card.option("NAME")).upper(), Surface())
         of_nodes = card.option("TYPE").upper().startswith("NODE")
         for row in card.rows():
             if of_nodes:
-                surface.of.append(whole.nodes(row.word(0), row.place, within))
+                surface.of.append(row.nodes())
                 continue
-            elements, side = whole.elements(row.word(0), row.place, within), row.word(1).upper()
+            elements, side = card.within.elements(row.word(0), row.place), row.word(1).upper()
             for block, _ in whole.deck.blocks_of(elements):
-                faces = list(_faces(block, side, row.place))
+                faces = _faces(block, side, row.place)
                 surface.faces += faces
                 edge = _edge(block, side, row.place)
                 if edge is None:
@@ -82,22 +74,19 @@ def _edge(block: Block, side: str, place: Place) -> int | None:
     return edge if edge >= 0 else None
 
 
-def _faces(block: Block, side: str, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
-    corners = _corners(block.shape, side, place)
+def _faces(block: Block, side: str, place: Place) -> list[tuple[IntArray, IntArray]]:
+    """(corners, middles of edges) of a side of each element."""
+    corners = tuple(range(CORNERS[block.shape]))
+    if block.shape not in ("triangle", "quad"):
+        sides = SOLID_FACES.get(block.shape, ())
+        number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+        place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a "
+                    f"{block.shape}; it must be S1 to S{len(sides)}.")  # fmt: skip
+        corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
     around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
-    yield from zip(block.corners[:, list(corners)], block.mids[:, around], strict=True)
-
-
-def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
-    if shape in ("triangle", "quad"):
-        return tuple(range(CORNERS[shape]))
-    sides = SOLID_FACES.get(shape, ())
-    number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-    place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a {shape}; it "
-                f"must be S1 to S{len(sides)}.")  # fmt: skip
-    return sides[number - 1]
+    return list(zip(block.corners[:, list(corners)], block.mids[:, around], strict=True))
 
 
 #: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
@@ -110,10 +99,7 @@ NEWTON_STEPS = 12
 def tie(
     joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
 ) -> list[str]:
-    """Tie the slave's nodes; a sentence where some are too far away.
-
-    `tolerance` is in the deck's unit of length.
-    """
+    """Tie nodes to faces by their shape functions; a sentence where some are beyond `tolerance`."""
     place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
     faces, edges = [], []
     for corners, mids in master.faces:
@@ -141,25 +127,20 @@ def tie(
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
     place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
                 f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
-    if not far:
-        return []
-    return [
-        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
-        "the master surface and are not tied (POSITION TOLERANCE=)."
-    ]
+    told = f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
+    return [f"{told}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(far)
 
 
 def _nearest(
     faces: Sequence[tuple[IntArray, Array]], point: Array
 ) -> tuple[float, IntArray, Array]:
     """(distance from the nearest of some faces, its nodes, their weights)."""
-    best: tuple[float, IntArray, Array] | None = None
+    best: tuple[float, IntArray, Array] = np.inf, NONE, np.zeros(0)
     for nodes, x in faces:
         weights = _projected(x, point)
         distance = float(np.linalg.norm(weights @ x - point))
-        if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
+        if distance < best[0] * (1 - 1e-9) - 1e-15:
             best = distance, nodes, weights
-    assert best is not None
     return best
 
 
@@ -213,24 +194,13 @@ LONGEST_EQUATION = 1_000_000
 TEMPERATURE = "11"
 
 
-def read_joints(whole: Whole, joints: Constraints, cards: Sequence[tuple[Card, Instance]]) -> None:
+def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> None:
     """Give `joints` what the cards say."""
     reader = _Joints(whole, joints, surfaces_of(whole, cards))
-    readers: dict[str, Callable[[Card, Instance], None]] = {
-        "EQUATION": reader.equations,
-        "MPC": reader.mpc,
-        "RIGIDBODY": reader.rigid_body,
-        "TIE": reader.tie,
-        "COUPLING": reader.coupling,
-        "KINEMATIC": reader.coupled,
-        "DISTRIBUTING": reader.coupled,
-        "KINEMATICCOUPLING": reader.kinematic_coupling,
-        "DISTRIBUTINGCOUPLING": reader.distributing_coupling,
-    }
-    for card, within in cards:
-        if card.keyword in readers:
-            readers[card.keyword](card, within)
-    whole.deck.left = {kind: n for kind, n in whole.deck.left.items() if n}
+    for card in cards:
+        if card.keyword in READERS:
+            READERS[card.keyword](reader, card)
+    whole.deck.left = Counter({kind: n for kind, n in whole.deck.left.items() if n})
 
 
 class _Joints:
@@ -243,11 +213,11 @@ class _Joints:
         self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
-        if name.upper() not in self.surfaces:
-            raise place.error(f"there is no surface {name!r} (*SURFACE, NAME=).")
+        there = name.upper() in self.surfaces
+        place.needs(there, f"there is no surface {name!r} (*SURFACE, NAME=).")
         return self.surfaces[name.upper()]
 
-    def tie(self, card: Card, within: Instance) -> None:
+    def tie(self, card: Card) -> None:
         given = card.option("POSITIONTOLERANCE")
         reach = real_number(given, card.place) if given else None
         for row in card.rows():
@@ -255,9 +225,9 @@ class _Joints:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
                 self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
 
-    def equations(self, card: Card, within: Instance) -> None:
+    def equations(self, card: Card) -> None:
         """*EQUATION, whose terms may take several lines."""
-        within.refuse_turned(card)
+        card.refuse_turned()
         rows = iter(card.rows())
         for row in rows:
             count = whole_number(row.word(0), row.place)
@@ -272,22 +242,20 @@ class _Joints:
                 words += row.fields + [""] * (-len(row.fields) % 3)
             if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
                 continue
-            for terms in self._of_sets(words[: 3 * count], row.place, within):
+            for terms in self._of_sets(words[: 3 * count], row):
                 self.joints.equation(terms, row.place)
 
-    def _of_sets(self, words: list[str], place: Place, within: Instance) -> Iterator[list[Term]]:
+    def _of_sets(self, words: list[str], row: Row) -> Iterator[list[Term]]:
         """One equation, or one for each node of the sets that stand first."""
+        place = row.place
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
-        nodes = [self.whole.nodes(word, place, within) for word, _, _ in triples]
+        nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
         for (word, _, _), some in zip(triples, nodes, strict=True):
             place.needs(len(some), f"*EQUATION names {word!r}, a set without nodes.")
-        count = len(nodes[0])
-        if count > 1 and sum(len(some) > 1 for some in nodes) > 1:
-            raise place.error(
-                "*EQUATION between several sets of nodes pairs them by their order, "
-                "which is not kept here; write one equation for each pair."
-            )
-        for k in range(count):
+        alone = len(nodes[0]) == 1 or sum(len(some) > 1 for some in nodes) == 1
+        place.needs(alone, "*EQUATION between several sets of nodes pairs them by their order, "
+                    "which is not kept here; write one equation for each pair.")  # fmt: skip
+        for k in range(len(nodes[0])):
             terms = []
             for (_, dof, factor), some in zip(triples, nodes, strict=True):
                 motion = whole_number(dof, place) - 1
@@ -297,7 +265,7 @@ class _Joints:
             place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
 
-    def mpc(self, card: Card, within: Instance) -> None:
+    def mpc(self, card: Card) -> None:
         """*MPC, whose lists of nodes may take several lines."""
         lists: list[tuple[str, list[str], Place]] = []
         for row in card.rows():
@@ -307,14 +275,14 @@ class _Joints:
             else:  # a continued list
                 lists[-1][1].extend(word for word in words if word != "0")
         for kind, words, place in lists:
-            nodes = [int(n) for w in words for n in self.whole.nodes(w, place, within)]
+            nodes = [int(n) for w in words for n in card.within.nodes(w, place)]
             if kind == "1" and "USER" in card.options:  # as cgx writes it
                 kind = "MEANROT"
             if kind in GEOMETRIC:
                 least, read = GEOMETRIC[kind]
                 nodes = list(dict.fromkeys(nodes))
-                if len(nodes) < least:
-                    raise place.error(f"the *MPC of type {kind} needs {least} nodes or more.")
+                enough = len(nodes) >= least
+                place.needs(enough, f"the *MPC of type {kind} needs {least} nodes or more.")
                 x = np.array([self.joints.place(node) for node in nodes])
                 equations = list(read(nodes, x, place))
                 for terms in equations:
@@ -323,11 +291,11 @@ class _Joints:
                 if left:
                     self.whole.deck.told.append(f"{place}: {len(left)} nodes of the *MPC of type "
                                                 f"{kind} lie on its axis: left out.")  # fmt: skip
-            elif len(nodes) != 2 or not self._of_two(kind, nodes, place):
-                raise place.error(
-                    f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here "
-                    "and would change the result; write it as *EQUATION, or remove it."
-                )
+            else:
+                read_it = len(nodes) == 2 and self._of_two(kind, nodes, place)
+                place.needs(read_it, f"the *MPC of type {kind} with {len(nodes)} nodes is not "
+                            "supported here and would change the result; write it as *EQUATION, or "
+                            "remove it.")  # fmt: skip
 
     def _of_two(self, kind: str, nodes: list[int], place: Place) -> bool:
         """TIE, PIN, LINK and BEAM of two nodes; whether it is one of these."""
@@ -341,88 +309,79 @@ class _Joints:
             joints.equation([(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0))
                              for c in range(3)], place)  # fmt: skip
         elif kind == "BEAM" and joints.has_rotations[b]:
-            joints.rigid(np.array([a]), b, range(6), place)
+            joints.rigid(np.array([a]), b, range(6), {})
         else:
             return False
         return True
 
-    def rigid_body(self, card: Card, within: Instance) -> None:
-        whole, joints, place = self.whole, self.joints, card.place
-        every = [whole.nodes(word, place, within)
-                 for option in ("NSET", "TIENSET") if (word := card.option(option))]  # fmt: skip
+    def rigid_body(self, card: Card) -> None:
+        joints, place = self.joints, card.place
+        every = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
         if card.option("ELSET"):
-            every.append(whole.deck.nodes_of(whole.elements(card.option("ELSET"), place, within)))
+            every.append(joints.deck.nodes_of(card.elements()))
         nodes = np.unique(np.concatenate([NONE, *every]))
-        if not len(nodes) and not card.option("PINNSET"):
-            raise place.error(f"*{card.keyword} names no nodes (NSET= or ELSET=).")
+        named = len(nodes) or card.option("PINNSET")
+        card.needs(named, f"*{card.keyword} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
-        reference, rotation = (whole.node(w, place, within) if w else None for w in words)
+        reference, rotation = (card.within.node(w, place) if w else None for w in words)
         if reference is None:  # a body that nothing else acts on: its nodes lead themselves
             reference = joints.point(joints.deck.points[nodes].mean(axis=0))
         leader = joints.leader(reference, rotation)
         own = [n for n in (reference, rotation) if n is not None]
-        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), place)
+        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), {})
         if card.option("PINNSET"):
-            pinned = whole.nodes(card.option("PINNSET"), place, within)
-            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), place)
+            pinned = card.nodes("PINNSET")
+            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), {})
 
-    def coupling(self, card: Card, within: Instance) -> None:
+    def coupling(self, card: Card) -> None:
         """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
         surface = self._surface(card.needed("SURFACE"), card.place)
-        node = self.whole.node(card.needed("REFNODE"), card.place, within)
+        node = card.within.node(card.needed("REFNODE"), card.place)
         self.current = node, surface.nodes, card
 
-    def coupled(self, card: Card, within: Instance) -> None:
+    def coupled(self, card: Card) -> None:
         if self.current is None:
             raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
-        rows = card.rows()
-        if rows:
-            within.refuse_turned(card)
+        if rows := card.rows():
+            card.refuse_turned()
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
         node, nodes, given = self.current
         if card.keyword == "KINEMATIC":
-            self._rigid(node, nodes, motions, given, within)
+            self._rigid(node, nodes, motions, given)
         elif given.option("ORIENTATION") and len(motions) < 6:
             raise card.place.error("*DISTRIBUTING of some motions is read along the deck's axes.")
         else:
             self._mean(card, node, motions, nodes, np.ones(len(nodes)))
 
-    def kinematic_coupling(self, card: Card, within: Instance) -> None:
-        within.refuse_turned(card)
-        node = self.whole.node(card.needed("REFNODE"), card.place, within)
+    def kinematic_coupling(self, card: Card) -> None:
+        card.refuse_turned()
+        node = card.within.node(card.needed("REFNODE"), card.place)
         for row in card.rows():
-            nodes = self.whole.nodes(row.word(0), row.place, within)
-            self._rigid(node, nodes, _range(row, 1), card, within)
+            self._rigid(node, row.nodes(), _range(row, 1), card)
 
-    def distributing_coupling(self, card: Card, within: Instance) -> None:
+    def distributing_coupling(self, card: Card) -> None:
         """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
-        groups = [self.whole.nodes(row.word(0), row.place, within) for row in card.rows()]
+        groups = [row.nodes() for row in card.rows()]
         weights = [row.real(1, 1.0) for row in card.rows()]
         nodes = np.concatenate([NONE, *groups])
         every = np.repeat(weights, [len(some) for some in groups])
-        if not len(nodes) or every.sum() <= 0:
-            raise card.place.error("*DISTRIBUTING COUPLING names no nodes with weights.")
-        for kind, (reference, *_) in self.whole.beside(card, within):
+        weighted = len(nodes) and every.sum() > 0
+        card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
+        for kind, (reference, *_) in self.whole.beside(card):
             self._mean(card, reference, range(6), nodes, every)
             self.whole.deck.left[kind] -= 1
 
-    def _rigid(
-        self, node: int, nodes: IntArray, motions: Sequence[int], card: Card, within: Instance
-    ) -> None:
+    def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Motions of nodes, along the axes of the card's ORIENTATION=, follow those of one."""
-        leader, joints, name = self.joints.leader(node), self.joints, card.option("ORIENTATION")
+        leader, name, frames = self.joints.leader(node), card.option("ORIENTATION"), {}
         nodes = nodes[nodes != node]
-        if not name:
-            joints.rigid(nodes, leader, motions, card.place)
-            return
-        frames = self.orientations.at(name, card.place, within, joints.deck.points[nodes])
-        of_supports = joints.frames
-        joints.frames = dict(zip(nodes.tolist(), frames, strict=True))
-        joints.rigid(nodes, leader, motions, card.place, own=True)
-        joints.frames = of_supports
+        if name:
+            axes = self.orientations.at(name, card, self.joints.deck.points[nodes])
+            frames = dict(zip(nodes.tolist(), axes, strict=True))
+        self.joints.rigid(nodes, leader, motions, frames)
 
     def _mean(
-        self, card: Card, node: int, motions: Sequence[int], nodes: IntArray, weights: Array
+        self, card: Card, node: int, motions: Motions, nodes: IntArray, weights: Array
     ) -> None:
         card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
                    "whose mean motion it follows; give the coupling a node of its "
@@ -430,12 +389,22 @@ class _Joints:
         self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
 
 
+#: Card -> what reads it.
+READERS: dict[str, Callable[[_Joints, Card], None]] = {
+    **{"EQUATION": _Joints.equations, "MPC": _Joints.mpc, "RIGIDBODY": _Joints.rigid_body},
+    **{"TIE": _Joints.tie, "COUPLING": _Joints.coupling},
+    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _Joints.coupled),
+    "KINEMATICCOUPLING": _Joints.kinematic_coupling,
+    "DISTRIBUTINGCOUPLING": _Joints.distributing_coupling,
+}
+
+
 def _range(row: Row, start: int) -> list[int]:
     """Motions (0 to 5) from a first to a last one; all of them where none is given."""
     given = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
     first, last = given[0], given[-1]
-    if not 1 <= first <= last <= 6:
-        raise row.place.error(f"motions from {first} to {last}; they are counted from 1 to 6.")
+    inside = 1 <= first <= last <= 6
+    row.needs(inside, f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))
 
 
@@ -454,8 +423,8 @@ def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
     some = combinations(range(min(len(nodes), 12)), 3)
     first = max(some, key=lambda c: float(np.linalg.norm(normal(c))))
     area = float(np.linalg.norm(normal(first)))
-    if area <= 1e-9 * float(np.ptp(x, axis=0).max()) ** 2:
-        raise place.error("the nodes of the *MPC of type PLANE lie on one line.")
+    flat = area > 1e-9 * float(np.ptp(x, axis=0).max()) ** 2
+    place.needs(flat, "the nodes of the *MPC of type PLANE lie on one line.")
     a, b, c = x[list(first)]
     basis = np.column_stack([b - a, c - a])
     for k, node in enumerate(nodes):
@@ -480,10 +449,7 @@ def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
 
 
 def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
-    """CalculiX: motion 1 of the last node is the mean rotation of the others about its direction.
-
-    Its coordinates are the direction of the axis, which goes through the mean of the others.
-    """
+    """CalculiX: motion 1 of the last node, whose place is an axis, is the others' mean rotation."""
     axis = x[-1]
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
@@ -492,8 +458,7 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     r = r - np.outer(r @ axis, axis)
     size = np.einsum("pi,pi->p", r, r)
     off = size > 1e-18 * size.max()
-    if not off.any():
-        raise place.error("the nodes of the *MPC of type MEANROT lie on its axis.")
+    place.needs(off.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
     if not off.all():  # as CalculiX leaves them out
         kept = np.append(np.flatnonzero(off), len(off))
         yield from _mean_rotation([nodes[k] for k in kept], x[kept], place)

@@ -1,14 +1,11 @@
-"""Nodes and elements of a part of an Abaqus or CalculiX deck, or of a flat deck.
-
-Also those made by *NGEN, *NFILL and *ELGEN.
-"""
+"""Nodes and elements of a part of an Abaqus deck; also those of *NGEN, *NFILL and *ELGEN."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -53,8 +50,7 @@ POINTS = {
 }
 
 
-@dataclass(frozen=True)
-class ElementType:
+class ElementType(NamedTuple):
     """How one element type is read."""
 
     #: a key of `CORNERS`
@@ -81,20 +77,11 @@ def element_type(name: str) -> ElementType | None:
             ends = (0, 1) if nodes == 2 else (0, 2)
             return ElementType(shape, role, nodes, ends, (1,) * (nodes - 2))
         corners = CORNERS[shape]
-        mids = range(corners, corners + len(EDGES[shape])) if nodes > corners else range(0)
-        inner: Sequence[int] = ()
-        if shape == "quad":
-            inner = range(corners + len(mids), nodes)
-        elif nodes == 27:
-            inner = INNER_27
-        return ElementType(shape, role, nodes, tuple(range(corners)), tuple(mids), tuple(inner))
+        stop = corners + len(EDGES[shape]) * (nodes > corners)
+        inner = INNER_27 if nodes == 27 else tuple(range(stop, nodes)) if shape == "quad" else ()
+        mids = tuple(range(corners, stop))
+        return ElementType(shape, role, nodes, tuple(range(corners)), mids, inner)
     return None
-
-
-def nodes_of_other(name: str) -> int | None:
-    """Number of nodes of an element that is not a cell; None if it is not known."""
-    found = (count for pattern, count in POINTS.items() if re.fullmatch(pattern, name))
-    return next(found, None)
 
 
 #: Most nodes or elements from one card; more indicate a damaged file.
@@ -111,10 +98,10 @@ def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
         row.needs(len(row.fields) >= 2, "*NGEN needs the numbers of two nodes on a line.")
         first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
         count = (last - first) // step if step > 0 else 0
-        if first not in known or last not in known:
-            raise row.place.error(f"*NGEN from {first} to {last}: both nodes must exist.")
-        if not 0 < count <= MOST_GENERATED or (last - first) % step:
-            raise row.place.error(f"*NGEN from {first} to {last} by {step} does not fit.")
+        there = first in known and last in known
+        row.needs(there, f"*NGEN from {first} to {last}: both nodes must exist.")
+        fits = 0 < count <= MOST_GENERATED and not (last - first) % step
+        row.needs(fits, f"*NGEN from {first} to {last} by {step} does not fit.")
         yield first, known[first]
         yield from _between(known, first, last, count, step)
         yield last, known[last]
@@ -122,19 +109,18 @@ def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
 
 def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
     """Nodes on lines between those of two sets (*NFILL)."""
-    if card.option("BIAS", "1") not in ("1", "1.", "1.0") or "SINGULAR" in card.options:
-        raise card.place.error("*NFILL is read with equal distances only.")
+    equal = card.option("BIAS", "1") in ("1", "1.", "1.0") and "SINGULAR" not in card.options
+    card.needs(equal, "*NFILL is read with equal distances only.")
     for row in card.rows():
         row.needs(len(row.fields) >= 4, "*NFILL needs two sets, a number of lines and a step.")
         names, lines, step = row.fields[:2], row.whole(2), row.whole(3)
         one, other = (sets.get(name.upper(), []) for name in names)
-        if len(one) != len(other) or not one:
-            raise row.place.error(
-                f"*NFILL between {names[0]!r} ({len(one)} nodes) and {names[1]!r} "
-                f"({len(other)}): both sets must be made by *NODE or *NGEN and be equally long."
-            )
-        if not 0 < lines * len(one) <= MOST_GENERATED:
-            raise row.place.error(f"*NFILL over {lines} lines does not fit.")
+        equal = len(one) == len(other) > 0
+        row.needs(equal, f"*NFILL between {names[0]!r} ({len(one)} nodes) and {names[1]!r} "
+                  f"({len(other)}): both sets must be made by *NODE or *NGEN and be equally "
+                  "long.")  # fmt: skip
+        fits = 0 < lines * len(one) <= MOST_GENERATED
+        row.needs(fits, f"*NFILL over {lines} lines does not fit.")
         for first, last in zip(one, other, strict=True):
             yield from _between(known, first, last, lines, step)
 
@@ -148,10 +134,7 @@ def _between(known: Points, first: int, last: int, count: int, step: int) -> Mad
 def element_copies(
     card: Card, blocks: Sequence[Block], labels: Sequence[IntArray], nodes: Numbering
 ) -> Iterator[tuple[Block, IntArray, int]]:
-    """Elements in rows, layers and blocks of one (*ELGEN), with the number of that one.
-
-    Each is numbered and has its nodes numbered by steps from the master element's.
-    """
+    """Elements in rows, layers and blocks of one (*ELGEN) by steps, with the number of that one."""
     for row in card.rows():
         master, *rest = (whole_number(word, row.place) for word in row.fields if word)
         row.needs(rest, "2 numbers are needed at least.")
@@ -227,11 +210,9 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
                 labels.append(label)
                 points.append(x)
         elif card.keyword == "NODE" and "PRINT" not in card.options:
-            if card.option("SYSTEM", "R").upper() not in ("R", ""):
-                raise card.place.error(
-                    f"*NODE, SYSTEM={card.option('SYSTEM')} is not read here; give "
-                    "rectangular coordinates."
-                )
+            system = card.option("SYSTEM")
+            card.needs(system.upper() in ("R", ""), f"*NODE, SYSTEM={system} is not read here; "
+                       "give rectangular coordinates.")  # fmt: skip
             for row in card.rows():
                 labels.append(whole_number(row.word(0), row.place))
                 points.append([row.real(1), row.real(2), row.real(3)])
@@ -249,10 +230,8 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
     apart = np.abs(mesh.points[mesh.nodes.rows(every)] - given).max(axis=1)
     moved = apart > 1e-9 * np.abs(given).max(initial=0.0)
     if moved.any():
-        mesh.told.append(
-            f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such "
-            "lines): the last one is taken."
-        )
+        told = f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such"
+        mesh.told.append(f"{told} lines): the last one is taken.")
     mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
 
 
@@ -281,17 +260,16 @@ def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
     every = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
     numbers, count = np.unique(every, return_counts=True)
     if (count > 1).any():
-        raise MeshError(
-            f"{name} defines {int((count > 1).sum())} elements twice, one of them "
-            f"{numbers[count > 1][0]}; every element needs a number of its own."
-        )
+        told = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
+        told += f"{numbers[count > 1][0]}; every element needs a number of its own."
+        raise MeshError(told)
     mesh.elements = Numbering(every)
     mesh.sets += [("ELSET", label, mesh.elements.rows(own)) for label, own in sets]
 
 
 def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
     """Read one card's elements that are not cells; returns their numbers."""
-    width = nodes_of_other(kind) or 0
+    width = next((count for some, count in POINTS.items() if re.fullmatch(some, kind)), 0)
     rows = [row for row in card.rows() if row.word(0)]
     for row in rows:
         if len(row.fields) <= width:
@@ -314,14 +292,10 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
     if len(wrong):
         row = int(wrong[0])
         missing = int(table[row, 1:][nodes[row] < 0][0])
-        raise places[row].error(
-            f"element {table[row, 0]} ({kind}) has the node {missing}, which "
-            f"the deck does not define ({len(wrong)} such elements)."
-        )
+        told = f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
+        raise places[row].error(f"{told} define ({len(wrong)} such elements).")
     if len(table):
-        corners, mids, inner = (
-            nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)
-        )
+        corners, mids, inner = (nodes[:, list(some)] for some in known[3:])
         mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
     return table[:, 0]
 
@@ -341,8 +315,8 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
             numbers = [int(word) for word in words if word and not word.isspace()]
         except ValueError:
             numbers = [whole_number(word, place) for word in words if word.strip()]
-        if max(map(abs, numbers), default=0) > LARGEST_NUMBER:
-            raise place.error("a number of a node or element is too large.")
+        small = max(map(abs, numbers), default=0) <= LARGEST_NUMBER
+        place.needs(small, "a number of a node or element is too large.")
         current += numbers
         if len(current) >= least:
             longer += len(current) > least
@@ -352,15 +326,11 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
     if current:
         raise _short(start, current[0], kind, len(current) - 1, width)
     if longer:
-        mesh.told.append(
-            f"{card.place}: {longer} {kind} elements list more than their {width} nodes; the "
-            f"first {width} are taken, as CalculiX does."
-        )
+        told = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
+        mesh.told.append(f"{told}; the first {width} are taken, as CalculiX does.")
     return found, places
 
 
 def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
-    return place.error(
-        f"element {label} of type {kind} has {nodes} nodes; it must "
-        f"have {width}: the deck is cut off, or of another program."
-    )
+    told = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
+    return place.error(f"{told}: the deck is cut off, or of another program.")

@@ -1,9 +1,4 @@
-"""Abaqus and CalculiX decks as whole models: sections, supports, masses, springs, dashpots.
-
-The model and the supports of the first step are read. Unsupported cards that would change the
-result raise an error with their line; loads, later steps and nonlinear materials are ignored and
-listed.
-"""
+"""Abaqus and CalculiX decks as whole models: the model and the supports of the first step."""
 
 from __future__ import annotations
 
@@ -14,73 +9,54 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, real_number
 from antiosc.io.neutral import Model, Term, UnitSystem
-from antiosc_decks.abaqus_assembly import Instance, Whole
+from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
-from antiosc_decks.abaqus_sections import (
-    SECTION_CARDS,
-    Orientations,
-    Sections,
-    around_axis,
-    materials_of,
-    vary_thickness,
-)
+from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
 from antiosc_decks.constraints import along, separate_copies
 from antiosc_decks.finished import finished
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
 BESIDE = {
-    "MASS": ("mass", ("MASS", "ROTARYI")),
-    "ROTARYINERTIA": ("moment of inertia", ("MASS", "ROTARYI")),
+    **dict.fromkeys(("MASS", "ROTARYINERTIA"), ("mass", ("MASS", "ROTARYI"))),
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }
 #: Names of supports -> the motions (0 to 5) that they fix.
-NAMED = {
-    "ENCASTRE": (0, 1, 2, 3, 4, 5),
-    "PINNED": (0, 1, 2),
-    "XSYMM": (0, 4, 5),
-    "YSYMM": (1, 3, 5),
-    "ZSYMM": (2, 3, 4),
-    "XASYMM": (1, 2, 3),
-    "YASYMM": (0, 2, 4),
-    "ZASYMM": (0, 1, 5),
-}
+NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
+NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
+NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     top = whole.instances[""]
-    first = [(card, top) for card in (whole.steps[0] if whole.steps else [])]
+    first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
-    whole.deck.told += whole.account.unknown_options()
-    materials, ignored = materials_of([card for card, _ in whole.cards])
+    whole.deck.told += whole.account.unknown(options=True)
     copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
-    sections = Sections(whole, builder, materials)
-    for card, within in whole.named(*SECTION_CARDS):
-        sections.read(card, within)
-    vary_thickness(whole, builder)
-    for card, within in whole.named("NONSTRUCTURALMASS"):
-        _nonstructural(whole, builder, card, within)
+    sections = Sections(whole, builder)
+    for card in whole.named("NONSTRUCTURALMASS"):
+        _nonstructural(builder, card)
     builder.find_nodes()
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
     supports = _Supports(whole, builder)
-    for card, within in whole.named("BOUNDARY"):
-        supports.read(card, within)
-    own = [card for card, _ in first if card.keyword == "BOUNDARY"]
+    for card in whole.named("BOUNDARY"):
+        supports.read(card)
+    own = [card for card in first if card.keyword == "BOUNDARY"]
     if any(card.option("OP").upper() == "NEW" for card in own):
         supports.local[:] = False  # those of the model end
     for card in own:
-        supports.read(card, top)
+        supports.read(card)
     supports.apply()
     builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
-    builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
+    builder.ignored += [*sections.ignored, *whole.account.ignored(), *supports.ignored]
     return finished(builder)
 
 
@@ -93,16 +69,16 @@ class _Supports:
         self.local = np.zeros((len(whole.deck.points), 6), dtype=bool)
         self.frames: dict[int, Array] = {}
         self.ignored: list[str] = []
-        for card, within in whole.named("TRANSFORM"):
-            self._transform(card, within)
+        for card in whole.named("TRANSFORM"):
+            self._transform(card)
 
-    def read(self, card: Card, within: Instance) -> None:
+    def read(self, card: Card) -> None:
         """Mark the motions that one card fixes."""
-        within.refuse_turned(card)
+        card.refuse_turned()
         moved = other = False
         for row in card.rows():
             row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
-            nodes = self.whole.nodes(row.word(0), row.place, within)
+            nodes = row.nodes()
             row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
             motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
             if motions is None:
@@ -121,22 +97,22 @@ class _Supports:
         if other:
             self.ignored.append(f"what is no motion of *BOUNDARY ({card.place})")
 
-    def _transform(self, card: Card, within: Instance) -> None:
-        nodes = self.whole.nodes(card.needed("NSET"), card.place, within)
+    def _transform(self, card: Card) -> None:
+        nodes = card.nodes("NSET")
         values = card.numbers()[:6]
         kind = card.option("TYPE", "R").upper()[:1]
-        if len(values) < 6 or kind not in "RC":
-            raise card.place.error("*TRANSFORM needs six coordinates, TYPE=R or C.")
-        shift = within.shift if kind == "C" else 0.0
-        a, b = np.reshape(values, (2, 3)) @ within.turn.T + shift
+        enough = len(values) == 6 and kind in "RC"
+        card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
+        shift = card.within.shift if kind == "C" else 0.0
+        a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
         if kind == "C" and (a != b).any():
             frames = around_axis(a, b, self.whole.deck.points[nodes])
         else:
             z = np.cross(a, b) if kind == "R" else np.zeros(3)
             x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
             frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
-        if np.linalg.norm(frames, axis=2).min(initial=1.0) < 0.5:
-            raise card.place.error("*TRANSFORM gives no axes.")
+        sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
+        card.needs(sound, "*TRANSFORM gives no axes.")
         self.frames.update(zip(nodes.tolist(), frames, strict=True))
 
     def apply(self) -> None:
@@ -147,8 +123,8 @@ class _Supports:
         self.builder.fixed |= self.local
 
 
-def _nonstructural(whole: Whole, builder: ModelBuilder, card: Card, within: Instance) -> None:
-    elements = whole.elements(card.needed("ELSET"), card.place, within)
+def _nonstructural(builder: ModelBuilder, card: Card) -> None:
+    elements = card.elements()
     unit = "".join(card.needed("UNITS").split()).upper()
     way = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
     by, row = way.removesuffix("PROPORTIONAL").lower(), card.first()
@@ -157,63 +133,54 @@ def _nonstructural(whole: Whole, builder: ModelBuilder, card: Card, within: Inst
     elif unit in UNITS and len(row.fields) < 2:
         add_mass(builder, elements, row.real(0), UNITS[unit], card.place)
     else:
-        raise card.place.error(
-            "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
-            "(DISTRIBUTION=MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH."
-        )
+        told = "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS (DISTRIBUTION=MASS or VOLUME"
+        raise card.place.error(f"{told} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
 
 
 def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
     """Masses, springs and dashpots; each of their elements needs a card."""
     given = dict.fromkeys(BESIDE, 0)
-    for card, within in whole.named(*BESIDE):
+    for card in whole.named(*BESIDE):
         rows = card.rows()
         card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
-        for kind, nodes in whole.beside(card, within):
+        for kind, nodes in whole.beside(card):
             given[card.keyword] += 1
             if card.keyword == "MASS":
                 builder.mass(nodes[0], rows[0].real(0), [0.0] * 3, card.place)
             elif card.keyword == "ROTARYINERTIA":
-                builder.mass(nodes[0], 0.0, _inertia(card, rows[0], within), card.place)
+                builder.mass(nodes[0], 0.0, _inertia(card, rows[0]), card.place)
             else:
-                _link(builder, orientations, (card, within), kind, nodes)
+                _link(builder, orientations, card, kind, nodes)
     given["MASS"] += given.pop("ROTARYINERTIA")
     left = whole.deck.left
     for keyword, number in given.items():
         kinds = [kind for kind in BESIDE[keyword][1] if kind in left]
         count = sum(left.pop(kind) for kind in kinds)
         if count != number:
-            raise MeshError(
-                f"{whole.deck.name} has {count} {' and '.join(kinds or BESIDE[keyword][1])} "
-                f"elements, but *{keyword} cards give values to {number} of them."
-            )
+            names = " and ".join(kinds or BESIDE[keyword][1])
+            raise MeshError(f"{whole.deck.name} has {count} {names} elements, but *{keyword} cards "
+                            f"give values to {number} of them.")  # fmt: skip
     if left:
         kind = next(iter(left))
-        raise MeshError(
-            f"{whole.deck.name} has {left[kind]} {kind} elements, which are not "
-            "supported here and would change the result."
-        )
+        raise MeshError(f"{whole.deck.name} has {left[kind]} {kind} elements, which are not "
+                        "supported here and would change the result.")  # fmt: skip
 
 
-def _inertia(card: Card, row: Row, within: Instance) -> list[float]:
+def _inertia(card: Card, row: Row) -> list[float]:
     """Moments of inertia of *ROTARY INERTIA about the axes of the deck."""
     values = row.reals(6)
     card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
-        within.refuse_turned(card)
+        card.refuse_turned()
         card.needs(not card.option("ORIENTATION"), "*ROTARY INERTIA in an orientation is not "
                    "supported; give it in the axes of the deck.")  # fmt: skip
     return values[:3]
 
 
 def _link(
-    builder: ModelBuilder,
-    orientations: Orientations,
-    given: tuple[Card, Instance],
-    kind: str,
-    nodes: list[int],
+    builder: ModelBuilder, orientations: Orientations, card: Card, kind: str, nodes: list[int]
 ) -> None:
-    card, within = given
+    """A spring or a dashpot."""
     values = card.rows()
     what = BESIDE[card.keyword][0]
     if kind.endswith("A"):
@@ -221,9 +188,9 @@ def _link(
     else:
         axes = np.eye(3)
         if card.option("ORIENTATION"):
-            axes = orientations.frame(card.option("ORIENTATION"), card.place, within)
+            axes = orientations.frame(card)
         else:
-            within.refuse_turned(card)
+            card.refuse_turned()
         terms, values = _along_motions(nodes, axes, values[0]), values[1:]
     card.needs(len(values) == 1, f"*{card.keyword} needs one {what} that does not depend on "
                f"frequency or temperature; it has {len(values)}.")  # fmt: skip
@@ -235,7 +202,7 @@ def _link(
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
     """The motion of a node along one of the axes (rows), or the difference of two."""
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
-    if not all(0 <= dof < 6 for dof in dofs):
-        raise row.place.error("a spring or a dashpot acts on motions from 1 to 6.")
+    inside = all(0 <= dof < 6 for dof in dofs)
+    row.needs(inside, "a spring or a dashpot acts on motions from 1 to 6.")
     ends = zip(nodes, dofs, (1.0, -1.0), strict=False)
     return [t for n, dof, sign in ends for t in along(n, axes[dof % 3], dof - dof % 3, sign)]

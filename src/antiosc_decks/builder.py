@@ -1,13 +1,10 @@
-"""`ModelBuilder`: collects materials, sections, supports, masses, springs and dampers of a deck.
-
-Nonstructural mass (*NONSTRUCTURAL MASS of Abaqus; NSM, NSM1, NSML and NSML1 of Nastran) is spread
-over elements, as density of their sections.
-"""
+"""`ModelBuilder` collects the model of a deck; nonstructural mass is density of sections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,16 +33,13 @@ def chosen_elements(deck: Deck) -> BoolArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
 LEAST_TERM = 1e-12
-#: Of a class of antiosc, as JSON holds them.
-Arguments = Json
 
 
-@dataclass
-class Family:
+class Family(NamedTuple):
     """The section of a group of elements, as a class of antiosc and its arguments."""
 
     kind: str
-    arguments: Arguments
+    arguments: Json
     place: Place
 
 
@@ -66,40 +60,35 @@ class Rod:
     effective: tuple[float, float] | None = None
 
 
-@dataclass
 class ModelBuilder:
     """Collects a model in SI units; `antiosc_decks.finished.finished` returns it."""
 
-    deck: Deck
-    units: UnitSystem
-    #: kg/m³, of materials without one
-    density: float | None = None
-    families: list[Family] = field(default_factory=list)
-    #: number of the family of each element, -1 without one
-    of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: name of each family's group of elements
-    names: list[str] = field(default_factory=list)
-    #: number of an element -> its section, of rods and shear panels
-    rods: dict[int, Rod] = field(default_factory=dict)
-    #: (node, place, kg, [kg m²])
-    masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
-    #: whether the deck has no other elements: the rods are a truss
-    truss: bool = False
-    #: whether the deck gives masses at nodes, so that materials may have none
-    lumped: bool = False
-    #: nodes that stay apart from others in their place
-    apart: list[int] = field(default_factory=list)
-    #: what is ignored, in the deck's terms
-    ignored: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
-        self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
-        self.used = np.zeros(len(self.deck.points), dtype=bool)
-        self.has_rotations = np.zeros(len(self.deck.points), dtype=bool)
-        self.joints = Constraints(self.deck, self.used, self.has_rotations)
-        self.chosen = chosen_elements(self.deck)
-        self.gone = np.zeros(len(self.deck.points), dtype=bool)
+    def __init__(
+        self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
+    ) -> None:
+        nodes = len(deck.points)
+        #: density in kg/m³, of materials without one; lumped: whether the deck gives masses at
+        #: nodes, so that materials may have none
+        self.deck, self.units, self.density, self.lumped = deck, units, density, lumped
+        #: sections, the name of the group of each, and which each element has, -1 without one
+        self.families: list[Family] = []
+        self.names: list[str] = []
+        self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
+        #: number of an element -> its section, of rods and shear panels
+        self.rods: dict[int, Rod] = {}
+        #: (node, place, kg, [kg m²])
+        self.masses: list[tuple[int, Place, float, list[float]]] = []
+        #: whether the deck has no other elements: the rods are a truss
+        self.truss = False
+        #: nodes that stay apart from others in their place
+        self.apart: list[int] = []
+        #: what is ignored, in the deck's terms
+        self.ignored: list[str] = []
+        self.fixed = np.zeros((nodes, 6), dtype=bool)
+        #: nodes of chosen elements, of those with rotations, and of elements not chosen alone
+        self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
+        self.joints = Constraints(deck, self.used, self.has_rotations)
+        self.chosen = chosen_elements(deck)
 
     def find_nodes(self) -> None:
         """Which nodes the chosen elements use; those of shells and beams have rotations."""
@@ -115,7 +104,6 @@ class ModelBuilder:
                 every[some.nodes] = False
             if block.role in ("shell", "beam"):
                 self.has_rotations[some.nodes] = True
-        #: nodes of elements that are not chosen alone
         self.gone = every & ~self.used
 
     def rho(self, material: Material) -> float:
@@ -124,27 +112,46 @@ class ModelBuilder:
             return material.density * self.units.density
         if self.density is not None:
             return self.density
-        if self.lumped:
-            self.tell_once(f"the mass of {material.name}, whose density is 0")
-            return material.modulus * self.units.stress / MASSLESS_WAVE**2
-        raise material.place.error(
-            f"the material {material.name!r} has no density, without which "
-            "nothing can be struck; add it to the deck, or give density= in kg/m³."
-        )
+        material.needs(self.lumped, f"the material {material.name!r} has no density, without which "
+                       "nothing can be struck; add it to the deck, or give density= in "
+                       "kg/m³.")  # fmt: skip
+        self.tell_once(f"the mass of {material.name}, whose density is 0")
+        return material.modulus * self.units.stress / MASSLESS_WAVE**2
+
+    def isotropic(self, material: Material, what: str) -> Json:
+        """E, nu and rho of a material that must be isotropic."""
+        E, nu = self.elastic(material, what)
+        return {"E": E, "nu": nu, "rho": self.rho(material)}
+
+    def add_rods(
+        self,
+        elements: IntArray,
+        material: Material,
+        what: str,
+        across: float,
+        place: Place,
+        extra: float = 0.0,
+        torsion: float = 0.0,
+        effective: tuple[float, float] | None = None,
+    ) -> None:
+        """Set the section of rods or panels; `extra`: mass beside that of the density."""
+        own, units = self.isotropic(material, what), self.units
+        mass = own["rho"] / units.density * across + extra
+        rod = Rod(own["E"] / units.stress, own["nu"], across, mass, place, torsion, effective)
+        self.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
         material.elasticity()
-        found = material.isotropic
-        if found is None:
-            raise material.place.error(
-                f"the material {material.name!r} is not isotropic, but {what} "
-                "must be; only layers of shells may be orthotropic."
-            )
+        E, nu = material.isotropic or (0.0, 0.0)
+        material.needs(material.isotropic, f"the material {material.name!r} is not isotropic, but "
+                       f"{what} must be; only layers of shells may be orthotropic.")  # fmt: skip
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
-            return E * self.units.stress, E / (2 * G) - 1
-        return found[0] * self.units.stress, found[1]
+            material.needs(G > 0, f"{material.name} needs G above 0 for {what}; it is {G:g}: leave "
+                           "it blank, and it follows from E and NU.")  # fmt: skip
+            nu = E / (2 * G) - 1
+        return E * self.units.stress, nu
 
     def anisotropic(self, material: Material) -> list[list[float]] | None:
         """The stiffness of a solid with directions, Pa; None of an isotropic one."""
@@ -175,6 +182,17 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
+    def alike(
+        self, elements: IntArray, values: Array
+    ) -> Iterator[tuple[str, Family, float, IntArray]]:
+        """(name of a section, the section, a value, elements) of elements with one of each."""
+        numbers = self.of_element[elements]
+        for number in np.unique(numbers[numbers >= 0]):
+            mine = numbers == number
+            for value in np.unique(values[mine]):
+                some = elements[mine & (values == value)]
+                yield self.names[number], self.families[number], float(value), some
+
     def tell_once(self, ignored: str) -> None:
         """Note what is ignored, once however many elements it concerns."""
         if ignored not in self.ignored:
@@ -190,10 +208,7 @@ class ModelBuilder:
         self.masses.append((node, place, mass * self.units.mass, scaled))
 
     def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
-        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units.
-
-        A node of solids has no rotations: its rotary inertia stays at rest.
-        """
+        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
         own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
@@ -238,10 +253,8 @@ class ModelBuilder:
                 self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
-        points = len(self.fixed)
-        return [
-            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
-        ]
+        free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
+        return [term for term in free if abs(term[2]) > LEAST_TERM]
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
@@ -255,9 +268,9 @@ def add_mass(
 ) -> None:
     """A mass per length, area or volume (1, 2, 3) of elements; 0: of what each has."""
     own, across, _ = _sections(builder, elements, place)
-    if dimension in (1, 2) and (own != dimension).any():
-        what = "length" if dimension == 1 else "area"
-        raise place.error(f"a mass per {what} on elements that have none.")
+    alike = dimension not in (1, 2) or (own == dimension).all()
+    place.needs(alike, f"a mass per {'length' if dimension == 1 else 'area'} on elements that have "
+                "none.")  # fmt: skip
     _spread(builder, elements, np.where((own < 3) & (dimension < 3), value / across, value))
 
 
@@ -266,8 +279,8 @@ def add_total(
 ) -> None:
     """A mass spread over elements by their "measure" (length or area), "volume" or "mass"."""
     dimension, across, density = _sections(builder, elements, place)
-    if by == "measure" and len(set(dimension.tolist())) > 1:
-        raise place.error("one mass is spread over lines, areas or volumes alone.")
+    alike = by != "measure" or len(set(dimension.tolist())) == 1
+    place.needs(alike, "one mass is spread over lines, areas or volumes alone.")
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
@@ -275,14 +288,10 @@ def add_total(
     _spread(builder, elements, value / total * share)
 
 
-def _sections(
-    builder: ModelBuilder, elements: IntArray, place: Place
-) -> tuple[IntArray, Array, Array]:
-    """(dimension, thickness or area across it, density) of elements, in the deck's units."""
+def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
+    """Rows: dimension, thickness or area across it, density of elements, in the deck's units."""
     place.needs(len(elements), "the nonstructural mass is on no element with a section.")
-    found = [_section(builder, int(element), place) for element in elements]
-    dimension, across, density = (np.array(column) for column in zip(*found, strict=True))
-    return dimension, across, density
+    return np.array([_section(builder, int(one), place) for one in elements], dtype=float).T
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
@@ -313,17 +322,12 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
     for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
         rod = builder.rods[element]
         builder.rods[element] = replace(rod, mass=rod.mass + more * rod.across)
-    numbers = builder.of_element[elements]
-    for number in np.unique(numbers[~rods]):
-        family, name = builder.families[number], builder.names[number]
-        mine = (numbers == number) & ~rods
-        for value in np.unique(density[mine]):
-            more = float(value) * builder.units.density
-            own = Family(family.kind, _heavier(family.arguments, more), family.place)
-            builder.add(name, elements[mine & (density == value)], own)
+    for name, family, value, some in builder.alike(elements[~rods], density[~rods]):
+        more = value * builder.units.density
+        builder.add(name, some, family._replace(arguments=_heavier(family.arguments, more)))
 
 
-def _heavier(arguments: Arguments, density: float) -> Arguments:
+def _heavier(arguments: Json, density: float) -> Json:
     """Arguments of a section with more density, kg/m³."""
     own = dict(arguments)
     if "layers" in own:

@@ -1,17 +1,15 @@
 """What joins the nodes of a deck: constraints, springs and dampers; and pieces that nothing joins.
 
-A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
-is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
-with six motions of their own.
-
-Of the pieces one is taken alone, or all where each is held. Copies, such as the skin and the
-doubler of a shell, get nodes of their own, because a mesh holds every cell once; these nodes follow
-those of the first: stiffness and mass add.
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero, the dependent
+one first. Nodes of no element become points with six motions. Copies of elements, such as the skin
+and the doubler of a shell, get nodes of their own, because a mesh holds every cell once; these
+follow those of the first: stiffness and mass add.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -23,6 +21,12 @@ from antiosc.io.deck import Block, Deck, IntArray, Place, listed
 from antiosc.io.neutral import Joints, Term, UnitSystem
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
+NO_NODES = np.zeros(0, dtype=np.int64)
+ZERO = np.zeros(3)
+#: Node -> directions of its motions, as rows.
+Frames = Mapping[int, Array]
+#: From 0 to 5.
+Motions = Sequence[int]
 #: Coefficients below this share of the largest of a constraint are rounding.
 NEGLIGIBLE_TERM = 1e-14
 
@@ -68,14 +72,8 @@ class Constraints:
 
     def equation(self, terms: Iterable[Term], place: Place) -> None:
         """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
-        self._sum_is_zero(
-            [
-                (*own, coefficient * value)
-                for node, motion, coefficient in terms
-                for own, value in self._along_axes(node, motion)
-            ],
-            place,
-        )
+        every = ((c, *one) for n, m, c in terms for one in self._along_axes(n, m))
+        self._sum_is_zero([(*own, c * value) for c, own, value in every], place)
 
     def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
         """Σ coefficient × motion = 0 along the axes of the deck."""
@@ -86,19 +84,14 @@ class Constraints:
         largest = max(map(abs, found.values()), default=0.0)
         kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in kept:
-            if motion >= 3 and self._used(node) and not self.has_rotations[node]:
-                raise place.error(
-                    "a constraint acts on a rotation of a node of solids, which have no "
-                    "rotations; constrain displacements of several nodes."
-                )
+            turns = motion < 3 or not self._used(node) or self.has_rotations[node]
+            place.needs(turns, "a constraint acts on a rotation of a node of solids, which have no "
+                        "rotations; constrain displacements of several nodes.")  # fmt: skip
         if kept:
             self.equations.append(kept)
 
     def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
-        """Motions (6,) of a node along rows of `frame` are zero.
-
-        Which of those along the axes (6,) are: they become supports, the others constraints.
-        """
+        """Fix motions (6,) of a node along rows of `frame`: those (6,) that become supports."""
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             own = fixed[first : first + 3]
@@ -116,17 +109,13 @@ class Constraints:
         return result
 
     def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
-        """(how much longer the line between two nodes becomes, its length).
-
-        `first` = 3: how much more twisted.
-        """
+        """(how much longer, or more twisted if `first` is 3, a line becomes, its length)."""
         along = self.place(b) - self.place(a)
         length = float(np.linalg.norm(along))
         place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
         unit = (along / length).tolist()
-        return [
-            (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)
-        ], length
+        ends = ((a, -1.0), (b, 1.0))
+        return [(n, first + c, s * unit[c]) for n, s in ends for c in range(3)], length
 
     def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
         if (node, motion) in self.alias:
@@ -148,10 +137,7 @@ class Constraints:
         return len(self.deck.points) + len(self.more) - 1
 
     def leader(self, node: int, rotation_node: int | None = None) -> int:
-        """A point with six motions at a node.
-
-        Its rotations are the displacements of `rotation_node`.
-        """
+        """A point with six motions at a node; displacements of `rotation_node` rotate it."""
         point = self.leaders.get(node, node)
         if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
@@ -165,32 +151,23 @@ class Constraints:
         return point
 
     def rigid(
-        self,
-        nodes: IntArray,
-        leader: int,
-        motions: Sequence[int],
-        place: Place,
-        own: bool = False,
-        twisted: tuple[Array, Array] | None = None,
+        self, nodes: IntArray, leader: int, motions: Motions, frames: Frames, beside: Array = ZERO
     ) -> None:
-        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
+        """Motions (of 0 to 5) of nodes, along rows of `frames`, follow a point as a rigid body.
 
-        `own`: motions along the directions of a node's own, where it has such. `twisted`: an axis,
-        and the last part of the arm, which a rotation about the axis does not move.
+        `beside`: the last part of the arm, which a rotation about the first row does not move.
         """
         x = self.place(leader)
-        for node in map(int, nodes):
-            if node == leader:
-                continue
+        for node in map(int, nodes[nodes != leader]):
             r = self.place(node) - x
             arm = lever(r)
-            if twisted is not None:
-                axis, last = twisted
-                arm = lever(r - last) + np.outer(axis, axis) @ lever(last)
+            if beside.any():
+                axis = frames[node][0]
+                arm = lever(r - beside) + np.outer(axis, axis) @ lever(beside)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
-                for pivot, along in self._directions(node, motions, first, own):
+                for pivot, along in _directions(frames.get(node), motions, first):
                     terms = [(node, first + pivot, float(along[pivot]))]
                     rest = [k for k in range(3) if along[k]]
                     terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
@@ -200,31 +177,8 @@ class Constraints:
                         terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
                     self.equations.append(terms)
 
-    def _directions(
-        self, node: int, motions: Sequence[int], first: int, own: bool
-    ) -> list[tuple[int, Array]]:
-        """(the dependent axis, direction) of each of some motions; the axes differ."""
-        some = [c - first for c in motions if first <= c < first + 3]
-        if not own or node not in self.frames or len(some) == 3:
-            return [(k, np.eye(3)[k]) for k in some]
-        rows = self.frames[node][some].copy()
-        pivots: list[int] = []
-        for i in range(len(rows)):
-            # the same plane of directions, each with an axis that the others lack
-            left = np.abs(rows[i:]).copy()
-            left[:, pivots] = 0.0
-            j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
-            rows[[i, i + int(j)]] = rows[[i + int(j), i]]
-            rows[i] /= rows[i, pivot]
-            for k in range(len(rows)):
-                if k != i:
-                    rows[k] -= rows[k, pivot] * rows[i]
-            pivots.append(int(pivot))
-        rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
-        return list(zip(pivots, rows, strict=True))
-
     def mean(
-        self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
+        self, follower: int, motions: Motions, nodes: IntArray, weights: Array, place: Place
     ) -> None:
         """Motions of a node follow the weighted mean ones of others (RBE3)."""
         x = np.array([self.place(int(node)) for node in nodes])
@@ -245,14 +199,13 @@ class Constraints:
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         # rotations about the line do not matter for displacements of what lies on it
         unknown = np.abs(cross @ axes[:, ~good]).max(initial=0.0) > 1e-9 * np.abs(r).max()
-        if not good.all() and any(c >= 3 or unknown for c in motions):
-            raise place.error(
-                "the nodes whose mean motion is taken lie on one line, so that their "
-                "rotation is not known; take more nodes, or displacements alone at their centre."
-            )
+        known = good.all() or not any(c >= 3 or unknown for c in motions)
+        place.needs(known, "the nodes whose mean motion is taken lie on one line, so that their "
+                    "rotation is not known; take more nodes, or displacements alone at their "
+                    "centre.")  # fmt: skip
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
         for first, table in ((0, displacements), (3, rotations)):
-            for pivot, along in self._directions(follower, motions, first, own=True):
+            for pivot, along in _directions(self.frames.get(follower), motions, first):
                 followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", along, table)
                 terms = [(follower, first + int(k), float(along[k])) for k in followed]
@@ -270,8 +223,7 @@ class Constraints:
 
     def loose(self) -> list[int]:
         """Nodes of no element, and further points, that constraints, springs and dampers act on."""
-        nodes = {node for terms in self.every() for node, _, _ in terms}
-        return sorted(node for node in nodes if not self._used(node))
+        return sorted({n for terms in self.every() for n, _, _ in terms if not self._used(n)})
 
     def every(self, dampers: bool = True) -> list[list[Term]]:
         """The terms of all constraints, springs, dampers and masses."""
@@ -300,6 +252,28 @@ class Constraints:
         }
 
 
+def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple[int, Array]]:
+    """(the dependent axis, direction) of each of some motions; the axes differ."""
+    some = [c - first for c in motions if first <= c < first + 3]
+    if frame is None or len(some) == 3:
+        return [(k, np.eye(3)[k]) for k in some]
+    rows = frame[some].copy()
+    pivots: list[int] = []
+    for i in range(len(rows)):
+        # the same plane of directions, each with an axis that the others lack
+        left = np.abs(rows[i:]).copy()
+        left[:, pivots] = 0.0
+        j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+        rows[[i, i + int(j)]] = rows[[i + int(j), i]]
+        rows[i] /= rows[i, pivot]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, pivot] * rows[i]
+        pivots.append(int(pivot))
+    rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
+    return list(zip(pivots, rows, strict=True))
+
+
 #: Roles of elements that are springs between other elements; rods alone are a truss.
 SPRINGS = {"rod", "panel"}
 #: Share of the largest eigenvalue below which no support resists a rigid motion; rounding: 1e-16.
@@ -310,32 +284,26 @@ def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
     """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
     tables = [block.corners[chosen[own]] for block, own in deck.numbered()]
     label = connected(tables, len(deck.points))
-    label = label[np.concatenate([block.corners[:, 0] for block in deck.blocks])]
+    label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
     pieces, count = np.unique(label[chosen], return_counts=True)
     if not 1 <= (deck.piece or 0) <= len(pieces):
-        raise MeshError(
-            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
-            f"{deck.piece}."
-        )
+        raise MeshError(f"{deck.name} has {len(pieces)} pieces that share no node; there is no "
+                        f"piece {deck.piece}.")  # fmt: skip
     wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
     return np.asarray(chosen & (label == wanted))
 
 
 def held_apart(
-    deck: Deck,
-    x: Array,
-    moves: BoolArray,
-    fixed: BoolArray,
-    rows: Sequence[Sequence[tuple[int, int, float]]],
+    deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
     """(pieces of the deck that nothing joins, whether they are several and each is held).
 
-    `x` (n, 3): nodes of the deck and further points; `moves`, `fixed` (n, 6): the motions that they
-    have, and those that supports hold; `rows`: sums of motions that constraints and springs resist.
+    `x` (n, 3): nodes and further points; `moves`, `fixed` (n, 6): their motions, and those that
+    supports hold; `rows`: sums of motions that constraints and springs resist.
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
-    acting = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(t.ravel() for t in tables)]))
+    acting = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
     acting = acting[acting >= 0]
     pieces = np.unique(connected(tables, len(x))[acting], return_inverse=True)[1]
     count = int(pieces.max(initial=0)) + 1
@@ -347,9 +315,8 @@ def held_apart(
     np.add.at(centre, pieces, x[acting])
     r = x - (centre / np.bincount(pieces)[:, None])[piece]
     r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
-    there = np.zeros(len(x), dtype=bool)
-    there[acting] = True
-    own = moves & there[:, None]
+    own = np.zeros_like(moves)
+    own[acting] = moves[acting]
     moved, resisted = (_gram(one, r, piece, count) for one in (own, own & fixed))
     for terms in filter(None, rows):
         nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
@@ -383,10 +350,7 @@ def _motion(r: Array, motions: IntArray) -> Array:
 
 
 def connected(tables: Iterable[IntArray], count: int) -> IntArray:
-    """The number of the piece of each of `count` nodes; rows of tables (n, k) hold nodes together.
-
-    Numbers below 0 are no nodes.
-    """
+    """The piece of each of `count` nodes; rows of tables (n, k) join nodes (below 0: none)."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 
@@ -404,28 +368,23 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
     """Give copies nodes of their own: (own node, node that it follows); they are told."""
     some = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
     made: dict[tuple[int, int], int] = {}
-    copies: dict[str, int] = {}
+    copies: Counter[str] = Counter()
     for block, ranks in zip(some, _ranks(some), strict=True):
         for element in np.flatnonzero(ranks):
-            copies[block.type] = copies.get(block.type, 0) + 1
+            copies[block.type] += 1
             for table in (block.corners, block.mids, block.inner):
                 for k in np.flatnonzero(table[element] >= 0):
                     own = (int(table[element, k]), int(ranks[element]))
                     table[element, k] = made.setdefault(own, len(deck.points) + len(made))
     if made:
         deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
-        deck.told.append(
-            f"{listed(copies)} of {deck.name} repeat other elements node by node: their "
-            "stiffness and mass add to those of these."
-        )
+        deck.told.append(f"{listed(copies)} of {deck.name} repeat other elements node by node: "
+                         "their stiffness and mass add to those of these.")  # fmt: skip
     return [(own, node) for (node, _), own in made.items()]
 
 
 def _ranks(blocks: list[Block]) -> list[IntArray]:
-    """How many elements before it each element of some blocks repeats.
-
-    A triangle repeats the halves of a quadrilateral.
-    """
+    """How many elements before it each repeats; a triangle also halves of quadrilaterals."""
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
         own = [k for k, block in enumerate(blocks) if block.shape == shape]

@@ -1,15 +1,13 @@
 """The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
 
-The result consists of numbers, texts and lists, because the reading process returns it as JSON;
-`antiosc.fem.assembly.from_deck` builds the structure from it. With elements that are not chosen,
-what acts on their nodes is left out. A support on an edge holds all of it; a middle node without
-the ends of its edge is held by a constraint.
+With elements that are not chosen, what acts on their nodes is left out. A support on an edge holds
+all of it; a middle node without the ends of its edge is held by a constraint.
 
-Rods (CROD, CONROD, CTUBE, T2D2, T3D2) between other elements are springs, with masses at their
-nodes; rods alone make a truss. The forces along the four sides of a shear panel (CSHEAR) that are
-in equilibrium with each other are known but for a factor: it is one spring in the motion on which
-they do work, whose compliance is the energy of that shear (S. J. Garvey, *The quadrilateral shear
-panel*, Aircraft Engineering 23, 1951), exact for parallelograms.
+Rods between other elements are springs, with masses at their nodes; rods alone make a truss. The
+forces along the four sides of a shear panel (CSHEAR) that are in equilibrium with each other are
+known but for a factor: it is one spring in the motion on which they do work, whose compliance is
+the energy of that shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23,
+1951), exact for parallelograms.
 """
 
 from __future__ import annotations
@@ -22,8 +20,8 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
 from antiosc.io.deck import Array, Place
-from antiosc.io.neutral import EDGES, Model, Term
-from antiosc_decks.builder import MOTIONS, Arguments, Family, ModelBuilder, Rod
+from antiosc.io.neutral import EDGES, Json, Model, Term
+from antiosc_decks.builder import MOTIONS, Family, ModelBuilder, Rod
 from antiosc_decks.constraints import SPRINGS, connected, held_apart
 from antiosc_decks.sources import lines
 
@@ -32,10 +30,7 @@ FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
-    """Springs and masses in place of the chosen rods and panels; which elements they are.
-
-    The rods of a truss stay elements.
-    """
+    """Springs and masses for the chosen rods, but those of a truss, and panels; which they are."""
     rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
     masses: dict[int, tuple[float, Place]] = {}
     for block, some in deck.numbered():
@@ -47,18 +42,15 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
             nodes = list(map(int, block.corners[k]))
             rod = builder.rods.get(int(some[k]))
             if rod is None:
-                raise MeshError(
-                    f"{deck.name} has {block.type} elements without a section, so that their "
-                    "material is not known."
-                )
+                raise MeshError(f"{deck.name} has {block.type} elements without a section, so that "
+                                "their material is not known.")  # fmt: skip
             size = (_spring if rod.effective is None else _panel)(builder, nodes, rod)
             for node in nodes:
                 before = masses.get(node, (0.0,))[0]
                 masses[node] = before + rod.mass * size / len(nodes), rod.place
-        deck.told.append(
-            f"the {len(kept)} {block.type} of {deck.name} are springs, with their mass at their "
-            f"{'ends' if block.role == 'rod' else 'corners'}."
-        )
+        where = "ends" if block.role == "rod" else "corners"
+        deck.told.append(f"the {len(kept)} {block.type} of {deck.name} are springs, with their "
+                         f"mass at their {where}.")  # fmt: skip
     for node, (mass, place) in masses.items():
         if mass:
             builder.mass(node, mass, [0.0] * 3, place)
@@ -74,12 +66,9 @@ def make_truss(builder: ModelBuilder) -> None:
         if rod is not None and rod.effective is None:
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
-        arguments = {
-            "E": rod.E * units.stress,
-            "nu": rod.nu,
-            "rho": rod.mass / rod.across * units.density,
-            "area": rod.across * units.length**2,
-        }
+        arguments = {"E": rod.E * units.stress, "nu": rod.nu}
+        arguments["rho"] = rod.mass / rod.across * units.density
+        arguments["area"] = rod.across * units.length**2
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
     if any(rod.torsion for rod in alike):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
@@ -103,10 +92,8 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
     loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
     if loose.any():
         builder.fixed[:, :3] |= loose
-        builder.deck.told.append(
-            f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod is "
-            "stiff are held (AUTOSPC)."
-        )
+        told = f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod"
+        builder.deck.told.append(f"{told} is stiff are held (AUTOSPC).")
 
 
 def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
@@ -125,8 +112,8 @@ def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
     x = builder.deck.points[nodes]
     normal = np.cross(x[2] - x[0], x[3] - x[1])
     size = float(np.linalg.norm(normal))
-    if not size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2:
-        raise panel.place.error("the corners of a shear panel lie on one line.")
+    flat = size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2
+    panel.place.needs(flat, "the corners of a shear panel lie on one line.")
     sides, area = np.roll(x, -1, axis=0) - x, size / 2
     builder.sprung(*_shear(panel, nodes, x, sides, normal / size))
     length, t = np.linalg.norm(sides, axis=1), panel.across
@@ -149,8 +136,8 @@ def _shear(
     arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
     forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
     flow = forces / length
-    if not np.abs(flow).min() > 1e-6 * np.abs(flow).max():
-        raise panel.place.error("a shear panel needs four corners of less than 180°.")
+    convex = np.abs(flow).min() > 1e-6 * np.abs(flow).max()
+    panel.place.needs(convex, "a shear panel needs four corners of less than 180°.")
     pair = int(np.argmax([abs(unit[k] @ unit[k + 2]) for k in (0, 1)]))
     upright = np.array([-unit[pair, 1], unit[pair, 0]])
     s, c = ((unit[k] @ unit[pair]) / (unit[k] @ upright) for k in (1 - pair, 3 - pair))
@@ -170,13 +157,7 @@ JOINED = {"solid", "shell", "beam"}
 
 
 def finished(builder: ModelBuilder) -> Model:
-    """The model.
-
-    Raises
-    ------
-    MeshError
-        Elements without a section, or families that cannot be combined in a structure.
-    """
+    """The model; MeshError for elements without a section, and families that cannot be joined."""
     if builder.truss:
         make_truss(builder)
     rods = join_rods(builder)
@@ -184,10 +165,9 @@ def finished(builder: ModelBuilder) -> Model:
     _refuse_uncovered(builder)
     present = {block.role for block in builder.deck.blocks if len(block)}
     if len(present) > 1 and not present <= JOINED:
-        raise MeshError(
-            f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
-            "plane elements are read alone: give each kind a deck of its own."
-        )
+        raise MeshError(f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one "
+                        "structure; plane elements are read alone: give each kind a deck of its "
+                        "own.")  # fmt: skip
     _hold_middles(builder)
     _drop_alone(builder)
     joints = builder.joints
@@ -210,11 +190,10 @@ def finished(builder: ModelBuilder) -> Model:
     pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
     # N/m, and N m of rotations
     size, force = builder.units.length, builder.units.force
-    springs = [
-        (_point(builder, n), {MOTIONS[m]: k * (force * size ** (1 if m > 2 else -1))})
-        for ((n, m, _),), k in (() if joined else grounded)
-    ]
-    groups: list[tuple[str, str, Arguments, str]] = []
+    units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
+    alone = [] if joined else grounded
+    springs = [(_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in alone]
+    groups: list[tuple[str, str, Json, str]] = []
     for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
         elements = np.flatnonzero(builder.of_element == number)
         if not len(elements):
@@ -289,9 +268,8 @@ def _drop_alone(builder: ModelBuilder) -> None:
     dampers = [one for one in joints.dampers if resists(one[0])]
     left, joints.dampers = left + len(joints.dampers) - len(dampers), dampers
     if left:
-        builder.ignored.append(
-            f"{left} springs, dampers, masses and constraints that nothing joins to an element"
-        )
+        told = "springs, dampers, masses and constraints that nothing joins to an element"
+        builder.ignored.append(f"{left} {told}")
 
 
 def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
@@ -311,6 +289,7 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
 
 
 def _on_edges(builder: ModelBuilder) -> bool:
+    """Whether all beams lie on edges of shells."""
     found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
@@ -323,9 +302,8 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
     for family in builder.families:
         if family.kind == "Beam" and not family.arguments.get("shear", True):
             family.arguments["shear"] = True
-            builder.ignored.append(
-                f"the rigidity in shear of beams on edges of shells ({family.place})"
-            )
+            told = f"the rigidity in shear of beams on edges of shells ({family.place})"
+            builder.ignored.append(told)
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
@@ -345,18 +323,15 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
+    name = builder.deck.name
     for block, own in builder.deck.numbered():
         if block.role == "other":
-            raise MeshError(
-                f"{builder.deck.name} has {len(block)} {block.type} elements, which no element "
-                "family here carries (solids, plane stress and strain, shells, beams)."
-            )
-        bare = int((builder.of_element[own] < 0).sum())
-        if bare:
-            raise MeshError(
-                f"{builder.deck.name}: {bare} of {len(block)} {block.type} elements have no "
-                "section, so their material is not known."
-            )
+            raise MeshError(f"{name} has {len(block)} {block.type} elements, which no element "
+                            "family here carries (solids, plane stress and strain, shells, "
+                            "beams).")  # fmt: skip
+        if bare := int((builder.of_element[own] < 0).sum()):
+            raise MeshError(f"{name}: {bare} of {len(block)} {block.type} elements have no "
+                            "section, so their material is not known.")  # fmt: skip
 
 
 def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
@@ -383,15 +358,12 @@ def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
     sets = deck.element_sets.items()
     deck.element_sets = {name: number[one[kept[one]]] for name, one in sets}
     builder.of_element = builder.of_element[kept]
-    left = builder.joints.keep(
-        lambda terms: not any(n < len(gone) and gone[n] for n, _, _ in terms)
-    )
+    left = builder.joints.keep(lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone)))
     masses = [one for one in builder.masses if not gone[one[0]]]
     left, builder.masses = left + len(builder.masses) - len(masses), masses
     if left:
-        builder.ignored.append(
-            f"{left} constraints, springs, dampers or masses on parts that are left out"
-        )
+        told = "constraints, springs, dampers or masses on parts that are left out"
+        builder.ignored.append(f"{left} {told}")
 
 
 def _hold_middles(builder: ModelBuilder) -> None:

@@ -1,9 +1,8 @@
 """Matrices of Nastran (DMIG) and Ansys (Harwell–Boeing).
 
-DMIG, in bulk data and punch (`.pch`) files, is a matrix by grid points and components: a header
-card (name, 0, form, type) and one card for each column: its grid point and component, then groups
-of grid point, component and value. Form 6 is one triangle of a symmetric matrix. MSC Nastran,
-*Quick Reference Guide*, DMIG.
+DMIG is a matrix by grid points and components: a header card (name, 0, form, type), and for each
+column a card with its grid point and component, then groups of grid point, component and value.
+Form 6 is one triangle. MSC Nastran, *Quick Reference Guide*, DMIG.
 
 Harwell–Boeing, as Ansys HBMAT writes it, has the columns of a matrix in fixed Fortran fields. Duff,
 Grimes and Lewis, *Users' guide for the Harwell–Boeing sparse matrix collection*, 1992.
@@ -19,15 +18,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, Matrix
-from antiosc.io.matrices import (
-    Entries,
-    Labels,
-    MatrixFormat,
-    Source,
-    fortran,
-    is_text,
-    of_labels,
-)
+from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text, of_labels
 from antiosc_decks.nastran_cards import fields_of
 
 #: Form of one triangle of a symmetric matrix, and of a square matrix with both.
@@ -72,10 +63,9 @@ def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
         form, kind = int(fields[1]), int(fields[2])
     except (ValueError, IndexError):
         raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
-    if kind not in (1, 2):
-        raise source.error(number, f"DMIG {name} is complex: stiffness and mass must be real.")
-    if form not in (SYMMETRIC_FORM, SQUARE_FORM):
-        raise source.error(number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
+    real, known = kind in (1, 2), form in (SYMMETRIC_FORM, SQUARE_FORM)
+    source.needs(real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
+    source.needs(known, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
     return form
 
 
@@ -106,8 +96,8 @@ def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
     except (ValueError, IndexError):
         told = f"a grid point and a component are expected; got {' '.join(words)!r}."
         raise source.error(number, told) from None
-    if not 0 < grid < MOST_GRID or not 0 <= component <= 6:
-        raise source.error(number, f"grid point {grid} with component {component} does not exist.")
+    there = 0 < grid < MOST_GRID and 0 <= component <= 6
+    source.needs(there, number, f"grid point {grid} with component {component} does not exist.")
     return grid, component
 
 
@@ -172,16 +162,14 @@ def read_harwell_boeing(source: Source) -> Entries:
     if kind[0] != "R":
         what = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
         raise source.error(3, f"the matrix is {what}: stiffness and mass must be real.")
-    if kind[1] not in "SU" or kind[2] != "A":
-        raise source.error(
-            3, f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
-        )
+    told = f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
+    source.needs(kind[1] in "SU" and kind[2] == "A", 3, told)
     rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
-    if rows != columns or rows < 1:
-        raise source.error(3, f"the matrix must be square; got {rows} rows, {columns} columns.")
-    if count < 1 or max(count, rows) > len(source.content):
-        held = f"than a file of {len(source.content)} bytes holds."
-        raise source.error(3, f"{count:g} entries in {rows:g} rows are more {held}")
+    square = f"the matrix must be square; got {rows} rows, {columns} columns."
+    source.needs(rows == columns and rows >= 1, 3, square)
+    size = len(source.content)
+    source.needs(count >= 1 and max(count, rows) <= size, 3, f"{count:g} entries in {rows:g} rows "
+                 f"are more than a file of {size} bytes holds.")  # fmt: skip
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
     blocks: list[Array] = []
@@ -190,8 +178,8 @@ def read_harwell_boeing(source: Source) -> Entries:
         first += -(-wanted // form[0])
     pointers, index, value = blocks
     starts = np.diff(pointers)
-    if pointers[0] != 1 or pointers[-1] != count + 1 or (starts < 0).any():
-        raise source.error(5, f"the column pointers do not rise from 1 to {count + 1}.")
+    rise = pointers[0] == 1 and pointers[-1] == count + 1 and (starts >= 0).all()
+    source.needs(rise, 5, f"the column pointers do not rise from 1 to {count + 1}.")
     bad = (index < 1) | (index > rows) | (index != np.floor(index))
     if bad.any():
         raise source.error(first, f"row indices are 1 to {rows}; got {index[bad][0]:g}.")
@@ -225,9 +213,8 @@ def _fields(
 ) -> Array:
     """`wanted` numbers from line `first`; `form`: of a line the numbers, of these the width."""
     per_line, width = form
-    used = -(-wanted // per_line)
-    if len(lines) < first + used:
-        raise source.error(len(lines), f"the file ends after {len(lines) - first} of {used} lines.")
+    used, there = -(-wanted // per_line), len(lines) - first
+    source.needs(there >= used, len(lines), f"the file ends after {there} of {used} lines.")
     found = np.empty(wanted)
     at = 0
     for k in range(first, first + used):

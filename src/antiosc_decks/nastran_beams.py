@@ -1,16 +1,16 @@
 """Nastran's beams: their cross-sections, orientation, offsets and pin flags.
 
-PBAR, PBARL, PBEAM, PBEAML, PBEND; tapered and curved beams are divided. A beam whose ends lie
-beside its nodes, or are released, gets ends of its own, which follow its nodes as rigid bodies but
-for the released motions.
+Tapered and curved beams are divided. A beam whose ends lie beside its nodes, or are released, gets
+ends of its own, which follow its nodes as rigid bodies but for the released motions.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from inspect import signature
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,25 +18,21 @@ from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
-from antiosc_decks.nastran_mesh import Beam, NastranDeck, property_of
+from antiosc_decks.nastran_mesh import Beam, NastranDeck
 
 #: Those whose centroid need not be their shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 #: Of a second moment that is 0 the share of the other one that is taken.
 SLIGHT = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM, and of K1 (-1: none, or behind the sections).
-FIELDS = {
-    "PBAR": ((2, 3, 4, 18, 5, 6), 16),
-    "PBEND": ((2, 3, 4, -1, 5, 18), 16),
-    "PBEAM": ((2, 3, 4, 5, 6, 7), -1),
-}
+FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEND": ((2, 3, 4, -1, 5, 18), 16)}
+FIELDS["PBEAM"] = ((2, 3, 4, 5, 6, 7), -1)
 #: What is not taken of a PBEAM -> its fields behind the sections.
 BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
 BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
 
-@dataclass(frozen=True)
-class BeamProfile:
+class BeamProfile(NamedTuple):
     """The cross-section of a beam at one place."""
 
     profile: profiles.Profile
@@ -110,7 +106,12 @@ class BeamProfiles:
             entry.needs(not beside, "PBEND with RC or ZC is not supported; move its nodes.")
         elif entry.name == "PBEAM":
             start = self._along(rows)
-            self._behind(start)
+            # blank at the second end: as at the first
+            ends = (start + 12, start + 13)
+            further = [k + 2 if entry.text(k + 2) else k for k in ends]
+            self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, further)]
+            if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
+                self.told.append(f"{', '.join(given)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
                              "of the other is taken")  # fmt: skip
@@ -149,78 +150,58 @@ class BeamProfiles:
         entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
         return start
 
-    def _behind(self, start: int) -> None:
-        entry = self.entry
-        ends = [start + 12, start + 13]
-        own = [k + 2 if entry.text(k + 2) else k for k in ends]  # blank: as at the first end
-        self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, own)]
-        if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
-            self.told.append(f"{', '.join(given)} of PBEAM {entry.text(0)}")
-
     def _listed(self) -> list[tuple[float, BeamProfile]]:
         entry = self.entry
         kind = entry.text(3).upper()
-        entry.needs(
-            kind in DIMENSIONS,
-            f"{entry.name} of the type {kind!r} is not supported; give its "
-            f"constants by PBAR, or take one of {', '.join(DIMENSIONS)}.",
-        )
-        entry.needs(
-            entry.name != "PBEAML" or kind not in LOPSIDED,
-            f"PBEAML of the type {kind!r} has its neutral axis off the shear "
-            "centre, which is not supported; give its constants by PBAR.",
-        )
-        count = DIMENSIONS[kind]
-        first = self._dimensions(8, count, [None] * count)
+        entry.needs(kind in SHAPES, f"{entry.name} of the type {kind!r} is not supported; give its "
+                    f"constants by PBAR, or take one of {', '.join(SHAPES)}.")  # fmt: skip
+        centred = entry.name != "PBEAML" or kind not in LOPSIDED
+        entry.needs(centred, f"PBEAML of the type {kind!r} has its neutral axis off the shear "
+                    "centre, which is not supported; give its constants by PBAR.")  # fmt: skip
+        count = len(signature(SHAPES[kind]).parameters)
+        first = self._dimensions(8, [None] * count)
         if entry.name == "PBEAML" and kind == "L":
             middle = np.array([first[2], first[3]]) / 2
-            self.neutral[:] = profiles.centroid(WALLS["L"](*first)) - middle
+            self.neutral[:] = profiles.centroid(_angle(*first)) - middle
         extra = entry.real(8 + count)
         stations = [(0.0, BeamProfile(self._shape(kind, first), extra, True))]
         start = 9 + count
         while entry.name == "PBEAML" and entry.words(start, start + 2):
-            own = self._dimensions(start + 2, count, first)
+            own = self._dimensions(start + 2, first)
             beside = entry.real(start + 2 + count, extra)
             one = BeamProfile(self._shape(kind, own), beside, True)
             stations.append((entry.real(start + 1, 1.0), one))
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
-            self.told.append(
-                f"the shear coefficients and the torsion constant that Nastran gives {entry.name} "
-                f"{entry.text(0)} ({kind}), {profiles.THIN:g} and that of thin walls are taken"
-            )
+            told = f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
+            told = f"the shear coefficients and {told}, {profiles.THIN:g}"
+            self.told.append(f"{told} and that of thin walls are taken")
         return stations
 
-    def _dimensions(self, start: int, count: int, blank: Sequence[float | None]) -> list[float]:
-        d = [self.entry.real(start + k, blank[k]) for k in range(count)]
+    def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
+        d = [self.entry.real(start + k, value) for k, value in enumerate(blank)]
         full = self.entry.text(3).upper() == "TUBE" and d[0] > 0 and d[1] == 0
         self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
         return d
 
     def _shape(self, kind: str, d: Sequence[float]) -> profiles.Profile:
         try:
-            if kind in FULL:
-                return FULL[kind](*d)
-            bredt = profiles.box_torsion(*d) if kind == "BOX1" else None
-            found = profiles.walled(WALLS[kind](*d), bredt)
+            made = SHAPES[kind](*d)
+            if isinstance(made, profiles.Profile):
+                return made
+            found = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
             return found if kind in ("L", "Z") else replace(found, mixed=0.0)
         except ValueError as error:
-            raise self.entry.place.error(
-                f"the dimensions of {self.entry.name} {self.entry.text(0)} do "
-                f"not fit into each other for the type {kind!r}."
-            ) from error
+            told = f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
+            raise self.entry.place.error(f"{told} other for the type {kind!r}.") from error
 
 
-#: Cross-sections by closed forms, from dimensions, plane 1 upright.
-FULL: dict[str, Callable[..., Any]] = {
-    "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
-    "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
-    "TUBE2": profiles.tube,
-    "BAR": lambda width, h: profiles.rectangle(h, width),
-    "BOX": lambda width, h, flange, web: profiles.box(h, width, (flange, web, flange, web)),
-    "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
-}
 Walls = list[profiles.Wall]
+
+
+def _pair(low: float, high: float, left: float, right: float) -> Walls:
+    """A wall and its mirror image."""
+    return [(low, high, left, right), (low, high, -right, -left)]
 
 
 def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
@@ -233,62 +214,56 @@ def _t(width: float, h: float, flange: float, web: float) -> Walls:
 
 
 def _chan(width: float, h: float, web: float, flange: float) -> Walls:
-    ends = [(0, flange, 0, width), (h - flange, h, 0, width)]
-    return [ends[0], (flange, h - flange, 0, web), ends[1]]
+    return [(0, flange, 0, width), (flange, h - flange, 0, web), (h - flange, h, 0, width)]
 
 
-def _h(between: float, legs: float, h: float, bar: float) -> Walls:
-    a, b = between / 2, (between + legs) / 2
-    return [(-h / 2, h / 2, a, b), (-h / 2, h / 2, -b, -a), (-bar / 2, bar / 2, -a, a)]
+def _angle(width: float, h: float, base: float, leg: float) -> Walls:
+    return [(0, base, 0, width), (base, h, 0, leg)]
 
 
-def _cross(arms: float, t: float, h: float, bar: float) -> Walls:
-    a, b = t / 2, (t + arms) / 2
-    return [(-h / 2, h / 2, -a, a), (-bar / 2, bar / 2, a, b), (-bar / 2, bar / 2, -b, -a)]
-
-
-def _hat(h: float, t: float, top: float, brim: float) -> Walls:
-    a, b = top / 2 - t, top / 2
-    webs = [(t, h - t, -b, -a), (t, h - t, a, b)]
-    return [(h - t, h, -b, b), *webs, (0, t, -b - brim, -a), (0, t, a, b + brim)]
-
-
-def _z(arm: float, web: float, inner: float, h: float) -> Walls:
-    flange, a = (h - inner) / 2, web / 2
-    ends = [(0, flange, -a, a + arm), (h - flange, h, -a - arm, a)]
-    return [*ends, (flange, h - flange, -a, a)]
-
-
-def _box1(width: float, h: float, top: float, low: float, left: float, right: float) -> Walls:
-    sides = [(low, h - top, 0, left), (low, h - top, width - right, width)]
-    return [(0, low, 0, width), (h - top, h, 0, width), *sides]
-
-
-#: Cross-sections of walls: rectangles from dimensions, plane 1 upright.
-WALLS: dict[str, Callable[..., Walls]] = {
+#: Cross-sections by closed forms, or of walls, from their dimensions, plane 1 upright.
+SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
+    "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
+    "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
+    "TUBE2": profiles.tube,
+    "BAR": lambda width, h: profiles.rectangle(h, width),
+    "BOX": lambda width, h, flange, web: profiles.box(h, width, flange, web),
+    "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
+    "CROSS": lambda arms, t, h, bar: [
+        *((-h / 2, h / 2, -t / 2, t / 2), *_pair(-bar / 2, bar / 2, t / 2, (t + arms) / 2))
+    ],
+    "H": lambda between, legs, h, bar: [
+        *_pair(-h / 2, h / 2, between / 2, (between + legs) / 2),
+        (-bar / 2, bar / 2, -between / 2, between / 2),
+    ],
     "I": _i,
-    "I1": lambda arms, web, inner, h: _i(
-        h, arms + web, arms + web, web, (h - inner) / 2, (h - inner) / 2
-    ),
-    **{"T": _t, "T2": _t, "CHAN": _chan, "H": _h, "CROSS": _cross, "HAT": _hat},
+    "I1": lambda arms, t, inner, h: _i(h, arms + t, arms + t, t, (h - inner) / 2, (h - inner) / 2),
+    "T": _t,
     "T1": lambda flange, web, t_flange, t_web: [
         (-flange / 2, flange / 2, 0, t_flange),
         (-t_web / 2, t_web / 2, t_flange, t_flange + web),
     ],
+    "T2": _t,
+    "CHAN": _chan,
     "CHAN1": lambda arm, web, inner, h: _chan(arm + web, h, web, (h - inner) / 2),
     "CHAN2": lambda leg, base, h, width: [
-        (0, base, 0, width),
-        (base, h, 0, leg),
-        (base, h, width - leg, width),
+        *((0, base, 0, width), (base, h, 0, leg), (base, h, width - leg, width))
     ],
-    "L": lambda width, h, base, leg: [(0, base, 0, width), (base, h, 0, leg)],
-    **{"Z": _z, "BOX1": _box1},
-}
-#: Supported cross-sections and the number of their dimensions.
-DIMENSIONS = {
-    **{"ROD": 1, "TUBE": 2, "TUBE2": 2, "BAR": 2, "BOX": 4, "HEXA": 3, "CROSS": 4, "H": 4},
-    **{"I": 6, "I1": 4, "T": 4, "T1": 4, "T2": 4, "CHAN": 4, "CHAN1": 4, "CHAN2": 4, "HAT": 4},
-    **{"BOX1": 6, "Z": 4, "L": 4},
+    "HAT": lambda h, t, top, brim: [
+        (h - t, h, -top / 2, top / 2),
+        *_pair(t, h - t, -top / 2, t - top / 2),
+        *_pair(0, t, -top / 2 - brim, t - top / 2),
+    ],
+    "BOX1": lambda width, h, top, low, left, right: [
+        *((0, low, 0, width), (h - top, h, 0, width)),
+        *((low, h - top, 0, left), (low, h - top, width - right, width)),
+    ],
+    "Z": lambda arm, web, inner, h: [
+        (0, (h - inner) / 2, -web / 2, web / 2 + arm),
+        (h - (h - inner) / 2, h, -web / 2 - arm, web / 2),
+        ((h - inner) / 2, h - (h - inner) / 2, -web / 2, web / 2),
+    ],
+    "L": _angle,
 }
 
 
@@ -298,8 +273,7 @@ PIECES = 16
 ALONG = 1e-9
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """An end that is not its node: rows of both, what holds them together, along which axes."""
 
     row: int
@@ -325,7 +299,7 @@ def divide(found: NastranDeck) -> list[End]:
             continue
         lines: list[tuple[int, int]] = []
         for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
-            known = along.get(property_of(entry))
+            known = along.get(entry.property_number())
             neutral = known.neutral if known else np.zeros((2, 2))
             own = _own_ends(found, entry, nodes, neutral)
             rows = list(nodes)
@@ -334,7 +308,7 @@ def divide(found: NastranDeck) -> list[End]:
                 points.append(place)
                 ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
             bend = known.entry if known and entry.name == "CBEND" else None
-            pieces = PIECES if bend or property_of(entry) in tapered else 1
+            pieces = PIECES if bend or entry.property_number() in tapered else 1
             heights: list[Array | None] = [None] * pieces
             x = np.array([points[row] for row in rows])
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
@@ -362,12 +336,10 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
     for end in ends:
         builder.apart.append(end.row)
         leader = builder.joints.leader(end.node)
-        builder.joints.frames[end.row] = end.axes
         if end.beside.any():
             builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
-        builder.joints.rigid(np.array([end.row]), leader, end.held, end.entry.place, own=True,
-                             twisted=(end.axes[0], end.beside))  # fmt: skip
-        del builder.joints.frames[end.row]
+        own = {end.row: end.axes}
+        builder.joints.rigid(np.array([end.row]), leader, end.held, own, end.beside)
 
 
 def _own_ends(
@@ -375,7 +347,7 @@ def _own_ends(
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
     """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
-    offsets = _offsets(found, entry)
+    offsets = offsets_of(found, entry)
     if not any(pins) and not offsets.any() and not neutral.any():
         return {}
     x = found.deck.points[nodes]
@@ -384,18 +356,18 @@ def _own_ends(
     long = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
     entry.needs(long, f"{entry.name} {entry.text(0)} has no length.")
     height = orientation(found, entry, line / length)
-    if not any(pins) and not neutral.any() and _alike(offsets, height):
-        return {}  # by the section
+    off = float(offsets[0] @ height)
+    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - off * height])).max()
+    if not any(pins) and not neutral.any() and rest <= 1e-6 * abs(off):
+        return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    return {
-        k: (places[k], tuple(c for c in range(6) if c not in pins[k]), axes)
-        for k in (0, 1)
-        if pins[k] or offsets[k].any() or neutral[k].any()
-    }
+    own = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    held = [tuple(c for c in range(6) if c not in some) for some in pins]
+    return {k: (places[k], held[k], axes) for k in own}
 
 
-def _offsets(found: NastranDeck, entry: Entry) -> Array:
+def offsets_of(found: NastranDeck, entry: Entry) -> Array:
     """Offsets (2, 3) of the ends from their nodes along the axes of the deck."""
     given = np.reshape(entry.reals(10, 16), (2, 3))
     if not given.any():
@@ -406,13 +378,6 @@ def _offsets(found: NastranDeck, entry: Entry) -> Array:
                 "not supported; give them in the displacement system (GGG).")  # fmt: skip
     frames = [found.frame(found.at(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(given, frames, strict=True)])
-
-
-def _alike(offsets: Array, height: Array) -> bool:
-    """Whether both ends lie equally far off their nodes along the height."""
-    along = float(offsets[0] @ height)
-    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - along * height])).max()
-    return bool(rest <= 1e-6 * abs(along))
 
 
 def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
@@ -434,13 +399,8 @@ def _vector(found: NastranDeck, entry: Entry) -> Array:
     return v if entry.text(7).upper()[:1] == "B" else np.asarray(v @ found.frame(a, entry.place))
 
 
-def offset_along(found: NastranDeck, entry: Entry, height: Array) -> float:
-    """Equal offsets of both ends along the height."""
-    return float(_offsets(found, entry)[0] @ height)
-
-
 def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Array, Array]:
-    """(points (pieces - 1, 3) between the ends, directions of plane 1 (pieces, 3)) of a CBEND.
+    """(points (pieces - 1, 3) within, directions of plane 1 (pieces, 3)) of a CBEND.
 
     `bend`: its PBEND; `x` (2, 3): its ends; `v`: the vector, or the arm of the node, that it gives.
     """

@@ -20,6 +20,8 @@ PROPERTY_NAMES = (
 )
 #: Entries of a text, whose lines have no fields.
 TEXTS = ("DEQATN",)
+LONG_LINE = """a line of free fields ends with the mark of the next line, and one of GRID has up to
+8 fields after its name; write the further ones in a line of their own.""".replace("\n", " ")
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
@@ -47,8 +49,7 @@ class Entry(Placed):
 
     def words(self, first: int, stop: int | None = None) -> list[str]:
         """The fields from `first` that are not blank."""
-        last = len(self.fields) if stop is None else stop
-        return [word for k in range(first, last) if (word := self.text(k))]
+        return [word for one in self.fields[first:stop] if (word := one.strip())]
 
     def _filled(self, k: int) -> str:
         self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
@@ -63,6 +64,16 @@ class Entry(Placed):
     def number(self, k: int) -> int:
         """The number of a node, a property, … in field k, as no other part of the deck has it."""
         return self.whole(k) + self.place.scope
+
+    def property_number(self) -> int:
+        """Number of an element's property; by default that of the element."""
+        return 0 if self.name == "CONROD" else self.whole(1, self.whole(0)) + self.place.scope
+
+    def its_property(self, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
+        """(entry, first field) of an element's property, among some."""
+        number = self.property_number()
+        self.needs(number in known, f"{self.name} has no {name} {number}.")
+        return known[number]
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
@@ -223,12 +234,8 @@ class Bulk:
         if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
             return
         name, fields, large, mark = fields_of(line)
-        fault = None
-        if (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:])):
-            fault = place.error(
-                "a line of free fields ends with the mark of the next line, and one of GRID has up "
-                "to 8 fields after its name; write the further ones in a line of their own."
-            )
+        long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
+        fault = place.error(LONG_LINE) if long else None
         if name[:1] == "=":
             self._copy(words[0].split(",")[0], fields, place)
         elif name[:1] in ("", "+", "*"):
@@ -257,15 +264,14 @@ class Bulk:
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
-            if not 0 < times <= MOST_COPIES or self._changes is None:
-                raise place.error(f"{name[:20]!r} repeats no copy, or one too often.")
+            few = 0 < times <= MOST_COPIES and self._changes is not None
+            place.needs(few, f"{name[:20]!r} repeats no copy, or one too often.")
         else:
             self._changes = [*takewhile(lambda word: word != "==", fields)]
+        changes = self._changes or []
         for _ in range(times):
             last = self.entries[-1]
-            pairs = zip_longest(
-                last.fields, (self._changes or [])[: len(last.fields)], fillvalue="="
-            )
+            pairs = zip_longest(last.fields, changes[: len(last.fields)], fillvalue="=")
             self._begin(Entry(last.name, place, [_changed(*pair, place) for pair in pairs]))
 
 
@@ -283,10 +289,7 @@ def _changed(old: str, change: str, place: Place) -> str:
 
 
 def fields_of(line: str) -> tuple[str, list[str], bool, str]:
-    """(name, four or eight fields, whether they are large, the mark of the continuation).
-
-    A line of free fields may have more of them: those of the lines that would follow.
-    """
+    """(name, 4, 8, or if free more fields, whether they are large, mark of the continuation)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         first, *more = first.split() if first[:1].isalpha() else [first]
@@ -390,49 +393,41 @@ BESIDE = (
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
 #: Elements without a counterpart; names that begin with C and are in no list are such, too.
-NO_COUNTERPART = (
-    *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
-    *("CFAST", "CWELD", "CSEAM", "CBEAM3", "CBUSH2D"),
-    *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
-    *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
-    *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
-)
+NO_COUNTERPART = """
+RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON CFAST CWELD CSEAM CBEAM3 CBUSH2D CDAMP5 CTRIAX
+CTRIAX6 CTRAX3 CTRAX6 CQUADX CQUADX4 CQUADX8 CQUAD CPLSTN3 CPLSTN4 CPLSTN6 CPLSTN8 CPLSTS3 CPLSTS4
+CPLSTS6 CPLSTS8 CHACAB CHACBR CAABSF CFLUID2 CFLUID3 CFLUID4 CRAC2D CRAC3D
+"""
 
 _READ = """
-GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR
-PGAP PELAS PDAMP PVISC PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD
-NSM NSM1 NSML NSML1 NSMADD PARAM SEBULK SECONCT SELOC
+GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR PGAP PELAS PDAMP PVISC
+PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD NSM NSM1 NSML NSML1 NSMADD
+PARAM SEBULK SECONCT SELOC
 """
 _HARMLESS = """
-ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
-POINT SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D
-SET1 SET2 SET3 SPCOFF SPCOFF1
-ASET ASET1 BSET BSET1 CSET CSET1 OMIT OMIT1 QSET QSET1 USET USET1 BNDFIX BNDFIX1 BNDFREE BNDFREE1
-SESET SEBSET SEBSET1 SECSET SECSET1 SEQSET SEQSET1 SEUSET SEUSET1 SESUP SETREE SEEXCLD SELABEL
-SENQSET SELOAD
-EIGB EIGC EIGP EIGR EIGRL MODTRAK DYNRED DTI
-FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 FREQ6 TSTEP TSTEP1 TSTEPNL NLPARM NLPCI NLSTEP NLCNTL NLCNTL2
-NLCNTLG NLADAPT NLOUT NLMOPTS NXSTRAT ITER
-TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLED5 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST
-TABLEH1 TABLEHT TABRND1 TABRNDG RANDPS RANDT1 DELAY DPHASE LSEQ
-DESVAR DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DVPREL1 DVPREL2 DVMREL1 DVMREL2 DVCREL1 DVCREL2
-DVTREL1 DVGRID DVBSHAP DVSHAP DLINK DEQATN DTABLE DOPTPRM DSCREEN DDVAL TOPVAR DMNCON GROUP DTPG
-AERO AEROS AECOMP AECOMPL AEFACT AELINK AELIST AEPARM AESTAT AESURF AESURFS AEDW AEFORCE AEPRESS
-CAERO1 CAERO2 CAERO3 CAERO4 CAERO5 CAERO7 PAERO1 PAERO2 PAERO3 PAERO4 PAERO5 FLFACT FLUTTER MKAERO1
-MKAERO2 SPLINE1 SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM TRIM2 DIVERG UXVEC CSSCHD
-MONPNT1 MONPNT2 MONPNT3 MONDSP1 ROTORG ROTORD
-MAT4 MAT5 RADM RADBC RADCAV RADLST RADMTX RADSET VIEW VIEW3D CONV CONVM PCONV PCONVM PHBDY
-DMI DMIJ DMIJI DMIK
-BCPARA BCTPARA BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
+ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX POINT
+SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D SET1 SET2 SET3 SPCOFF SPCOFF1 ASET ASET1 BSET BSET1 CSET
+CSET1 OMIT OMIT1 QSET QSET1 USET USET1 BNDFIX BNDFIX1 BNDFREE BNDFREE1 SESET SEBSET SEBSET1 SECSET
+SECSET1 SEQSET SEQSET1 SEUSET SEUSET1 SESUP SETREE SEEXCLD SELABEL SENQSET SELOAD EIGB EIGC EIGP
+EIGR EIGRL MODTRAK DYNRED DTI FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 FREQ6 TSTEP TSTEP1 TSTEPNL NLPARM
+NLPCI NLSTEP NLCNTL NLCNTL2 NLCNTLG NLADAPT NLOUT NLMOPTS NXSTRAT ITER TABDMP1 TABLED1 TABLED2
+TABLED3 TABLED4 TABLED5 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST TABLEH1 TABLEHT TABRND1
+TABRNDG RANDPS RANDT1 DELAY DPHASE LSEQ DESVAR DRESP1 DRESP2 DRESP3 DCONSTR DCONADD DVPREL1 DVPREL2
+DVMREL1 DVMREL2 DVCREL1 DVCREL2 DVTREL1 DVGRID DVBSHAP DVSHAP DLINK DEQATN DTABLE DOPTPRM DSCREEN
+DDVAL TOPVAR DMNCON GROUP DTPG AERO AEROS AECOMP AECOMPL AEFACT AELINK AELIST AEPARM AESTAT AESURF
+AESURFS AEDW AEFORCE AEPRESS CAERO1 CAERO2 CAERO3 CAERO4 CAERO5 CAERO7 PAERO1 PAERO2 PAERO3 PAERO4
+PAERO5 FLFACT FLUTTER MKAERO1 MKAERO2 SPLINE1 SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM
+TRIM2 DIVERG UXVEC CSSCHD MONPNT1 MONPNT2 MONPNT3 MONDSP1 ROTORG ROTORD MAT4 MAT5 RADM RADBC RADCAV
+RADLST RADMTX RADSET VIEW VIEW3D CONV CONVM PCONV PCONVM PHBDY DMI DMIJ DMIJI DMIK BCPARA BCTPARA
+BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
 """
 _IGNORED = """
 FORCE FORCE1 FORCE2 MOMENT MOMENT1 MOMENT2 PLOAD PLOAD1 PLOAD2 PLOAD4 PLOADX1 GRAV ACCEL ACCEL1
-RFORCE RFORCE1 SPCD SPCR SPCN LOAD CLOAD LOADCYN LOADCYH LOADCYT LOADT DLOAD SLOAD DEFORM
-TLOAD1 TLOAD2 RLOAD1 RLOAD2 DAREA ACSRCE TIC TICD GUST CHBDYE CHBDYG CHBDYP CHBDY
-NOLIN1 NOLIN2 NOLIN3 NOLIN4 EPOINT
-TEMP TEMPD TEMPP1 TEMPP3 TEMPRB TEMPB3 TEMPBC TEMPF TEMPG QBDY1 QBDY2 QBDY3 QHBDY QVECT QVOL
-BOLT BOLTFOR BOLTFRC BOLTLD BOLTSEQ
-MATS1 MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 CREEP MATDMG MATPLCY PELAST PBUSHT PDAMPT
+RFORCE RFORCE1 SPCD SPCR SPCN LOAD CLOAD LOADCYN LOADCYH LOADCYT LOADT DLOAD SLOAD DEFORM TLOAD1
+TLOAD2 RLOAD1 RLOAD2 DAREA ACSRCE TIC TICD GUST CHBDYE CHBDYG CHBDYP CHBDY NOLIN1 NOLIN2 NOLIN3
+NOLIN4 EPOINT TEMP TEMPD TEMPP1 TEMPP3 TEMPRB TEMPB3 TEMPBC TEMPF TEMPG QBDY1 QBDY2 QBDY3 QHBDY
+QVECT QVOL BOLT BOLTFOR BOLTFRC BOLTLD BOLTSEQ MATS1 MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 CREEP
+MATDMG MATPLCY PELAST PBUSHT PDAMPT
 """
 _REFUSED = {
     "contact": "BCTABLE BCTABL1 BCONTACT BCONECT BCONP BCTSET BCTADD BCBODY BCBODY1 BCGRID BCRIGID",
@@ -447,20 +442,17 @@ _REFUSED = {
 }
 #: Properties and materials of elements that are refused; one that is read and names them says so.
 _OF_OTHERS = """
-PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
-PLSOLID PCOMPLS PBCOMP PBMSECT PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN
-MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
+PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE PLSOLID PCOMPLS PBCOMP PBMSECT
+PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
 
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT = Fate("ignored", "(what it supports stays free)")
 
-ENTRIES = table(
-    read=(*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER),
-    harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
-    ignored=_IGNORED.split(),
-    refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},
-) | dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
+_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER)
+_NOT_READ = {"harmless": (_HARMLESS + _OF_OTHERS).split(), "ignored": _IGNORED.split()}
+ENTRIES = table(read=_READ_ALL, refused=_REFUSED | {"": NO_COUNTERPART}, **_NOT_READ)
+ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
 
 
 def fate_of(name: str) -> Fate:
@@ -499,9 +491,8 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
         elif old in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
-            first, second = (
-                ["" if k is None else entry.text(start + k) for k in order] for start in (0, 4)
-            )
+            every = (["" if k is None else entry.text(at + k) for k in order] for at in (0, 4))
+            first, second = every
             if entry.name == "PSHELL" and second[0]:  # two of them in one entry
                 more.append(Entry(entry.name, entry.place, second))
             entry.fields = first

@@ -11,23 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
 from antiosc.io.neutral import CORNERS
-from antiosc_decks.nastran_cards import (
-    CELLS,
-    NEAREST,
-    Bulk,
-    Entry,
-    account_for,
-    fate_of,
-    is_other,
-    renew,
-    through,
-)
+from antiosc_decks import nastran_cards as cards
+from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
 from antiosc_decks.sources import Account, Sources
 
 
@@ -90,12 +82,11 @@ class Systems:
         self._given: dict[int, tuple[Entry, int]] = {}
         self._moved: Mapping[int, System] = {}
         for entry in entries:
-            if entry.name.startswith("CORD1"):
-                for start in (0, 4):
-                    if entry.text(start):
-                        self._give(entry, start, 4)
-            elif entry.name.startswith("CORD2"):
+            if entry.name.startswith("CORD2"):
                 self._give(entry, 0, 16)
+            for start in (0, 4) if entry.name.startswith("CORD1") else ():
+                if entry.text(start):
+                    self._give(entry, start, 4)
 
     def move(self, moved: Mapping[int, System]) -> None:
         """Parts of the deck lie elsewhere: scope -> where their basic system is."""
@@ -119,8 +110,8 @@ class Systems:
         number += place.scope
         if number not in self._placed:
             place.needs(number in self._given, f"there is no coordinate system {own}.")
-            if number in self._open or len(self._open) > 200:
-                raise place.error(f"the coordinate system {own} depends on itself.")
+            closed = number not in self._open and len(self._open) <= 200
+            place.needs(closed, f"the coordinate system {own} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(*self._given[number])
             self._open.discard(number)
@@ -198,33 +189,13 @@ def moved_parts(
     return found
 
 
-def coincident(
-    grids: list[Entry], points: Array, entries: list[Entry]
-) -> Iterator[tuple[int, int]]:
-    """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
-    scopes = np.array([grid.place.scope for grid in grids])
-    manual = {one.whole(0) * SCOPE for one in entries if one.name == "SEBULK"
-              and one.text(3).upper() == "MANUAL"}  # fmt: skip
-    if not scopes.any():
-        return
-    from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
-
-    done: set[int] = set()
-    for first, second in sorted(cKDTree(points[: len(grids)]).query_pairs(NEAR)):
-        apart = scopes[first] != scopes[second]
-        if apart and second not in done and not {scopes[first], scopes[second]} & manual:
-            done.add(second)
-            yield second, first
-
-
 #: What the case control selects -> the entries of these sets; the one that adds them ends with ADD.
 SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
 #: Elements between scalar motions, by the first letters of their names.
 SCALARS = ("CELAS", "CDAMP", "CMASS")
 
 
-@dataclass(frozen=True)
-class Beam:
+class Beam(NamedTuple):
     """A beam, or a piece of one."""
 
     #: place of its middle, from 0 to 1
@@ -266,10 +237,9 @@ class NastranDeck:
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
+        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects, or else all.
 
-        Without case control all of them are used. The choice is told; MeshError if there are no
-        supports of the number that is selected. What stands above all subcases is of each.
+        The choice is told; MeshError for supports that are not there.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
@@ -286,16 +256,13 @@ class NastranDeck:
             used = {whole_number(word, place) for word in words} | used & present
         lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
-            raise MeshError(
-                f"the case control of {name} selects SPC = {first}, which is not there."
-            )
+            told = f"the case control of {name} selects SPC = {first}"
+            raise MeshError(f"{told}, which is not there.")
         if lost:
             self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
         if others:
-            self.deck.told.append(
-                f"not used of {name}: {what} {_sets(others)}, which the first subcase does not "
-                "select."
-            )
+            told = f"not used of {name}: {what} {_sets(others)}"
+            self.deck.told.append(f"{told}, which the first subcase does not select.")
         return used & present
 
     def row(self, label: int, place: Place) -> int:
@@ -310,12 +277,35 @@ class NastranDeck:
 
     def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
         """Number of a property -> (its entry, its first field); `width` fields make one of them."""
-        return {
-            entry.number(k): (entry, k)
-            for entry in self.named(name)
-            for k in range(0, min(len(entry.fields), 8), width)
-            if entry.text(k)
-        }
+        every = ((one, k) for one in self.named(name) for k in range(0, 8, width) if one.text(k))
+        return {entry.number(k): (entry, k) for entry, k in every}
+
+    def property_numbers(self) -> IntArray:
+        """Number of the property of each element."""
+        return np.array([entry.property_number() for entry in self.elements], dtype=np.int64)
+
+    def set_groups(self) -> None:
+        """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
+        numbers = self.property_numbers()
+        for number in map(int, np.unique(numbers[numbers > 0])):
+            for name in filter(None, (label_of(number), self.bulk.names.get(number))):
+                self.deck.element_sets[name] = np.flatnonzero(numbers == number)
+        for number in sorted({entry.whole(0) for entry in self.named("SPC", "SPC1")}):
+            if rows := [rows for rows, _, _ in self.constraints(number)]:
+                self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
+
+    def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
+        """(rows of nodes, components such as "123", entry) of one set of single-point ones."""
+        for entry in self.named("SPC", "SPC1"):
+            if entry.whole(0) != number:
+                continue
+            for k in (1, 4) if entry.name == "SPC" else ():
+                if entry.text(k):
+                    yield np.array([self.at(entry, k)]), entry.text(k + 1), entry
+            every = entry.fields[2:] if entry.name == "SPC1" else []
+            for first, last in through(every, entry.place):
+                ends = first + entry.place.scope, last + entry.place.scope
+                yield self.nodes.between(*ends), entry.text(1), entry
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
@@ -325,10 +315,9 @@ class NastranDeck:
             if entry.whole(k, 0):
                 row = self.at(entry, k)
                 motion = entry.whole(k + 1, 0) - 1 if two else -1
-                entry.needs(
-                    motion in (-1, 0) if row in self.scalar else 0 <= motion < 6,
-                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or a scalar point.",
-                )
+                there = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
+                entry.needs(there, f"{entry.name} acts on a component from 1 to 6 of a GRID, or a "
+                            "scalar point.")  # fmt: skip
                 found.append((row, max(motion, 0)))
         entry.needs(found, f"{entry.name} acts on no node.")
         return found
@@ -339,14 +328,28 @@ class NastranDeck:
         place = self.grids[row].place if row < len(self.grids) else place
         return self.systems(number, place).frame(self.deck.points[row])
 
+    def coincident(self) -> Iterator[tuple[int, int]]:
+        """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
+        scopes = np.array([grid.place.scope for grid in self.grids])
+        apart = [one for one in self.named("SEBULK") if one.text(3).upper() == "MANUAL"]
+        manual = {one.whole(0) * SCOPE for one in apart}
+        if not scopes.any():
+            return
+        from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
+
+        done: set[int] = set()
+        pairs = cKDTree(self.deck.points[: len(scopes)]).query_pairs(NEAR)
+        for first, second in sorted(pairs):
+            both = {scopes[first], scopes[second]}
+            if len(both) == 2 and second not in done and not both & manual:
+                done.add(second)
+                yield second, first
+
     def axes(self, entry: Entry, number: int) -> Array:
         """The axes of a rectangular system as rows."""
         system = self.systems(number, entry.place)
-        entry.needs(
-            system.kind == "R",
-            f"{entry.name} is read in rectangular systems; give the coordinate system {number} as "
-            "CORD2R.",
-        )
+        entry.needs(system.kind == "R", f"{entry.name} is read in rectangular systems; give the "
+                    f"coordinate system {number} as CORD2R.")  # fmt: skip
         return system.axes
 
 
@@ -354,23 +357,22 @@ def read(sources: Sources) -> NastranDeck:
     """The deck in some files."""
     bulk = Bulk(sources)
     for entry in bulk.entries:
-        if entry.fault and fate_of(entry.name).kind == "read":
+        if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
-        if entry.name == "SEBULK":
-            own = f"a superelement of the type {entry.text(1)}"
-            whole = entry.text(1).upper() in ("", "PRIMARY")
-            entry.needs(whole, f"{own} is not read; write its elements out.")
+        if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
+            told = f"a superelement of the type {entry.text(1)} is not read"
+            raise entry.place.error(f"{told}; write its elements out.")
     scope_parts(bulk.entries)
     found = _nodes(bulk, sources.name)
-    found.deck.told += [*bulk.told, *found.account.unknown_cards()]
-    for name, sentence in NEAREST.items():
+    found.deck.told += [*bulk.told, *found.account.unknown()]
+    for name, sentence in cards.NEAREST.items():
         if count := len(found.named(name)):
             found.converted.append(sentence.format(count, name))
-    bulk.entries += renew(bulk.entries)
+    bulk.entries += cards.renew(bulk.entries)
     _defaults(found)
     _rods_of_bars(found)
     _elements(found)
-    set_groups(found)
+    found.set_groups()
     return found
 
 
@@ -383,7 +385,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
-    default = grid_defaults(bulk.entries)
+    fill_grids(bulk.entries)
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
@@ -397,8 +399,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:
-            number = _given(grids[row], 1, default)
-            c = np.array(grids[row].reals(2, 5))
+            number, c = grids[row].whole(1, 0), np.array(grids[row].reals(2, 5))
             placed[row] = systems(number, grids[row].place).point(c)
         return placed[row]
 
@@ -409,10 +410,10 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     points = [position(grid.whole(0), grid.place) for grid in grids]
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]))
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
-    account = account_for(bulk.entries, name)
+    account = cards.account_for(bulk.entries, name)
     found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
-        number = _given(grid, 5, default)
+        number = grid.whole(5, 0)
         if number or grid.place.scope in moved:
             found.systems_of[row] = number
     return found
@@ -425,10 +426,8 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         known = first.setdefault(entry.number(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
-            raise entry.place.error(
-                f"the deck defines the {what} {entry.whole(0)} more than once, "
-                f"first otherwise in {known.place}."
-            )
+            told = f"the deck defines the {what} {entry.whole(0)} more than once"
+            raise entry.place.error(f"{told}, first otherwise in {known.place}.")
     return first
 
 
@@ -445,15 +444,16 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def grid_defaults(entries: list[Entry]) -> dict[int, Entry]:
-    """GRDSET of each part of the deck, by its scope."""
-    return {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
-
-
-def _given(grid: Entry, k: int, defaults: dict[int, Entry]) -> int:
-    """The number of a coordinate system in field k, by default that of GRDSET."""
-    given = grid if grid.text(k) else defaults.get(grid.place.scope, grid)
-    return given.whole(k, 0)
+def fill_grids(entries: list[Entry]) -> None:
+    """Blank systems and supports of GRID are those of GRDSET of the part."""
+    defaults = {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
+    for grid in entries if defaults else ():
+        if grid.name == "GRID" and grid.place.scope in defaults:
+            grid.fields += [""] * (7 - len(grid.fields))
+            given = defaults[grid.place.scope]
+            for k in (1, 5):
+                grid.fields[k] = grid.text(k) or str(given.whole(k, 0))
+            grid.fields[6] = grid.text(6) or given.text(6)
 
 
 def _defaults(found: NastranDeck) -> None:
@@ -469,11 +469,9 @@ def _defaults(found: NastranDeck) -> None:
 
 def _rods_of_bars(found: NastranDeck) -> None:
     """CBAR of a PBAR without second moments are CROD; the model tells it."""
-    bare = {
-        entry.text(0): entry
-        for entry in found.named("PBAR")
-        if not any(entry.text(k).strip("+-.0") for k in (3, 4))
-    }
+    every = found.named("PBAR")
+    some = [one for one in every if not any(one.text(k).strip("+-.0") for k in (3, 4))]
+    bare = {entry.text(0): entry for entry in some}
     for entry in found.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in bare:
             entry.name, entry.fields = "CROD", entry.fields[:4]
@@ -492,8 +490,8 @@ def _elements(found: NastranDeck) -> None:
         if entry.name == "BEGIN SUPER":  # which numbers its elements anew
             seen = set()
         if cell is None:
-            if is_other(entry.name):
-                found.deck.leave(entry.name)
+            if cards.is_other(entry.name):
+                found.deck.left[entry.name] += 1
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
@@ -510,56 +508,9 @@ def _elements(found: NastranDeck) -> None:
         rows = np.where(table > 0, found.nodes.rows(table), -1)
         lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         for row, k in np.argwhere(lost):
-            entry = some[row][0]
-            raise entry.place.error(
-                f"{name} {entry.whole(0)} has the node {table[row, k] % SCOPE}, for which "
-                "there is no GRID."
-            )
+            told = f"{name} {some[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
+            raise some[row][0].place.error(f"{told}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]
         found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
         found.elements += [entry for entry, _ in some]
-
-
-def property_of(entry: Entry) -> int:
-    """Number of an element's property; by default that of the element."""
-    if entry.name == "CONROD":
-        return 0
-    return entry.whole(1, entry.whole(0)) + entry.place.scope
-
-
-def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
-    """(entry, first field) of an element's property among `NastranDeck.properties`."""
-    number = property_of(entry)
-    entry.needs(number in known, f"{entry.name} has no {name} {number}.")
-    return known[number]
-
-
-def set_groups(found: NastranDeck) -> None:
-    """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
-    numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
-    for number in map(int, np.unique(numbers[numbers > 0])):
-        for name in filter(None, (label_of(number), found.bulk.names.get(number))):
-            found.deck.element_sets[name] = np.flatnonzero(numbers == number)
-    for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
-        if rows := [rows for rows, _, _ in constraints(found, number)]:
-            found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
-
-
-def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
-    """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
-    result = []
-    for entry in found.named("SPC", "SPC1"):
-        if entry.whole(0) != number:
-            continue
-        if entry.name == "SPC":
-            result += [
-                (np.array([found.at(entry, k)]), entry.text(k + 1), entry)
-                for k in (1, 4)
-                if entry.text(k)
-            ]
-            continue
-        for first, last in through(entry.fields[2:], entry.place):
-            own = found.nodes.between(first + entry.place.scope, last + entry.place.scope)
-            result.append((own, entry.text(1), entry))
-    return result

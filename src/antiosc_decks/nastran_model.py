@@ -1,9 +1,4 @@
-"""Nastran decks as whole models: supports, joints, masses, springs, dampers, and properties.
-
-The model and the single-point constraints of the first subcase are read (all constraints without
-case control). Unsupported entries that would change the result raise an error with their line;
-loads are ignored and listed.
-"""
+"""Nastran decks as whole models: the model, and the supports of the first subcase."""
 
 from __future__ import annotations
 
@@ -20,17 +15,7 @@ from antiosc_decks.constraints import along, lever, separate_copies
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
-from antiosc_decks.nastran_mesh import (
-    SETS,
-    NastranDeck,
-    coincident,
-    constraints,
-    grid_defaults,
-    its_property,
-    place_in,
-    property_of,
-    set_groups,
-)
+from antiosc_decks.nastran_mesh import SETS, NastranDeck, place_in
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
@@ -41,11 +26,8 @@ ROUNDING_ARM = 1e-9
 #: Share of the largest moment of inertia that a negative one may have by rounding.
 INERTIA_ROUNDING = 1e-6
 #: Element -> its property, the number of fields of one of these, and what it gives.
-SCALAR = {
-    "CELAS": ("PELAS", 4, "stiffness"),
-    "CDAMP": ("PDAMP", 2, "damping"),
-    "CMASS": ("PMASS", 2, "mass"),
-}
+SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
+SCALAR["CMASS"] = ("PMASS", 2, "mass")
 #: Elements along axes at their place -> their property, the number of fields of one of these.
 BUSHES = {"CVISC": ("PVISC", 4), "CBUSH1D": ("PBUSH1D", 32), "CBUSH": ("PBUSH", 8)}
 BUSHES["CGAP"] = ("PGAP", 8)
@@ -73,7 +55,7 @@ class Joints:
         for name, rigid in RIGID.items():
             for entry in found.named(name):
                 rigid(self, entry)
-        for follower, node in coincident(found.grids, found.deck.points, found.bulk.entries):
+        for follower, node in found.coincident():
             self._follow([follower], node, ALL, found.grids[follower], own=False)
         used = found.used_sets("MPC")
         for entry in found.named("MPC"):
@@ -84,7 +66,7 @@ class Joints:
         for kind, (name, width) in BUSHES.items():
             known = found.properties(name, width)
             for entry in found.named(kind):
-                self._bush(entry, *its_property(entry, name, known))
+                self._bush(entry, *entry.its_property(name, known))
 
     def read_masses(self) -> None:
         """Masses at nodes, and those spread over elements."""
@@ -105,7 +87,8 @@ class Joints:
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
         leader = self.builder.joints.leader(node)
         followers = np.array(rows, dtype=np.int64)
-        self.builder.joints.rigid(followers, leader, motions, entry.place, own=own)
+        frames = self.builder.joints.frames if own else {}
+        self.builder.joints.rigid(followers, leader, motions, frames)
 
     def _nodes(self, entry: Entry, words: list[str]) -> list[int]:
         """Rows of a list of GRIDs, with THRU, of which those within need not exist."""
@@ -130,10 +113,8 @@ class Joints:
         entry.needs(plain, "SECONCT is read as pairs of nodes.")
         places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
         for pair in zip(words[::2], words[1::2], strict=True):
-            follower, leader = (
-                self.found.row(whole_number(word, at), at)
-                for word, at in zip(pair, places, strict=True)
-            )
+            both = zip(pair, places, strict=True)
+            follower, leader = (self.found.row(whole_number(word, at), at) for word, at in both)
             if follower != leader:
                 self._follow([follower], leader, ALL, entry, own=False)
 
@@ -161,10 +142,9 @@ class Joints:
             if set(components) & set("456"):
                 told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
                 self.builder.tell_once(told)
-            entry.needs(
-                set(components) - set("456 ") == set("123"),
-                f"RBE3 is read where the independent nodes move by 123; got {components!r}.",
-            )
+            plain = set(components) - set("456 ") == set("123")
+            entry.needs(plain, "RBE3 is read where the independent nodes move by 123; got "
+                        f"{components!r}.")  # fmt: skip
             start = k = k + 2
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
                 k += 1
@@ -197,7 +177,7 @@ class Joints:
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                own, k = its_property(entry, name, known)
+                own, k = entry.its_property(name, known)
                 value = own.real(k + 1, None)
                 if name == "PELAS" and own.real(k + 2):
                     builder.tell_once(f"GE of PELAS {own.text(k)}")
@@ -277,29 +257,23 @@ class Joints:
                 elif kind == "GE":
                     told(f"GE of PBUSH {own.text(0)}")
                 elif kind != "RCV":
-                    own.needs(
-                        not kind and not own.words(start + 2, start + 8),
-                        "PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
-                        f"{kind or '(?)'} would change the result.",
-                    )
+                    none = not kind and not own.words(start + 2, start + 8)
+                    own.needs(none, "PBUSH is read with stiffnesses (K) and dampers (B) alone; its "
+                              f"line {kind or '(?)'} would change the result.")  # fmt: skip
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes as rows: of the system of an entry, by its line and a vector, or of the deck.
-
-        `acts`: which of the six motions have a constant.
-        """
+        """Axes as rows: of a system, by a line and a vector, or of the deck; `acts`: of the six."""
         if entry.text(7):
             return self.found.systems(entry.whole(7), entry.place).frame(place)
         across = any(acts[k] for k in (1, 2, 4, 5))
         given = any(entry.text(k) for k in (4, 5, 6))
         if len(x) == 1 and not given and not (entry.name in ON_LINE and entry.text(3)):
             return np.eye(3)
-        entry.needs(
-            len(x) > 1 and (given or not across),
-            f"{entry.name} needs the system CID at coincident nodes or to the ground, and "
-            "CID or an orientation between nodes apart, unless it acts along their line alone.",
-        )
+        known = len(x) > 1 and (given or not across)
+        entry.needs(known, f"{entry.name} needs the system CID at coincident nodes or to the "
+                    "ground, and CID or an orientation between nodes apart, unless it acts along "
+                    "their line alone.")  # fmt: skip
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
         if given:
@@ -365,8 +339,9 @@ class Joints:
         of_element, of_property = kind in ("ELEMENT", "CONROD"), kind.startswith("P")
         entry.needs(of_element or of_property,
                     f"{entry.name} is read of properties and elements; got {kind!r}.")  # fmt: skip
-        every = [one.whole(0) if of_element else property_of(one) for one in self.found.elements]
-        own = np.array(every, dtype=np.int64)
+        own = self.found.property_numbers()
+        if of_element:
+            own = np.array([one.whole(0) for one in self.found.elements], dtype=np.int64)
         if words == ["ALL"]:
             given = {one.whole(0) for one in self.found.named(kind)}
             return np.isin(own, list(given)) if of_property else np.ones(len(own), dtype=bool)
@@ -380,12 +355,8 @@ class Joints:
 
 
 #: Rigid elements, in the order in which they are read.
-RIGID = {
-    "RBE2": Joints._rbe2,
-    "RBAR": Joints._rbar,
-    "RBE3": Joints._rbe3,
-    "SECONCT": Joints._seconct,
-}
+RIGID = {"RBE2": Joints._rbe2, "RBAR": Joints._rbar, "RBE3": Joints._rbe3}
+RIGID["SECONCT"] = Joints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
@@ -402,7 +373,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
     factor = given.real(1, None) if given else 1.0
     ends = beams.divide(found)
     copies = separate_copies(found.deck)
-    set_groups(found)
+    found.set_groups()
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
     Properties(found, builder, factor).read()
     builder.find_nodes()
@@ -421,14 +392,12 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
-    defaults = grid_defaults(found.bulk.entries)
     for row, grid in enumerate(found.grids):
-        permanent = grid.text(6) or defaults.get(grid.place.scope, grid).text(6)
-        if permanent:
-            _fix(found, builder, np.array([row]), permanent, grid.place)
+        if grid.text(6):
+            _fix(found, builder, np.array([row]), grid.text(6), grid.place)
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
-        for rows, components, entry in constraints(found, number):
+        for rows, components, entry in found.constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
             _fix(found, builder, rows, components, entry.place)
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):

@@ -10,12 +10,12 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
-from antiosc.io.neutral import CORNERS
+from antiosc.io.neutral import CORNERS, Json
 from antiosc_decks import properties as geometry
-from antiosc_decks.builder import Arguments, Family, ModelBuilder, Rod
-from antiosc_decks.nastran_beams import BeamProfiles, offset_along, orientation
+from antiosc_decks.builder import Family, ModelBuilder
+from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
-from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of, property_of
+from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of
 from antiosc_decks.properties import Material, isotropic, symmetric, tube
 
 #: Material -> the field of its density.
@@ -44,7 +44,7 @@ class Properties:
         self._materials = {own: self._material_of(entry) for own, entry in entries.items()}
         known = defined_once(self.found.named(*PROPERTIES), "property")
         every = self.found.elements
-        numbers = np.array([property_of(entry) for entry in every], dtype=np.int64)
+        numbers = self.found.property_numbers()
         for number in np.unique(numbers):
             elements = np.flatnonzero(numbers == number)
             names = {every[k].name for k in elements}
@@ -82,9 +82,8 @@ class Properties:
             material.constants = isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
-                self.builder.tell_once(
-                    f"G of MAT1 {number}, which does not follow from E and NU, of solids and shells"
-                )
+                told = f"G of MAT1 {number}, which does not follow from E and NU"
+                self.builder.tell_once(f"{told}, of solids and shells")
         elif entry.name == "MAT2":
             material.plane = symmetric(entry.reals(1, 7), np.triu_indices)
         elif entry.name == "MAT9":
@@ -111,22 +110,14 @@ class Properties:
                     f"the number {number % SCOPE}.")  # fmt: skip
         return self._materials[number]
 
-    def _elastic(self, material: Material, what: str) -> tuple[float, float, float]:
-        """(E, nu, density) of an isotropic material, in the deck's units."""
-        units = self.builder.units
-        E, nu = self.builder.elastic(material, what)
-        return E / units.stress, nu, self.builder.rho(material) / units.density
-
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
         return extra * self.factor / size * self.builder.units.density if size else 0.0
 
     def _tell_beside(self, entry: Entry, extra: float) -> None:
         if extra:
-            self.builder.tell_once(
-                f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
-                "over the section"
-            )
+            told = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
+            self.builder.tell_once(f"{told}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         fluid = entry.text(6) not in ("", "SMECH")
@@ -134,17 +125,16 @@ class Properties:
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
-        kind, arguments = "Solid", Arguments(rho=self.builder.rho(material))
         if stiffness is None:
-            arguments["E"], arguments["nu"] = self.builder.elastic(material, "solids")
+            family = Family("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
             entry.needs(number not in ("", "-1"), f"PSOLID with {material.name} has its directions "
                         "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
                         "system.")  # fmt: skip
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
-            arguments = {"stiffness": stiffness, **arguments, "axes": axes}
-            kind = "AnisotropicSolid"
-        self.builder.add(name, elements, Family(kind, arguments, entry.place))
+            given = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
+            family = Family("AnisotropicSolid", given, entry.place)
+        self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PCOMPS: layers of one isotropic material are a solid of it."""
@@ -165,19 +155,15 @@ class Properties:
         else:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
-        E, nu, density = self._elastic(self._material(entry, k), "rods")
-        mass = density * area + extra * self.factor
-        rod = Rod(E, nu, area, mass, entry.place, torsion)
-        self.builder.rods |= dict.fromkeys(elements.tolist(), rod)
+        material, extra = self._material(entry, k), extra * self.factor
+        self.builder.add_rods(elements, material, "rods", area, entry.place, extra, torsion)
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        E, nu, density = self._elastic(self._material(entry, 1), "shear panels")
-        t = entry.real(2, None)
+        t, extra, sides = entry.real(2, None), entry.real(3), (entry.real(4), entry.real(5))
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        mass = density * t + entry.real(3) * self.factor
-        effective = (entry.real(4), entry.real(5))
-        panel = Rod(E, nu, t, mass, entry.place, effective=effective)
-        self.builder.rods |= dict.fromkeys(elements.tolist(), panel)
+        material, extra = self._material(entry, 1), extra * self.factor
+        what, place = "shear panels", entry.place
+        self.builder.add_rods(elements, material, what, t, place, extra, effective=sides)
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
@@ -196,7 +182,7 @@ class Properties:
             beam = self.found.beams.get(int(element), Beam())
             own = self.found.elements[element]
             height = orientation(self.found, own, tangent) if beam.height is None else beam.height
-            offset = 0.0 if beam.moved else offset_along(self.found, own, height)
+            offset = 0.0 if beam.moved else float(offsets_of(self.found, own)[0] @ height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(k)
         for key, some in apart.items():
@@ -211,7 +197,7 @@ class Properties:
                 side = np.cross(tangents[some[0]], height)
                 height = math.cos(one.angle) * height + math.sin(one.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
-            arguments: Arguments = {
+            arguments: Json = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),
                 "rho": density + self._beside(one.extra, profile.A),
@@ -229,10 +215,9 @@ class Properties:
             if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
                 entry.fields[k] = entry.text(other)
-                self.builder.tell_once(
-                    f"that PSHELL {number} has no stiffness against {what} (no "
-                    f"MID{(k + 1) // 2}), that of its other material is taken"
-                )
+                told = f"that PSHELL {number} has no stiffness against {what} (no MID"
+                told += f"{(k + 1) // 2}), that of its other material is taken"
+                self.builder.tell_once(told)
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
@@ -258,9 +243,8 @@ class Properties:
                 layer["rho"] += extra
                 self._directed(entry, name, some, "Laminate", {"layers": [layer]}, offset)
             else:
-                E, nu = self.builder.elastic(material, "shells")
-                rho = self.builder.rho(material) + extra
-                arguments: Arguments = {"E": E, "nu": nu, "rho": rho, "thickness": own * length}
+                arguments = self.builder.isotropic(material, "shells") | {"thickness": own * length}
+                arguments["rho"] += extra
                 if offset:
                     arguments["offset"] = offset * length
                     arguments |= geometry.side_of(self.found.deck, some, length)
@@ -286,18 +270,15 @@ class Properties:
             key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
             apart.setdefault(key, []).append(int(element))
         if varying:
-            self.builder.tell_once(
-                f"the variation of the thickness within {varying} elements of {label}, the mean of "
-                "the corners is taken in each"
-            )
+            told = f"the variation of the thickness within {varying} elements of {label}"
+            self.builder.tell_once(f"{told}, the mean of the corners is taken in each")
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
-    def _given(self, entry: Entry, thickness: float) -> Arguments:
+    def _given(self, entry: Entry, thickness: float) -> Json:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
-        membrane, bending, across = (
-            self._material(entry, k if entry.text(k) else 1) for k in (1, 3, 5)
-        )
+        given = (k if entry.text(k) else 1 for k in (1, 3, 5))
+        membrane, bending, across = (self._material(entry, k) for k in given)
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
@@ -306,9 +287,7 @@ class Properties:
             "A": (_plane(membrane) * units.stress * t).tolist(),
             "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
             "S": (_across(across) * units.stress * share * t).tolist(),
-            "mass": mass,
-            "inertia": mass * ratio * t**2 / 12,
-            "thickness": t,
+            **{"mass": mass, "inertia": mass * ratio * t**2 / 12, "thickness": t},
         }
 
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -356,20 +335,14 @@ class Properties:
         return self.builder.layer(material, thickness, angle)
 
     def _directed(
-        self,
-        entry: Entry,
-        name: str,
-        elements: IntArray,
-        kind: str,
-        arguments: Arguments,
-        offset: float,
+        self, entry: Entry, name: str, elements: IntArray, kind: str, own: Json, offset: float
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
         deck, length = self.found.deck, self.builder.units.length
         normals = geometry.normals_of(deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
         axis = geometry.common_direction(axes, least=1 - 1e-6)
-        own = {**arguments, "top": geometry.top_of(deck, elements, length)}
+        own = {**own, "top": geometry.top_of(deck, elements, length)}
         given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
         own["axis"] = given
         if offset:
@@ -379,10 +352,8 @@ class Properties:
 
     def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
         if geometry.curved(self.found.deck, elements):
-            self.builder.tell_once(
-                f"the area of the offset surface of {entry.name} {entry.text(0)}, that at the "
-                "nodes is taken"
-            )
+            told = f"the area of the offset surface of {entry.name} {entry.text(0)}"
+            self.builder.tell_once(f"{told}, that at the nodes is taken")
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
@@ -406,9 +377,7 @@ class Properties:
 
 #: Property -> what reads it; others are of beams.
 OF_PROPERTY = {
-    "PSOLID": Properties._solid,
-    "PCOMPS": Properties._layered,
-    "PSHELL": Properties._shell,
+    **{"PSOLID": Properties._solid, "PCOMPS": Properties._layered, "PSHELL": Properties._shell},
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
     **dict.fromkeys(("PROD", "PTUBE"), Properties._rods),
     "PSHEAR": Properties._panels,
@@ -422,9 +391,8 @@ def _moduli(entry: Entry) -> tuple[float, float | None, float]:
         E = 2 * G * (1 + nu)
     if nu is None and E and G:
         nu = E / (2 * G) - 1
-    if not E:
-        raise entry.place.error("MAT1 needs E, or G and NU, above 0.")
-    return E, G, nu or 0.0
+    entry.needs(E, "MAT1 needs E, or G and NU, above 0.")
+    return E or 0.0, G, nu or 0.0
 
 
 def _plane(material: Material) -> Array:

@@ -65,10 +65,8 @@ def read(source: Source) -> dict[str, Entries]:
         rows, columns, values = [], [], []
         for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > size:
-                raise InputError(
-                    f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
-                    f"from row {row + 1} of {size} rows."
-                )
+                told = f"column {column + 1} of {header.name} has {len(value)} entries"
+                raise InputError(f"{source.name}: {told} from row {row + 1} of {size} rows.")
             some = np.flatnonzero(value)
             rows.append(row + some)
             columns.append(np.full(len(some), column))
@@ -170,9 +168,8 @@ def _text_header(line: str) -> tuple[_Header, int, int]:
     form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
     layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
     per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
-    if columns < 0 or not 0 < form < 20 or not 0 < kind < 5 or not name[:1].isalpha():
-        raise ValueError(line)
-    if per_line < 1 or size < 1:
+    sound = columns >= 0 and 0 < form < 20 and 0 < kind < 5 and name[:1].isalpha()
+    if not sound or per_line < 1 or size < 1:
         raise ValueError(line)
     return _Header(columns, abs(rows), kind, name, rows < 0), per_line, size
 
@@ -228,9 +225,8 @@ class _Binary:
     def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
         at, self._next = self._next, self._next + count * kind.itemsize
         if count < 0 or self._next > len(self._record):
-            raise self.bad(
-                f"{count} numbers are expected, in a record of {len(self._record)} bytes"
-            )
+            size = len(self._record)
+            raise self.bad(f"{count} numbers are expected, in a record of {size} bytes")
         return np.frombuffer(self._record, kind, count, at)
 
     def whole(self, count: int) -> list[int]:
@@ -261,10 +257,9 @@ def _written(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
             continue
         # strings of neighbouring rows
         cuts = np.flatnonzero(np.diff(row) != 1) + 1
-        content = b"".join(
-            struct.pack("<2i", 2 * len(v) + 1, r[0] + 1) + v.astype("<f8").tobytes()
-            for r, v in zip(np.split(row, cuts), np.split(value, cuts), strict=True)
-        )
+        parts = zip(np.split(row, cuts), np.split(value, cuts), strict=True)
+        words = ((struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in parts)
+        content = b"".join(lead + v.tobytes() for lead, v in words)
         length = 12 + len(content)
         yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content
         yield struct.pack("<i", length)

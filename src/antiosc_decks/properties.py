@@ -30,9 +30,9 @@ class Material(Placed):
 
     def elasticity(self) -> Array:
         """The constants; MeshError without such."""
-        if self.constants is None:
-            raise self.place.error(f"the material {self.name!r} has no constants of elasticity.")
-        return self.constants
+        found = self.constants
+        self.needs(found is not None, f"the material {self.name!r} has no constants of elasticity.")
+        return np.asarray(found)
 
     @property
     def modulus(self) -> float:
@@ -134,15 +134,8 @@ def tube(radius: float, wall: float) -> Profile:
     return Profile(area, second, second, 2 * second, TUBE, 2 * radius, 2 * radius)
 
 
-def box(height: float, width: float, walls: tuple[float, float, float, float]) -> Profile | None:
-    """A rectangular tube; None if its walls differ on opposite sides.
-
-    `walls`: the two across the height (right, left), then the two along the width (top, bottom);
-    torsion by Bredt's formula for thin walls.
-    """
-    right, top, left, bottom = walls
-    if right != left or top != bottom:
-        return None
+def box(height: float, width: float, right: float, top: float) -> Profile:
+    """A rectangular tube by its walls across the height and along the width; torsion by Bredt."""
     h, w = height - 2 * right, width - 2 * top
     second = (width * height**3 - w * h**3) / 12, (height * width**3 - h * w**3) / 12
     torsion = box_torsion(height, width, top, top, right, right)
@@ -154,10 +147,7 @@ Wall = tuple[float, float, float, float]
 
 
 def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
-    """Rectangles that touch each other.
-
-    Torsion of thin open walls, Σ l t³/3, if it is not given. ValueError if a wall has no width.
-    """
+    """Rectangles that touch; torsion of thin open walls, Σ l t³/3. ValueError: no width."""
     low, high, left, right = np.array(walls, dtype=float).T
     h, w = high - low, right - left
     if min(h.min(), w.min()) <= 0:
@@ -188,10 +178,7 @@ def box_torsion(
 
 
 def hexagon(height: float, width: float, tip: float) -> Profile:
-    """A full hexagon: a rectangle between two triangles with tips of this length.
-
-    ValueError if the triangles fill it.
-    """
+    """A hexagon: a rectangle between two triangles with these tips. ValueError: they fill it."""
     flat = width - 2 * tip
     if flat < 0:
         raise ValueError("the tips are wider than the hexagon")
@@ -209,12 +196,8 @@ Everywhere = dict[str, list[list[float]]]
 #: Cosine from which a direction is that of an axis.
 AXIS_COSINE = 1 - 1e-9
 #: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
-FULL = {
-    "triangle": (0, 1, 2, 2),
-    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
-    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
-    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
-}
+FULL = {"triangle": (0, 1, 2, 2), "tetra": (0, 1, 2, 2, 3, 3, 3, 3)}
+FULL |= {"pyramid": (0, 1, 2, 3, 4, 4, 4, 4), "wedge": (0, 1, 2, 2, 3, 4, 5, 5)}
 
 
 def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
@@ -258,10 +241,8 @@ def _measure(x: Array) -> Array:
     signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
     for point in np.ndindex(*[2] * dim):
         values = (1 + signs * (2 * np.array(point) - 1) / np.sqrt(3)) / 2
-        slopes = [
-            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
-        ]
-        J = np.einsum("kc,nci->nki", np.array(slopes), x)
+        others = [np.prod(np.delete(values, k, axis=1), axis=1) for k in range(dim)]
+        J = np.einsum("kc,nci->nki", np.array(others) * signs.T / 2, x)
         total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
     return total
 
@@ -305,10 +286,7 @@ def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Everywhe
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
-    """The motions along x, y and z (3,) that are fixed with those along the rows of `frame`.
-
-    None where they are not a set of these: one or two directions askew to the axes.
-    """
+    """The motions along x, y, z (3,) that are fixed with those along rows; None: askew to these."""
     if fixed.all() or not fixed.any():
         return fixed
     cosines = np.abs(frame)

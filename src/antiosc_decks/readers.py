@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import Deck, listed
+from antiosc.io.deck import listed
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources
 
-
-class Read(Protocol):
-    """What a dialect has read of a deck."""
-
-    deck: Deck
-
-
-F = TypeVar("F", bound=Read)
+F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
 
 
 def _reader(

@@ -1,7 +1,6 @@
 """Lines of a deck and of the files that it includes, and what becomes of each of its cards.
 
-A card is read, harmless, ignored, refused, or unknown. The tables of the dialects (`abaqus_cards`,
-`nastran_cards`) say it card by card; a card that a table does not have is unknown. No card is
+A card is read, harmless, ignored, refused or unknown, as the tables of the dialects say it; none is
 dropped without a word: what is ignored or unknown is told with its count and its lines.
 """
 
@@ -18,9 +17,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
 
 #: What the first lines of Nastran's bulk data are known by.
-BULK = re.compile(
-    r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])", re.IGNORECASE | re.MULTILINE
-)
+BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")
 #: Greatest depth of included files.
 DEEPEST_INCLUDE = 16
 #: Least names in the path of a folder above the deck's from which files may be included: none of
@@ -30,26 +27,19 @@ DEEP_ENOUGH = 4
 LARGEST_DECK = 4 * 2**30
 
 
-class Sources:
-    """The files of a deck, each read where it is included; `on_size` gets the bytes of all so far.
+Watch = Callable[[int], None]
 
-    `root`: the folder of the files that it may include; None: its own, or the one above.
-    """
+
+class Sources:
+    """The files of a deck; `on_size` gets the bytes of all so far, `root`: whence it includes."""
 
     def __init__(
-        self,
-        path: Path,
-        name: str,
-        on_size: Callable[[int], None] = lambda size: None,
-        root: str | None = None,
+        self, path: Path, name: str, on_size: Watch = lambda size: None, root: str | None = None
     ) -> None:
-        self.path = path
-        self.name = name
-        self.folder = path.resolve().parent
+        self.path, self.name, self.folder = path, name, path.resolve().parent
         self.root = _root(path) if root is None else Path(root)
-        self.size = 0
+        self.size, self._on_size = 0, on_size
         self._open: list[Path] = []
-        self._on_size = on_size
 
     def lines(self, path: Path, name: str) -> list[str]:
         """Lines of one file, without line ends."""
@@ -73,47 +63,38 @@ class Sources:
         return self.lines(self.path, self.name)
 
     def enter(self, named: str, at: Place) -> list[str]:
-        """Lines of a file that the deck includes; `leave` ends it.
-
-        Raises
-        ------
-        MeshError
-            No such file, one outside the deck's folder, one that includes itself.
-        """
+        """Lines of an included file, until `leave`; MeshError: none, one outside, an open one."""
         named = named.strip().strip("'\"").strip()
         at.needs(named, "an include without the name of a file.")
         try:
             path = self._path(named)
             inside = path.is_relative_to(self.root)
-            found = inside and path.is_file()
+            found = inside and os.path.isfile(path)
         except (OSError, ValueError):
             inside, found = True, False
-        if not inside:
-            folder = "/".join(self.root.parts[-2:])
-            raise at.error(
-                f"{named[:80]!r} lies outside the folder {folder!r}, from which "
-                f"{self.name} may include files; name the folder that holds them all by root=."
-            )
+        folder = "/".join(self.root.parts[-2:])
+        at.needs(inside, f"{named[:80]!r} lies outside the folder {folder!r}, from which "
+                 f"{self.name} may include files; name the folder that holds them all by "
+                 "root=.")  # fmt: skip
         at.needs(found, f"there is no file {named[:80]!r} beside {self.name}.")
         at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
-        if len(self._open) >= DEEPEST_INCLUDE:
-            raise at.error(f"files include one another more than {DEEPEST_INCLUDE} deep.")
+        shallow = len(self._open) < DEEPEST_INCLUDE
+        at.needs(shallow, f"files include one another more than {DEEPEST_INCLUDE} deep.")
         self._open.append(path)
         return self.lines(path, path.name)
 
     def _path(self, named: str) -> Path:
         """A file beside the deck, or else beside the file that includes it."""
         name = named.replace("\\", "/")
-        path, *more = (
-            (folder / name).resolve()
-            for folder in (self.folder, *(one.parent for one in self._open[-1:]))
-        )
-        return next((one for one in more if not path.is_file() and one.is_file()), path)
+        folders = [self.folder, *(one.parent for one in self._open[-1:])]
+        path, *more = ((folder / name).resolve() for folder in folders)
+        # unlike Path.is_file, no error for names that are too long
+        return next((p for p in more if not os.path.isfile(path) and os.path.isfile(p)), path)
 
     def holds(self, named: str) -> bool:
         """Whether a file that the deck includes is there; of a name that is none, True."""
         name = named.strip().strip("'\"")
-        return not name or self._path(name).is_file()
+        return not name or os.path.isfile(self._path(name))
 
     def leave(self) -> None:
         """Leave the file that was entered last."""
@@ -147,13 +128,10 @@ UNKNOWN = Fate("unknown")
 
 
 def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
-    """The fates of the cards of a dialect: read=, harmless=, ignored= the names of cards.
-
-    `refused`: what they are, or "", -> names between spaces.
-    """
+    """The fates of cards by their names; `refused`: what they are, or "" -> names and spaces."""
     found: dict[str, Fate] = {}
-    for kind in ("read", "harmless", "ignored"):
-        found |= dict.fromkeys(names[kind], Fate(kind))  # type: ignore[arg-type]
+    for kind, own in names.items():  # read, harmless, ignored
+        found |= dict.fromkeys(own, Fate(kind))  # type: ignore[arg-type]
     for what, some in refused.items():
         found |= dict.fromkeys(some.split(), Fate("refused", what))
     return found
@@ -173,24 +151,19 @@ class Account:
         for name, place, fate in (*self.cards, *self.options):
             if fate.kind == "refused":
                 what = f" is {fate.what}, which" if fate.what else ""
-                raise place.error(
-                    f"{name}{what} is not supported here and would change the result; "
-                    "remove it from the deck, or model the part without it."
-                )
+                told = f"{name}{what} is not supported here and would change the result; remove"
+                raise place.error(f"{told} it from the deck, or model the part without it.")
 
     def ignored(self) -> list[str]:
         """Count, name and lines of what is ignored."""
         return _counted([*self.cards, *self.options], "ignored")
 
-    def unknown_cards(self) -> list[str]:
-        """A sentence on the cards that the table does not have, if there are such."""
-        found = _counted(self.cards, "unknown")
-        return found and [f"cards of {self.name} are unknown here and ignored: {', '.join(found)}."]
-
-    def unknown_options(self) -> list[str]:
-        """A sentence on the options and fields that are not read, if there are such."""
-        found = _counted(self.options, "unknown")
-        return found and [f"options of {self.name} are not read: {', '.join(found)}."]
+    def unknown(self, options: bool = False) -> list[str]:
+        """A sentence on the cards, or options and fields, that the table lacks, if any."""
+        found = ", ".join(_counted(self.options if options else self.cards, "unknown"))
+        what = f"options of {self.name} are not read"
+        return [f"{what if options else f'cards of {self.name} are unknown here and ignored'}: "
+                f"{found}."] if found else []  # fmt: skip
 
 
 def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import byref
 from dataclasses import dataclass
@@ -42,9 +41,9 @@ def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
 
 
 def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
-    monkeypatch.setattr(engine, "_kept", OrderedDict())
+    monkeypatch.setattr(engine, "_kept", [])
     expected = forces(SCENES[1])
-    ((key, space),) = engine._kept.items()
+    ((key, space),) = engine._kept
     memory = np.empty(space.memory.nbytes // 8 + 2)
     start = march.address(memory)
     start += 8 if start % 16 == 0 else 0
@@ -52,13 +51,13 @@ def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
     made = march.library.aom_create(byref(system), start, space.memory.nbytes, byref(space.stepper))
     assert made == march.DONE
     assert start % 16 == 8
-    engine._kept[key] = space
+    engine._kept[:] = [(key, space)]
     assert np.array_equal(forces(SCENES[1]), expected)
-    assert engine._kept[key].stepper.value == start
+    assert engine._kept[0][1].stepper.value == start
 
 
 def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", OrderedDict())
+    monkeypatch.setattr(engine, "_kept", [])
     shared = [forces(scene) for _ in range(2) for scene in SCENES]
     kept = len(engine._kept)
     monkeypatch.setattr(engine, "_LARGEST_KEPT", 0)
@@ -78,6 +77,30 @@ def test_threads_do_not_share_responses_while_they_fill_them() -> None:
         together = list(pool.map(forces, SCENES * 4))
     for i, found in enumerate(together):
         np.testing.assert_array_equal(found, alone[i % len(SCENES)])
+
+
+def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> None:
+    monkeypatch.setattr(engine, "_kept", [])
+    monkeypatch.setattr(engine, "_MOST_KEPT", 1)
+    alone = forces(blow(0.3, mass=0.5))
+    engine._kept.clear()
+    forces(blow(0.3, mass=0.2))
+    ((_, space),) = engine._kept
+    np.testing.assert_array_equal(forces(blow(0.3, mass=0.5)), alone)
+    assert [one for _, one in engine._kept] == [space]
+
+
+def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
+    monkeypatch.setattr(engine, "_kept", [])
+    forces(SCENES[0])
+    ((key, first),) = engine._kept
+    given = SCENES[0].run(1e-3, tol=1e-2).assembly.system.packed
+    spaces = {engine._space(key, given) for _ in range(3)}
+    for space in spaces:
+        engine._keep(key, space)
+    assert first in spaces
+    assert {engine._space(key, given) for _ in range(3)} == spaces
+    assert not engine._kept
 
 
 def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
@@ -191,7 +214,7 @@ def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
     system = assemble(blow(0.5), 4e-3).system
     one = engine.run(system, 4e-3, 1e-5, fine=1e-7)
     monkeypatch.setattr(engine, "_FIRST", 16)
-    monkeypatch.setattr(engine, "_kept", OrderedDict())
+    monkeypatch.setattr(engine, "_kept", [])
     other = engine.run(system, 4e-3, 1e-5, fine=1e-7)
     assert one.time.size > 500
     for name in ("time", "force", "depth", "states", "events"):

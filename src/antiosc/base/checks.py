@@ -50,9 +50,9 @@ _repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict =
 def number(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
     result = value if type(value) is float else _as_float(name, value, unit)
-    if not isfinite(result):
-        raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
-    if result and not SMALLEST <= abs(result) <= LARGEST:
+    if not (SMALLEST <= abs(result) <= LARGEST or result == 0.0):
+        if not isfinite(result):
+            raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
         raise InputError(
             f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude{_in(unit)}; "
             f"got {result:g}."
@@ -92,14 +92,12 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    if (
-        not isinstance(value, Real)
-        or isinstance(value, _TRUTH)
-        or not (
-            value.denominator == 1 if isinstance(value, Rational) else float(value).is_integer()
-        )
-        or (result := int(value)) < least  # type: ignore[call-overload]
-    ):
+    sound = type(value) is int or (
+        isinstance(value, Real)
+        and not isinstance(value, _TRUTH)
+        and (value.denominator == 1 if isinstance(value, Rational) else float(value).is_integer())
+    )
+    if not sound or (result := int(value)) < least:  # type: ignore[call-overload]
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:
         raise InputError(f"{name} must be at most {most}; got {shown(value)}.")
@@ -205,6 +203,14 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     if result.shape not in ((2,), (3,)):
         raise InputError(f"{name} must be 2 or 3 numbers{_in(unit)}; got {shown(value)}.")
     return tuple(result.tolist())
+
+
+def in_units(matrix: Array, scale: Array) -> tuple[Array, float]:
+    """`matrix` (n, n) over the scales (n,) of its rows and columns, made symmetric, and by how much
+    it was not: the largest difference of two entries. A scale of 0 counts as 1."""
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = matrix / scale[:, None] / scale
+    return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
 
 
 def broadcast(*values: NDArray[np.generic]) -> bool:

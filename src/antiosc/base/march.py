@@ -369,11 +369,6 @@ def energies(states: Array, omega: Array) -> Array:
     return out
 
 
-def mechanical(x: Array, omega: Array) -> float:
-    """Kinetic and strain energy [J] of x = (q, v), (2, J)."""
-    return float(energies(x[None], omega)[0])
-
-
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
     """Time integral [N s] of the force (n, m) of a row, and its peak [N], (C, 2).
 

@@ -29,7 +29,7 @@ from abc import ABC, abstractmethod
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import ClassVar, TypeGuard
 
 import numpy as np
 
@@ -240,7 +240,7 @@ class Compiled(Checked, ContactLaw):
         return self.force(delta, rate, state) - self.force(delta, 0.0, state)
 
 
-def is_compiled(law: ContactLaw) -> bool:
+def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
     """Whether the library knows the law: a subclass made elsewhere may have other methods."""
     return _knows(type(law))
 

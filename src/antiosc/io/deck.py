@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -106,7 +107,7 @@ class Deck:
     #: nodes fixed by supports: name of the group for them -> rows of `points`
     fixed: dict[str, IntArray] = field(default_factory=dict)
     #: type of elements that are not cells of a mesh -> their number
-    left: dict[str, int] = field(default_factory=dict)
+    left: Counter[str] = field(default_factory=Counter)
     #: warnings about the deck for the caller, one sentence each
     told: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
@@ -141,10 +142,6 @@ class Deck:
         """All nodes of some elements, ascending."""
         every = [block.nodes for block, _ in self.blocks_of(elements)]
         return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *every]))
-
-    def leave(self, kind: str) -> None:
-        """Count an element that is not a cell."""
-        self.left[kind] = self.left.get(kind, 0) + 1
 
 
 class Numbering:

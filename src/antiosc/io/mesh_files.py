@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -317,7 +318,7 @@ class _Content:
     elements: dict[tuple[int, str, int], list[list[int]]] = field(default_factory=dict)
     #: name -> (nodes, elements) by label
     groups: dict[str, tuple[list[int], list[int]]] = field(default_factory=dict)
-    others: dict[str, int] = field(default_factory=dict)
+    others: Counter[str] = field(default_factory=Counter)
     #: units of length in a metre; None: the file does not say
     per_metre: float | None = None
 
@@ -417,7 +418,7 @@ def _elements(found: _Content, rows: Lines) -> None:
         shape, wanted = ELEMENTS.get(descriptor, ("", 0))
         if not shape:
             kind = f"element type {descriptor}"
-            found.others[kind] = found.others.get(kind, 0) + 1
+            found.others[kind] += 1
             continue
         alike = len(nodes) == count == wanted
         place.needs(alike, f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
@@ -473,7 +474,7 @@ def _deck(found: _Content) -> Deck:
     elements = Numbering(every)
     if (np.diff(elements.labels) == 0).any():
         raise MeshError(f"{found.name} gives two elements one number.")
-    deck.left = dict(found.others)
+    deck.left = found.others
     for name, (of_nodes, of_elements) in found.groups.items():
         for some, numbering, sets in (
             (of_nodes, nodes, deck.node_sets),

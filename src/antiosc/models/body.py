@@ -217,6 +217,11 @@ def info_of(body: object) -> ModelInfo:
     return info if isinstance(info, ModelInfo) else UNKNOWN
 
 
+def is_thin(body: object) -> bool:
+    """Whether a body is of sheets that are held: its theory holds for small deflections."""
+    return info_of(body).thickness is not None
+
+
 def resolved_frequency(source: Any) -> float:
     """Frequency [Hz] up to which a model has the motion of points far from its site.
 

@@ -151,10 +151,9 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     if found.shape[0] != found.shape[1]:
         raise InputError(f"{name} must be square; got shape {found.shape}.")
     scale = np.sqrt(np.maximum(found.diagonal(), 0.0))
-    unit = found / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
-    values, vectors = np.linalg.eigh((unit + unit.T) / 2)
+    unit, uneven = checks.in_units(found, scale)
+    values, vectors = np.linalg.eigh(unit)
     least = float(values.min(initial=0.0))
-    uneven = float(np.abs(unit - unit.T).max(initial=0.0))
     if uneven > ROUNDING or least < -ROUNDING or np.any(found[scale == 0]):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"

@@ -360,17 +360,25 @@ class ModalBody(FreeModes):
     def mobility(self) -> float:
         """Inverse [1/kg] of the effective mass of the slowest motion at the contact point."""
         rigid = self.omega == 0
-        if np.any(self.b[rigid]):
-            return float(np.sum(self.b[rigid] ** 2))
+        b = self.b[rigid]
+        if b.any():
+            return float((b**2).sum())
         x, b = self.omega[~rigid] ** 2, self.b[~rigid]
-        inertia = float(np.sum((b / x) ** 2))
-        return (float(np.sum(b**2 / x)) + self.r) ** 2 / inertia if inertia > 0 else 0.0
+        inertia = float(((b / x) ** 2).sum())
+        return (float((b**2 / x).sum()) + self.r) ** 2 / inertia if inertia > 0 else 0.0
 
     @cached_property
     def closing(self) -> Array:
         """Frequencies, decays, and displacements that close a contact, of the modes (3, J)."""
         decay = np.zeros(self.omega.size) if self.decay is None else self.decay
         return np.array([self.omega, decay, -self.b])
+
+
+def sound_body(**known: object) -> ModalBody:
+    """A `ModalBody` of numbers that follow from checked ones: they are not checked again."""
+    body = ModalBody.__new__(ModalBody)
+    vars(body).update(known)
+    return body
 
 
 def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:

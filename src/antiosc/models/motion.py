@@ -219,9 +219,9 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
             return np.zeros(0), np.zeros((1, 0))
         return np.array([k0 / m0]), np.array([[1 / np.sqrt(m0)]])
     size = n + (m0 > 0)
-    m, poles = (np.ascontiguousarray(each, dtype=float) for each in (m, poles))
-    x, shape = np.empty(size), np.empty((n + 1, size))
-    lost = march.library.aom_arrow_modes(k0, m0, n, *map(march.address, (m, poles, x, shape)))
+    given, x, shape = np.array([m, poles], dtype=float), np.empty(size), np.empty((n + 1, size))
+    at, to_x, to_shape = map(march.address, (given, x, shape))
+    lost = march.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
     if lost or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(
             f"{lost or size} of {size} free frequencies have not converged; masses or frequencies"

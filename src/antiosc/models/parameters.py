@@ -182,12 +182,9 @@ def checked_at_one_site(model: Parameters) -> Stored:
 def checked_error(name: str, given: Array, size: int) -> Array:
     """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
     E = checks.array(name, given, (size, size))
-    scale = np.sqrt(np.maximum(np.diag(E), 0.0))
-    scale = np.where(scale > 0, scale, 1.0)
-    unit = E / scale[:, None] / scale
-    if np.abs(unit - unit.T).max(initial=0.0) > ENERGY_ROUNDING or (
-        np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0) < -ENERGY_ROUNDING * size
-    ):
+    unit, uneven = checks.in_units(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
+    least = np.linalg.eigvalsh(unit).min(initial=0.0)
+    if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
         raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
     return checks.kept((E + E.T) / 2)
 
@@ -263,9 +260,8 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
 
     Rounding is judged against the square roots `size` (p,) of its usual diagonal.
     """
-    unit = matrix / np.where(size > 0, size, 1.0)[:, None] / np.where(size > 0, size, 1.0)
-    lowest = np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0)
-    if lowest < -ASYMMETRY or np.any(np.abs(unit - unit.T) > ASYMMETRY):
+    unit, uneven = checks.in_units(matrix, size)
+    if uneven > ASYMMETRY or np.linalg.eigvalsh(unit).min(initial=0.0) < -ASYMMETRY:
         raise InputError(f"{name} must be symmetric and positive semidefinite.")
     free = matrix.diagonal() <= 0  # but for rounding
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))

@@ -22,8 +22,8 @@ from scipy.linalg import block_diag
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.modal import ModalBody, SiteModes
-from antiosc.models.motion import arrow_modes
+from antiosc.models.modal import ModalBody, SiteModes, sound_body
+from antiosc.models.motion import arrow_modes, unit_vector
 from antiosc.models.parameters import Parameters
 
 #: theta over the largest, below which a mode has no inertia.
@@ -40,23 +40,22 @@ def modal(model: Parameters) -> ModalBody:
     """The free modes of a model of one site, its hidden rigid motions in front."""
     if isinstance(model.damping, DampingMatrix):
         return _coupled(model)
+    poles, mass, group = model.omega**2, model.m, None
+    stiffness = model.k0 + float((poles * mass).sum())
     massless = model.m0 == 0
     if model.n:
-        top = float(model.omega[-1]) ** 2
-        massless = model.m0 * top <= MASSLESS_SITE * (model.k0 + float(model.k.sum()))
-    squares = model.omega**2
-    first = np.ones(model.n, dtype=bool)
-    first[1:] = squares[1:] > squares[:-1]
-    mass = model.m
-    if not first.all():  # equal frequencies act at the site as one mode
-        group = np.cumsum(first)
-        mass = np.asarray(np.bincount(group, weights=mass)[1:], dtype=float)
-    x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, squares[first])
-    if mass.size < model.n:
-        shape = shape[np.append(0, group)]
+        massless = model.m0 * float(model.omega[-1]) ** 2 <= MASSLESS_SITE * stiffness
+    rises = poles[1:] > poles[:-1]
+    if not rises.all():  # equal frequencies act at the site as one mode
+        group = np.append([0, 1], 1 + np.cumsum(rises))
+        mass = np.asarray(np.bincount(group[1:], weights=mass)[1:], dtype=float)
+        poles = np.append(poles[0], poles[1:][rises])
+    x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
+    if group is not None:
+        shape = shape[group]
     residual = np.zeros(model.n + 1)
     if massless:
-        residual[0] = 1.0 / (model.k0 + float(model.k.sum()))
+        residual[0] = 1.0 / stiffness
     return _in_space(model, np.sqrt(x), shape, residual)
 
 
@@ -81,14 +80,12 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
 
     Their coordinates follow lambda.
     """
-    hidden = model.hidden_count
-    none, own = np.zeros(hidden), np.eye(hidden)
-    omega = np.concatenate((none, omega))
-    residual = np.concatenate((residual, none))
     weight = None if model.participation is None else shape.T @ model.participation
-    b = np.concatenate((none, shape[0]))
-    amplitude = _relative(model.n)
+    b, amplitude, hidden = shape[0], _relative(model.n), model.hidden_count
     if hidden:
+        none, own = np.zeros(hidden), np.eye(hidden)
+        omega, b = np.concatenate((none, omega)), np.concatenate((none, b))
+        residual = np.concatenate((residual, none))
         shape = np.roll(block_diag(shape, own), hidden, axis=1)
         amplitude = block_diag(amplitude, own)
     inertia = model.inertia
@@ -97,7 +94,8 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
         if model.direction is not None:
             pull = inertia.momentum[:, :3] @ model.direction
             weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
-    return ModalBody(
+    direction = None if model.direction is None else unit_vector("direction", model.direction)
+    return sound_body(
         omega=omega,
         b=b,
         r=float(residual[0]),
@@ -107,7 +105,7 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
         residual=residual,
         basis=_basis(model),
         amplitude=amplitude,
-        direction=model.direction,
+        direction=direction,
         inertia=inertia,
     )
 
@@ -121,7 +119,8 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
 
 def _relative(n: int) -> Array:
     """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
-    turn = np.eye(n + 1)
+    turn = np.zeros((n + 1, n + 1))
+    turn.flat[:: n + 2] = 1.0
     turn[1:, 0] = -1.0
     return turn
 

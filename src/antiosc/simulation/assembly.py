@@ -20,6 +20,7 @@ from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz, State
+from antiosc.models.body import is_thin
 from antiosc.simulation.bodies import Placed, first_order_of, may_turn, place
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.march.system import System
@@ -219,6 +220,7 @@ class Assembly:
     system : what the march takes.
     lasting : expected time of a contact [s], the shortest.
     turns : whether the rotation of a body is known, and not 0.
+    thin : whether a body is of sheets that are held.
     """
 
     parts: Callable[[], Parts]
@@ -228,6 +230,7 @@ class Assembly:
     system: System
     lasting: float
     turns: bool
+    thin: bool
 
     @cached_property
     def _parts(self) -> Parts:
@@ -341,8 +344,8 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         pressed=np.zeros(len(laws)),
         first=first_order_of(bodies.values()),
     )
-    turns = any(map(may_turn, bodies.values()))
-    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns)
+    turns, thin = any(map(may_turn, bodies.values())), any(map(is_thin, scene.bodies.values()))
+    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns, thin)
 
 
 def side_by_side(

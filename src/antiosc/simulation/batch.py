@@ -432,7 +432,7 @@ def _row_of(
         verdict = verdict_of(pose(*scene), ended, settings.tol, settings.limits)
     most, impulse, contact_time, restitution, closed, steps = numbers
     if most > law.valid_force:
-        return _failed(beyond_law(law, most, made.bodies[0].patch_radius, _doubts(scene)))
+        return _failed(beyond_law(law, most, made.asked[0].patch_radius, _doubts(scene)))
     return _Row(
         verdict=verdict,
         peak_force=most,

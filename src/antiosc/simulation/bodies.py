@@ -27,7 +27,7 @@ from antiosc.contact import Gonthier, Hertz
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.damping import SideBySide
-from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.modal import ModalBody, SiteModes, sound_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
 
 
@@ -192,9 +192,8 @@ def _fixed() -> ModalBody:
 @lru_cache(maxsize=256)
 def _mass_alone(mass: float) -> ModalBody:
     root = sqrt(mass)
-    return ModalBody(
-        np.zeros(1), np.array([1 / root]), weight=np.array([root]), shape=np.array([[1 / root]])
-    )
+    b = np.array([1 / root])
+    return sound_body(omega=np.zeros(1), b=b, weight=np.array([root]), shape=b[None])
 
 
 #: Steel (handbook values), Pa and kg/m³.

@@ -250,7 +250,9 @@ class SceneMethod(ABC):
             steps=self.steps,
             attempts=self.steps,
             touches=contacts.touches,
-            highest=max(self.highest, s.given + march.mechanical(whole.states[0], s.omega)),
+            highest=max(
+                self.highest, s.given + float(march.energies(whole.states[:1], s.omega)[0])
+            ),
         )
 
     def acting(self, t: float) -> tuple[Array, Array, Array]:

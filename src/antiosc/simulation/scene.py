@@ -166,9 +166,11 @@ def solved(
     verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
-    contacts, touched = assembly.scene.contacts, {int(c) for c in run.events[:, 1]}
-    apart = [one for c, one in enumerate(contacts) if c not in touched]
-    message = " ".join([verdict.message, *assembly.notes, *order_notes(apart, assembly.bodies)])
+    apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
+    notes = [*assembly.notes]
+    if apart:
+        notes += order_notes([assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies)
+    message = " ".join([verdict.message, *notes])
     return kind(assembly, run, error, verdict.status, message, given=step), verdict
 
 
@@ -238,11 +240,10 @@ def exactly(
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
     """AccuracyError, behind what is implausible, if a force leaves the range of its law."""
     a = history.assembly
-    if all(law.valid_force == np.inf for law in a.laws):
-        return
-    for c, (contact, law) in enumerate(zip(a.scene.contacts, a.laws, strict=True)):
+    for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
             continue
+        contact = a.scene.contacts[c]
         where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
@@ -382,7 +383,7 @@ def impact(
     """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, Verdict]:
-        assembly = pose(*scene._replace(model=model))
+        assembly = pose(model, *scene[1:])
         return solved(partial(History, budget=budget), assembly, scene.duration, settings)
 
     def again(model: AntiOscillators, tol: float) -> History:

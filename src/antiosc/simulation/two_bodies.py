@@ -20,7 +20,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AntioscError, InputError
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
-from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, Parts, expected_impact, freed
@@ -49,14 +49,16 @@ class Pair:
 
     Attributes
     ----------
-    bodies : the structure and the impactor, with their modal velocities at the start.
+    given, asked, modes : the structure and the impactor, as given and as they are read.
     block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
     omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
     mobilities : inverse [1/kg] of the inertia that each puts behind the contact.
     local : half-space compliance [m/N] of the patches.
     """
 
-    bodies: tuple[Placed, Placed]
+    given: tuple[LinearBody, LinearBody]
+    asked: tuple[Body, Body]
+    modes: tuple[ModalBody, ModalBody]
     block: Array
     omega: Array
     decay: Array
@@ -66,6 +68,16 @@ class Pair:
     r: float
     mobilities: tuple[float, float]
     local: float
+
+    @property
+    def bodies(self) -> tuple[Placed, Placed]:
+        """The structure and the impactor as a scene has them, with their motion at the start."""
+        count = self.modes[0].omega.size
+        structure, striker = zip(self.given, self.asked, self.modes, strict=True)
+        return (
+            of_one_site("structure", *structure, self.v[:count]),
+            of_one_site("impactor", *striker, self.v[count:]),
+        )
 
     @property
     def mass(self) -> float:
@@ -104,7 +116,10 @@ def pair(
             "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
         )
     structure, striker = one.modal(), other.modal()
-    starts = _starts(structure, striker, initial_velocity, other.velocity)
+    initial = initial_velocity
+    if not isinstance(initial, Motion):
+        initial = -checks.number("initial_velocity", initial, "m/s")
+    start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
     loads = _loads(structure, striker, gravity)
     count = structure.omega.size
     size, r = count + striker.omega.size, structure.r + striker.r
@@ -113,16 +128,15 @@ def pair(
     rows[:, :count], rows[:, count:] = structure.closing, striker.closing
     omega, decay, beta = rows
     load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
-    v[:count], v[count:] = starts
+    v[:count], v[count:] = start, strike if isinstance(other.velocity, Motion) else -strike
     for own, pull in zip((load[:count], load[count:]), loads, strict=True):
         if pull is not None:
             own[...] = pull
     block[3 * size] = r
     return Pair(
-        bodies=(
-            of_one_site("structure", model, one, structure, starts[0]),
-            of_one_site("impactor", impactor, other, striker, starts[1]),
-        ),
+        given=(model, impactor),
+        asked=(one, other),
+        modes=(structure, striker),
         block=block,
         omega=omega,
         decay=decay,
@@ -149,11 +163,12 @@ def pose(
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
     law, notes = freed(contact, made.local, "structure", "impactor")
-    gap = made.bodies[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    gap = made.asked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
     mass = made.mass
     depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
     parts = partial(_parts, contact, gap, gravity, made)
-    uncoupled = all(body.modes.damping is None for body in made.bodies)
+    one, other = made.modes
+    coupled = one.damping is not None or other.damping is not None
     block, size = made.block, made.omega.size
     block[4 * size + 2] = gap
     scales = np.array([mass, depth, speed, 0.0])
@@ -174,28 +189,17 @@ def pose(
         depth=scales[1:2],
         speed=scales[2:3],
         pressed=scales[3:],
-        first=None if uncoupled else first_order_of(made.bodies),
+        first=first_order_of(made.bodies) if coupled else None,
     )
     system.block = block
-    turns = any(map(may_turn, made.bodies))
-    return Assembly(parts, _ROW, [law], notes, system, lasting, turns)
+    turns, thin = may_turn(one) or may_turn(other), is_thin(model) or is_thin(impactor)
+    return Assembly(parts, _ROW, [law], notes, system, lasting, turns, thin)
 
 
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
     bodies = {body.name: body for body in made.bodies}
-    model, impactor = (body.body for body in made.bodies)
-    return of_two(model, impactor, contact, gap, gravity), bodies
-
-
-def _starts(
-    structure: ModalBody, striker: ModalBody, initial: float | Motion, speed: float | Motion
-) -> tuple[Array, Array]:
-    """Modal velocities of both bodies; numbers are > 0 when they close the gap."""
-    if not isinstance(initial, Motion):
-        initial = -checks.number("initial_velocity", initial, "m/s")
-    own = striker.rigid_motion(speed)
-    return structure.rigid_motion(initial), own if isinstance(speed, Motion) else -own
+    return of_two(*made.given, contact, gap, gravity), bodies
 
 
 def _loads(
@@ -342,7 +346,7 @@ class Rows:
             given["law"][name] = [getattr(kernel, name) for kernel in kernels]
         given["residual"] = made.r
         given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
-        own = made.bodies[1].gap
+        own = made.asked[1].gap
         given["gap"] = [
             own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
             for each in impacts

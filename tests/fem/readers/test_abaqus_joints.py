@@ -28,7 +28,7 @@ def equations(folder: Path, x: np.ndarray, text: str, turning: bool = True) -> n
     whole = abaqus_assembly.read(Sources(path, "a.inp"))
     n = len(x)
     joints = Constraints(whole.deck, np.ones(n, dtype=bool), np.full(n, turning))
-    read_joints(whole, joints, [pair for pair in whole.cards if pair[0].keyword != "NODE"])
+    read_joints(whole, joints, [card for card in whole.cards if card.keyword != "NODE"])
     C = np.zeros((len(joints.equations), n, 6))
     for row, terms in zip(C, joints.equations, strict=True):
         for node, motion, value in terms:

@@ -136,8 +136,8 @@ def test_an_assembly_of_one_instance_may_use_its_numbers(read):
     whole = read(PART + top)
     assert lists(whole.deck.node_sets) == {"I.end": [4, 9], "I.OWN": [1], "Q": [0, 4]}
     assert whole.deck.element_sets["R"].tolist() == [0, 1]
-    ((card, within),) = whole.named("SPRING")
-    assert list(whole.beside(card, within)) == [("SPRINGA", [0, 4])]
+    (card,) = whole.named("SPRING")
+    assert list(whole.beside(card)) == [("SPRINGA", [0, 4])]
 
 
 PART = f"*PART,NAME=P\n{SHEET}*ELSET,ELSET=All,GENERATE\n10,40,10\n*NSET,NSET=end\n9,19\n"

@@ -253,3 +253,9 @@ def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
     bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
     model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
     assert freedom(model) == 3 + 3 + 3
+
+
+def test_an_include_below_loads_may_have_a_name_that_is_too_long(tmp_path):
+    cube = inp.CUBE + inp.SOLID + inp.STEEL
+    model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={'x' * 300}\n")
+    same(model, inp.read(tmp_path, cube)[0])

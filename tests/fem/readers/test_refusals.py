@@ -5,10 +5,13 @@ The parsers are called here directly, without the process that reads files for `
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
+from antiosc.io.deck import Deck
+from antiosc_decks.constraints import one_piece
 from refusals import refused
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -25,6 +28,8 @@ CBAR = GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n" + MAT
 NASTRAN = {
     "no grids": ("BEGIN BULK\nMAT1,1,1.\nENDDATA\n", None, "nodes"),
     "no bulk": ("BEGIN BULK\nENDDATA\n", None, "contains"),
+    "no shear": (CBAR.replace(",,.3", ",0.,.3") + "PBARL,1,1,,ROD\n,.1\n", 10, "G above 0"),
+    "a default": ("GRDSET,,YES\n" + BLOCK, 1, "not an integer"),
     "no mass matrix": (BLOCK + "CONM1,9,1,,-1.\n", None, "that"),
     "pins": (CBAR.replace("0.,0.,1.", "0.,0.,1.,,\n,17") + "PBARL,1,1,,ROD\n,.1\n", None, "from 1"),
     "a copy of nothing": ("BEGIN BULK\n=,*1\n", None, "before"),
@@ -50,6 +55,12 @@ def test_nastran(tmp_path, case):
     text, line, word = NASTRAN[case]
     with refused(line, word, MeshError):
         bdf.read(tmp_path, text)
+
+
+def test_a_piece_of_no_elements(tmp_path):
+    deck = Deck("part.inp", piece=1)
+    with pytest.raises(MeshError, match=r"0 pieces .* no piece 1"):
+        one_piece(deck, np.zeros(0, dtype=bool))
 
 
 TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"

@@ -20,7 +20,7 @@ def deck_of(folder, x: np.ndarray, text: str):
     nodes = "".join(f"{k},{','.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x, 1))
     path.write_text(f"*NODE\n{nodes}{text}")
     whole = abaqus_assembly.read(Sources(path, "a.inp"))
-    return whole, [pair for pair in whole.cards if pair[0].keyword != "NODE"]
+    return whole, [card for card in whole.cards if card.keyword != "NODE"]
 
 
 def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):

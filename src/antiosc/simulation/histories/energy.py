@@ -79,7 +79,6 @@ def replay(
         state = law.touch(speed, state)
         span = slice(a, b + 1)
         if is_compiled(law):
-            assert isinstance(law, Compiled)
             if law.has_memory:
                 stored[span], lost, state = _remembered(law, depth[span], state)
                 plastic[span] += lost

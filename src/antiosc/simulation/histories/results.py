@@ -225,6 +225,8 @@ LOOKS, MOST_LOOKS = 32, 4096
 def too_far(history: History) -> str:
     """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
     a, worst, told = history.assembly, SMALL_DEFLECTION, ""
+    if not a.thin:
+        return ""
     for name, body in a.bodies.items():
         h = info_of(body.body).thickness
         if h is None or not body.omega.all():

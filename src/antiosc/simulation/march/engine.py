@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
 from itertools import accumulate
@@ -18,7 +17,7 @@ from antiosc.simulation.march.system import Given, System
 Array = NDArray[np.float64]
 
 _RECORDS = march.Record * 3
-_FIRST = 2048  # nodes of the first buffer; a full one becomes four times as large
+_FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
@@ -107,9 +106,10 @@ class Buffers:
             np.empty((nodes + p + 1, 4)),
             np.empty((nodes // 2 + p + 1 if keep else 0, march.EXIT)),
         )
-        for new, old in zip(arrays, self._written(), strict=False):
-            new[: len(old)] = old
-        self.arrays, self.nbytes = arrays, sum(each.nbytes for each in arrays)
+        written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
+        for new, old, count in zip(arrays, self.arrays, written, strict=False):
+            new[:count] = old[:count]
+        self.arrays, self.nbytes = arrays, sum([each.nbytes for each in arrays])
         r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
         r.time, r.force, r.depth, r.states, r.events, r.exits = map(march.address, arrays)
@@ -123,22 +123,18 @@ class Buffers:
         states[: len(half)] = half
         r.n_states, r.every = len(half), 2 * r.every
 
-    def _written(self) -> list[Array]:
-        r = self.record
-        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
-        return [each[:count] for each, count in zip(self.arrays, counts, strict=False)]
-
     def run(self, answer: int, told: march.Summary, keep: bool) -> Run:
         """What was written, as copies."""
-        while keep and 16 * self.record.n_states * self.shape[2] > STATES:
+        r, (time, force, depth, states, events, exits) = self.record, self.arrays
+        while keep and 16 * r.n_states * self.shape[2] > STATES:
             self.thin()
-        time, force, depth, states, events, exits = (each.copy() for each in self._written())
+        nodes = r.n_nodes
         return Run(
-            time=time,
-            force=force,
-            depth=depth,
-            states=states if keep else None,
-            events=events,
+            time=time[:nodes].copy(),
+            force=force[:nodes].copy(),
+            depth=depth[:nodes].copy(),
+            states=states[: r.n_states].copy() if keep else None,
+            events=events[: r.n_events].copy(),
             answer=answer,
             steps=told.steps,
             attempts=told.attempts,
@@ -147,8 +143,8 @@ class Buffers:
             refused=told.refused,
             gained=told.gained,
             work=told.work,
-            every=self.record.every,
-            exits=exits if keep else None,
+            every=r.every,
+            exits=exits[: r.n_exits].copy() if keep else None,
         )
 
 
@@ -192,40 +188,42 @@ class Space:
         _check(answer)
 
 
-_kept: OrderedDict[tuple[object, ...], Space] = OrderedDict()
+Key = tuple[int, int, int, bytes]  # contacts, rows, modes, and the numbers of the bodies
+
+_kept: list[tuple[Key, Space]] = []  # the newest first; threads with the same bodies have one each
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(key: tuple[object, ...], given: Given) -> Space:
+def _space(key: Key, given: Given) -> Space:
     """Space for a system, with the responses of its bodies if they are kept.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
-    found = _kept.pop(key, None)
-    if found is not None:
-        return found
-    oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
-    if oldest is None or not oldest.fits(given):
-        return Space(given)
-    oldest.renew(given)
-    return oldest
+    for one in _kept.copy():
+        if one[0] == key and _taken(one):
+            return one[1]
+    if len(_kept) >= _MOST_KEPT:
+        oldest = _kept[-1:]
+        if oldest and _taken(oldest[0]) and oldest[0][1].fits(given):
+            oldest[0][1].renew(given)
+            return oldest[0][1]
+    return Space(given)
 
 
-def _oldest() -> Space | None:
-    """The space that has been kept longest, taken out; other threads may have taken them all."""
+def _taken(one: tuple[Key, Space]) -> bool:
+    """Whether it was still there to be taken: another thread may have done so."""
     try:
-        return _kept.popitem(last=False)[1]
-    except KeyError:
-        return None
+        _kept.remove(one)
+    except ValueError:
+        return False
+    return True
 
 
-def _keep(key: tuple[object, ...], space: Space) -> None:
+def _keep(key: Key, space: Space) -> None:
     """Leave the space to later runs."""
-    if space.nbytes > _LARGEST_KEPT:
-        return
-    _kept[key] = space
-    while len(_kept) > _MOST_KEPT:
-        _oldest()
+    if space.nbytes <= _LARGEST_KEPT:
+        _kept.insert(0, (key, space))
+        del _kept[_MOST_KEPT:]
 
 
 def _check(answer: int) -> None:
@@ -240,7 +238,8 @@ def _check(answer: int) -> None:
 
 def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Run, march.Solution]:
     """The run of the options, or the finest of several, and what is known of its errors."""
-    system = system.marched
+    if system.first is not None:
+        system = system.marched
     given = system.packed
     p, (m, size) = len(system.laws), system.beta.shape
     key = (p, m, size, given.bodies)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from antiosc.base import march
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.contact import ContactLaw
-from antiosc.contact.base import Compiled, is_compiled
+from antiosc.contact.base import is_compiled
 
 if TYPE_CHECKING:
     from ctypes import _Pointer, c_double
@@ -104,9 +104,7 @@ class OwnLaw:
 def packed(law: ContactLaw) -> tuple[march.Law, object]:
     """A law as the march takes it, and what keeps its numbers and functions alive."""
     if is_compiled(law):
-        assert isinstance(law, Compiled)
-        kernel, values = law.kernel
-        return kernel, values
+        return law.kernel
     own = OwnLaw(law)
     return march.Law(march.USER, 0, None, addressof(own.kernel)), own
 

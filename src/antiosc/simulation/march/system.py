@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from ctypes import addressof
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -142,17 +141,23 @@ class Given:
     def __init__(self, system: System) -> None:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
-        parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
-        self.block: Array = np.zeros(0) if s.block is None else s.block
-        if not (s.q.base is s.v.base is self.block):  # no block, or another start
-            self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        block = s.block if s.q.base is s.v.base is s.block else None  # else another start
+        if block is None:
+            parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
+            block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        self.block: Array = block
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
         gamma = None if s.gamma is None else march.address(s.gamma)
         if s.gamma is not None:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
-        at = march.address(self.block)
-        *arrays, q, v = accumulate([at, *[8 * each.size for each in parts[:-1]]])
+        row, at = 8 * size, march.address(self.block)
+        R = at + (2 + m) * row
+        times = R + 8 * m * m
+        loads = times + 8 * breaks
+        offsets = loads + 8 * s.loads.size
+        q = offsets + 8 * breaks * m
+        arrays, v = (at, at + row, at + 2 * row, R, times, loads, offsets), q + row
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
