@@ -11,7 +11,6 @@ import scipy.linalg
 from scipy.optimize import minimize_scalar
 
 import antiosc as ao
-import refusals
 
 rng = np.random.default_rng(1)
 L = rng.normal(size=(4, 4)) * np.sqrt([200, 80, 80, 300])
@@ -178,13 +177,3 @@ def test_gravity_and_initial_velocity(k0: float, speed: float, gravity: float) -
         assert g.m[1] * 0.2 == pytest.approx(by_m, abs=1e-7 * g.value)
         found = g.bodies["structure"].get("initial_velocity", 0.0)
         assert speed * found == pytest.approx(by_speed, abs=1e-7 * g.value)
-
-
-def test_closed_at_the_start_is_refused() -> None:
-    bodies = {"part": model(VALUES), "machine": ao.RigidMass(0.3)}
-    scene = ao.Scene(
-        bodies, [ao.Contact("part", "machine", ao.Hertz(1e9))], gravity=9.81, preload=True
-    )
-    hit = scene.run(1e-4)
-    with refusals.refused(None, "closed at the start", ao.InputError):
-        ao.gradient(hit, "impulse")

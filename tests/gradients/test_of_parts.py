@@ -79,6 +79,29 @@ def test_thickness_against_extracting_again(struck: tuple[ao.Structure, ao.Histo
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("bars", [None, "estimate"])
+def test_thickness_of_a_stiffened_panel(bars: str | None) -> None:
+    """Its shapes turn with the thickness: held, they are off by 1.5e-3 of the peak force."""
+    mesh = ao.read_mesh("meshes/panel.msh")
+    clamp = ao.Support(lambda x: x[0] < 1e-6)
+
+    def panel(x: Any) -> ao.Structure:
+        return ao.Structure(mesh, ao.Shell(210e9, 0.3, 7850.0, 3e-3 * x[0]), [clamp])
+
+    part = panel([1.0])
+    site = ao.Site((0.45, 0.0, 1.2), (0, 0, -1), radius=6e-3, snap=True)
+    model = ao.extract(part, site, n=20)
+    hit = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Linear(0.3 * model.k0), 3e-3, tol=1e-6)
+    g = ao.gradient(hit, "peak_force", part=part, error=bars)
+    again = ao.gradient(hit, "peak_force", part=panel, x=[1.0], error=bars)
+    assert g.thickness * 3e-3 == pytest.approx(again.x[0], rel=0, abs=1e-5 * g.value)
+    if bars:
+        assert g.error is not None
+        assert again.error is not None
+        assert g.error.thickness * 3e-3 == pytest.approx(again.error.x[0], rel=1e-2)
+
+
+@pytest.mark.slow
 def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.History]) -> None:
     _, hit = struck
     g = ao.gradient(hit, "peak_force", part=lambda x: plate(wider=x[0]), x=[0.0])
@@ -97,6 +120,25 @@ def test_a_design_map_adds_up_to_the_derivative(struck: tuple[ao.Structure, ao.H
         assert found.slopes.min() < 0.0 < found.slopes.max() or by == "rho"
     mass = found.slopes / found.per_mass * RHO  # of each cell
     assert mass.sum() == pytest.approx(part.mass, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_design_map_against_extracting_again_with_other_zones() -> None:
+    mesh, zones = ao.read_mesh("meshes/panel_zones.geo", size=0.12), ("middle", "ring", "rim")
+
+    def panel(x: Any) -> ao.Structure:
+        shells = [ao.Shell(210e9, 0.3, 7850.0, 3e-3 * each) for each in x]
+        return ao.Structure(mesh, dict(zip(zones, shells, strict=True)), [ao.Support("held")])
+
+    part = panel(np.ones(3))
+    model = ao.extract(part, ao.Site((0.05, 0.03, 0), (0, 0, -1), radius=6e-3), n=24)
+    hit = ao.simulate(model, ao.RigidMass(0.3, 3.0), ao.Hertz(5e7), 5e-3, tol=1e-6)
+    again = ao.gradient(hit, "impulse", part=panel, x=np.ones(3)).x
+    found = ao.design_map(part, hit, "impulse")
+    sums = np.bincount(found.meshed.part_of_cells(), 3e-3 * found.slopes)
+    assert sums == pytest.approx(again, rel=0, abs=5e-4 * found.value)
+    g = ao.gradient(hit, "impulse", part=part)
+    assert [3e-3 * g.thickness[zone] for zone in zones] == pytest.approx(again, rel=1e-5)
 
 
 @pytest.mark.slow

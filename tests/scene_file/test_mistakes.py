@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import antiosc as ao
 from antiosc.app.scene_file.build import Call, Evaluation
-from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems
+from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems, read
 from scene_files import BEAM, BRACKET, HIT, LAW, MASS, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and a word of the one sentence; further
@@ -237,6 +238,12 @@ def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
     }.items():
         assert antiosc("check", path) == 1
         assert held in capsys.readouterr().err
+
+
+def test_the_mark_of_a_windows_editor_is_no_mistake(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + BEAM.replace("\n", "\r\n").encode())
+    assert read(path).data == tomllib.loads(BEAM)
 
 
 def test_a_scene_cannot_reach_beyond_data(tmp_path, capsys):

@@ -258,6 +258,14 @@ class SideBySide:
                 found[:, :, own] += moved.reshape(-1, 2, first.omega.size)
         return found.reshape(len(by_q), 2 * self.omega.size)
 
+    def begun(self, by_a: Array, by_b: Array) -> Array:
+        """(J,) derivatives by the displacements of `state`, from those by its (a, b)."""
+        found = np.zeros(self.free)
+        for free, own, _, first in self._spans():
+            both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
+            found[free] = both[: free.stop - free.start]
+        return found
+
     @property
     def spans(self) -> list[slice]:
         """The integrated modes of each body."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Brief
 from antiosc.fem.assembly import with_parts
@@ -51,6 +52,9 @@ from antiosc.simulation.histories import (
     times_of,
 )
 from antiosc.simulation.histories.parts import BodyHistory
+
+#: Share of the mass shaken by the ground below which a model's fields are not those of the part.
+UNSEEN = 0.5
 
 #: Ratios of stiffness and of mass of a structure and of a model on its shapes from which they do
 #: not belong together. A model that is corrected for its mesh is softer, and as heavy.
@@ -200,7 +204,38 @@ def nodal_motion(
 
 def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
-    return np.column_stack(checked_shapes(structure, history, body, ANOTHER))
+    shapes = np.column_stack(checked_shapes(structure, history, body, ANOTHER))
+    if isinstance(history, History) and history.assembly.scene.base is not None:
+        _tell_if_unseen(structure, history, body)
+    return shapes
+
+
+def _tell_if_unseen(structure: Structure, history: History, body: str) -> None:
+    """A warning where the ground shakes mass that the shapes of the model do not carry."""
+    weight, base = modes_of(history, body).weight, history.assembly.scene.base
+    if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
+        return
+    if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
+        return
+    motion = np.abs(base.accelerations).max(axis=0)
+    for i in np.flatnonzero(motion > 0.01 * motion.max()):
+        load = structure.uniform_inertia(np.eye(3)[i])
+        if load is None:
+            return
+        # what the ground shakes: the inertia of rigid motions that leave out what is held
+        motions = structure.matrices.rigid_motions
+        pushed = dot(structure.comm, motions, load)
+        inertia = dot(structure.comm, motions, multiply(structure.M, motions))
+        shaken = float(pushed @ np.linalg.lstsq(inertia, pushed, rcond=None)[0])
+        held = float(np.sum(weight[:, i] ** 2))
+        if held < UNSEEN * shaken:
+            along = "xyz"[i]
+            message = (
+                f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
+                f"{held / shaken:.0%} of it: contact forces are right, fields far from the sites "
+                f"are not; name a site whose direction is {along} as well, or raise n."
+            )
+            on_root(structure.comm, partial(warn, message, AccuracyWarning))
 
 
 def checked_shapes(

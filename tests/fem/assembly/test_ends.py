@@ -65,6 +65,12 @@ def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     assert alone.dofs == 6
 
 
+def test_degrees_are_not_taken_for_radians():
+    with pytest.raises(ao.InputError, match=r"angle = -90 rad .* radians; .* give -1\.5708\."):
+        Placement(angle=-90)
+    assert Placement(angle=2 * np.pi).angle == 2 * np.pi
+
+
 @pytest.mark.slow
 def test_an_end_with_a_radius_is_the_mean_over_a_disc(layout):
     """u_z = x² + y² on a face: r²/2 at the middle of a disc; faces too large are refused."""

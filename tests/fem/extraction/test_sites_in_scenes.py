@@ -84,6 +84,31 @@ def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
     assert moved[-1] == pytest.approx(-sag, rel=1e-3)  # and 5e-4 of it by stretching
 
 
+def test_a_field_tells_of_shaken_mass_that_no_site_sees():
+    """A bar that sags along y under a steady ground; only a site along y has this in its model."""
+    section = ao.Section.rectangle(0.03, 0.01)
+    bar = ao.Beam(**STEEL, section=section, orientation=(0, 1, 0), shear=False)
+    # what the support holds shakes nothing
+    heavy = ao.PointMass((0, 0, 0), 50.0)
+    part = ao.Structure(line(0.5, 12, (1.0, 0.0, 0.0)), bar, [ao.Support("left")], attached=[heavy])
+    base = ao.Base([0.0, 9.0], [(0.0, -100.0, 0.0)] * 2)
+
+    def sag(direction: tuple[float, float, float]) -> float:
+        model = ao.extract(
+            part, {"tip": ao.Site((0.5, 0, 0), direction)}, 6, damping=ao.Damping(alpha=300.0)
+        )
+        stop = ao.Contact("bar:tip", "stop", ao.Linear(1e5), gap=1.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AntioscWarning)  # it never touches
+            hit = ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
+        return float(ao.probe(part, hit, (0.5, 0, 0), body="bar")[-1, 1])
+
+    exact = STEEL["rho"] * section.A * 100.0 * 0.5**4 / (8 * STEEL["E"] * section.I)
+    assert sag((0, 1, 0)) == pytest.approx(exact, rel=1e-3)
+    with pytest.warns(ao.AccuracyWarning, match=r"1.2 kg along y, and the model carries 0%"):
+        assert abs(sag((0, 0, 1))) < 1e-9 * exact
+
+
 def test_fields_of_a_scene(block, tmp_path):
     model = ao.extract(block, CORNERS, 30)
     scene = ao.Scene(

@@ -124,7 +124,7 @@ def _text(source: Path) -> str:
                 f"the scene file {str(source)!r} has {status.st_size} bytes, more than "
                 f"{LARGEST_FILE}; is it a scene? It names meshes and matrices by their paths."
             )
-        return source.read_bytes().decode("utf-8").replace("\r\n", "\n")
+        return source.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise InputError(f"{refused}: it is not a text in UTF-8 (byte {error.start}).") from None
     except OSError as error:

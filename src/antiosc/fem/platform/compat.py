@@ -444,10 +444,9 @@ def quadratic(
     own: dict[fem.Function, fem.Function] = {}
     for each in dict.fromkeys(each for form in forms for each in form.coefficients()):
         own[each] = next((c for c in own if equal(c, each)), each)
-    form = sum(
-        ufl.Form([of_cells(one) for one in changed.integrals()])
-        for changed in (ufl.replace(f, own | dict.fromkeys(f.arguments(), x)) for f in forms)
-    )
+    integrals = [one for form in forms for one in form.integrals()]
+    given = {each: x for form in forms for each in form.arguments()}
+    form = ufl.replace(ufl.Form([of_cells(one) for one in integrals]), own | given)
     compiled, total = _compiled(form, SUMS), 0.0
     for row, weight in zip(with_ghosts(space, block.T).T, weights, strict=True):
         x.x.array[:] = row

@@ -57,6 +57,17 @@ def checked_axis(name: str, value: object) -> tuple[float, ...]:
     return tuple(axis.tolist())
 
 
+def _checked_angle(name: str, value: object) -> float:
+    """An angle in rad of at most one turn; more are degrees."""
+    angle = number(name, value, "rad")
+    if abs(angle) > 2 * np.pi * (1 + 1e-9):
+        raise InputError(
+            f"{name} = {angle:g} rad is more than a turn (6.283 rad): angles are in radians; if "
+            f"degrees are meant, give {np.deg2rad(angle):.6g}."
+        )
+    return angle
+
+
 @dataclass(frozen=True)
 class Placement(Checked):
     """A rotation about an axis, then a translation: x → c + R (x − c) + shift.
@@ -68,14 +79,14 @@ class Placement(Checked):
     axis : sequence of 3 floats
         Direction of the axis of rotation.
     angle : float
-        Angle of the rotation, rad, positive by the right-hand rule.
+        Angle of the rotation, rad, a turn at most; positive by the right-hand rule.
     about : sequence of 2 or 3 floats
         The point c on the axis of rotation, m.
     """
 
     shift: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
     axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
-    angle: float = field(default=0.0, metadata=checked_by(number, "rad"))
+    angle: float = field(default=0.0, metadata=checked_by(_checked_angle))
     about: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_checked_point))
 
     @property

@@ -322,8 +322,9 @@ def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[Closest
         nearest = closest(mesh, in_space(where))
         if nearest.distance > NEAR * mesh.extent():
             raise InputError(
-                f"the point {in_words(where)} is {nearest.distance:.3g} m off the structure; its "
-                f"nearest point is {in_words(nearest.x)}."
+                f"the point {in_words(where)} of a mass, spring or damper is "
+                f"{nearest.distance:.3g} m off the structure; its nearest point is "
+                f"{in_words(nearest.x)}."
             )
         return [nearest]
     group = mesh.group(where)

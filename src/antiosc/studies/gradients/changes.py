@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from ctypes import addressof
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,7 +31,7 @@ from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
 from antiosc.simulation.error_budget import SAFETY
 from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.march.system import System
+from antiosc.simulation.scene import start
 from antiosc.simulation.states import marched_states
 from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
 from antiosc.simulation.two_bodies import Impact, pose
@@ -169,12 +170,13 @@ def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
     return np.asarray(slope + d.beta / 2)
 
 
-def through_start(s: System, by: Slopes, settled: bool) -> None:
+def through_start(found: Recorded, by: Slopes) -> Slopes:
     """From derivatives by the forces at the start, and by a state of rest, to those by the rest.
 
-    The forces are F = law(beta q - gap - R F). With preload (`settled`) q is the equilibrium,
-    omega^2 q = load - beta' F.
+    The forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q = load
+    - beta' F. Of bodies whose damping couples the modes, `changed_coupled` takes it itself.
     """
+    by, s = deepcopy(by), found.system
     p = len(s.laws)
     beta, R, F = s.beta[:p], s.R[:p, :p], s.pressed
     depth = beta @ s.q - s.offsets[0, :p] - R @ F
@@ -182,23 +184,29 @@ def through_start(s: System, by: Slopes, settled: bool) -> None:
     stiffness = np.array([slope for slope, _ in each])
     held = np.linalg.solve(np.eye(p) + stiffness[:, None] * R, np.diag(stiffness))  # dF/d(beta q)
     by_force = by.pressed.copy()
-    if settled:
+    spans = [(part.span, found.places[n], found.coupled(n)) for n, part in found.parts.items()]
+    mu = np.zeros(s.omega.size)
+    if found.settled:
+        by_q = by.q if s.first is None else s.first.begun(by.q, by.v)
         H = np.diag(s.omega**2) + beta.T @ held @ beta
         scale = 1 / np.sqrt(np.where(H.diagonal() > 0, H.diagonal(), 1.0))
-        wanted = scale * (by.q + beta.T @ held @ by_force)
+        wanted = scale * (by_q + beta.T @ held @ by_force)
         mu = scale * np.linalg.lstsq(scale[:, None] * H * scale, wanted, rcond=None)[0]
-        by.loads[0] += mu
-        by.square -= mu * s.q
-        by.beta[:p] -= np.outer(F, mu)
-        by.q[:] = 0.0
         by_force -= beta @ mu
     push = held @ by_force
-    by.beta[:p] += np.outer(push, s.q)
+    for free, own, coupled in spans:
+        if not coupled:
+            by.loads[0, own] += mu[free]
+            by.square[own] -= mu[free] * s.q[free]
+            by.beta[:p, own] += np.outer(push, s.q[free]) - np.outer(F, mu[free])
+    if found.settled:
+        by.q[:] = 0.0
     by.offsets[0, :p] -= push
     by.residual[:p, :p] -= np.outer(push, F)
     by_law = np.linalg.solve(np.eye(p) + R * stiffness, by_force)
     by.laws += by_law[:, None] * np.array([slopes for _, slopes in each])
     by.pressed[:] = 0.0
+    return by
 
 
 def _slopes(law: Any, depth: float) -> tuple[float, Array]:
@@ -452,6 +460,8 @@ def changed_coupled(
     found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
 ) -> float:
     """Change of the goal by the modes of one set of bodies to another, to first order."""
+    for bodies in (before, after):
+        start(bodies)
     here = _of_march(found)
     one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
     change = {n: other[n] - one[n] for n in one}
@@ -460,6 +470,7 @@ def changed_coupled(
     total += float(np.sum(np.hstack([by.beta, by.gamma]) * change["beta"]))
     total += float(np.sum(by.loads * change["loads"]))
     total += float(np.append(by.q, by.v) @ change["state"][0])
+    total += float(by.pressed @ (after.system.pressed - before.system.pressed))
     for (step, u, _), _, own in wanted.readings:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])

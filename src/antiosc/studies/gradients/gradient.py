@@ -127,8 +127,9 @@ def gradient(
     part : Structure or callable, optional
         From which the model was extracted: `g.E`, `g.nu`, `g.rho`, `g.thickness` and the other
         numbers of its material and of a beam's section; of a laminate's layers arrays `thickness`
-        and `angle` [1/degree]. Of several materials they are {group: derivative}. The shapes of
-        the model are held, which is as good as the model's truncation. Or a function of `x` (n,)
+        and `angle` [1/degree]. Of several materials they are {group: derivative}. The Krylov
+        recurrence of a part on supports runs again in twice as many vectors, which one further
+        extraction finds; otherwise the shapes of the model are held. Or a function of `x` (n,)
         that builds the structure, or its model: `g.x` (n,), by whatever x changes, nodes included,
         with two extractions for each of its entries. The law of the contact stays, and of a
         structure the place of the site and the radius of its patch.
@@ -149,9 +150,8 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, laws made elsewhere, a contact that is
-        closed at the start beside damping that couples modes, and a part that is not that of the
-        model.
+        For a history without its run, an unknown goal, laws made elsewhere, and a part that is not
+        that of the model.
     NotDifferentiableError
         Where the result has no derivative: two equal peaks, a contact that grazes, or none.
     """
@@ -167,7 +167,7 @@ def gradient(
         for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
             own[body] = own.get(body, {}) | values
     all_of = [
-        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, slopes))
+        Gradient(shown_goal(goal), wanted.value, own, _contacts(one, _settled(one, slopes)))
         for own, (one, wanted, slopes) in zip(bodies, taken, strict=True)
     ]
     return replace(all_of[0], error=bars(all_of)) if error is not None else all_of[0]
@@ -206,9 +206,15 @@ def derived(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
-    if found.settled or s.pressed.any():
-        through_start(s, slopes, found.settled)
+    if found.system.first is None:
+        slopes = _settled(found, slopes)
     return found, wanted, slopes
+
+
+def _settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
+    """The derivatives with what the forces and the rest at the start have of them."""
+    closed = found.settled or found.system.pressed.any()
+    return through_start(found, slopes) if closed else slopes
 
 
 def _of_part(
@@ -216,19 +222,39 @@ def _of_part(
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
     from antiosc.results.fields import checked_shapes  # loads dolfinx
-    from antiosc.studies.gradients.of_part import SAME_PART, Structure, by_part, by_shape, held
+    from antiosc.studies.gradients.of_part import (
+        SAME_PART,
+        SHRUNK,
+        Structure,
+        by_part,
+        by_shape,
+        held,
+        recurrence,
+    )
 
     bodies = [each[0].parts[name].body for each in taken]
     if isinstance(part, Structure):
         checked_shapes(part, hit, name, SAME_PART)
-        to: dict[int, Callable[..., float]] = {}
-        for which, body in enumerate(bodies):
-            if body.shapes is not None and taken[which][0].coupled(name):
-                to[which] = lambda *ends, which=which, body=body: changed_model(
-                    hit, taken[which], name, *(held(body, each) for each in ends)
-                )
-            elif body.shapes is not None:
-                to[which] = part_chain(*taken[which], name=name).change
+        chains = {
+            k: None if taken[k][0].coupled(name) else part_chain(*taken[k], name=name)
+            for k, body in enumerate(bodies)
+            if body.shapes is not None
+        }
+        still = chains and not any(each and each.motions for each in chains.values())
+        near = recurrence(bodies[0], part) if still else None
+
+        def change(which: int, *ends: Structure) -> float:
+            one, body = chains[which], bodies[which]
+            if one is None:
+                made = [held(body, each) for each in ends]
+            elif near is None:
+                return one.change(*ends)
+            else:
+                made = [models[which](each) for each in near(*ends)]
+            share = 1.0 if one is None else SHRUNK
+            return changed_model(hit, taken[which], name, *made) / share
+
+        to = {which: partial(change, which) for which in chains}
         own = dict(zip(to, by_part(list(to.values()), part), strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
     checks.function("part", part, "a Structure, or a function of x that builds one")
@@ -242,13 +268,7 @@ def _of_part(
 
 
 def _refuse(found: Recorded) -> None:
-    s = found.system
-    if s.first is not None and (found.settled or s.pressed.any()):
-        raise InputError(
-            "a gradient does not take contacts closed at the start with damping that couples the"
-            " modes (a DampingMatrix, dampers): take it of a model with damping ratios."
-        )
-    for law in s.laws:
+    for law in found.system.laws:
         if not is_compiled(law):
             raise InputError(
                 f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
@@ -277,7 +297,7 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> 
             if own:
                 result[name] = own
             continue
-        by = _by_modes(found, wanted, slopes, name)
+        by = _by_modes(found, wanted, _settled(found, slopes), name)
         if by is not None:
             part = found.parts[name]
             result[name] = by_body(part.body, part.modes, by, _closing(found, part))

@@ -59,6 +59,12 @@ IDLE = {"loss", "yield_strength", "outline"}
 #: Numbers of the layers of a laminate that are designed; the others are those of its materials.
 OF_LAYERS = {"thickness", "angle"}
 
+#: How near to a part the models on either side are made, over `CHANGE` (an extraction in so few
+#: shapes rounds less); a share in Z from which a mode is kept: all are.
+SHRUNK, EVERY = 0.1, 1e-30
+
+#: The models of two parts.
+Ends = Callable[[Structure, Structure], list[AntiOscillators]]
 #: The change of a goal between two parts, to first order.
 Slope = Callable[[Structure, Structure], float]
 #: Units of what a map is by.
@@ -143,27 +149,86 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
             " that hold it, and no branches (prony=, tau=): give a function of x that builds the"
             " part, and x."
         )
-    K, M = (
-        dot(part.comm, model.shapes, multiply(matrix, model.shapes)) for matrix in (part.K, part.M)
-    )
+    K, M = _on(model.shapes, part)
     square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
     turn = scipy.linalg.block_diag(1.0, V)
     turn[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
     P = turn[:, 0] @ M @ turn[:, 1:]
     turn[:, 1:] *= np.sign(P)
-    local = model.local_compliance and functional(part, site_of(model)).local_compliance
     return replace(
         model,
         m0=float(turn[:, 0] @ M @ turn[:, 0] - P @ P),
         k0=float(turn[:, 0] @ K @ turn[:, 0]),
         m=P**2,
         omega=np.sqrt(square),
-        local_compliance=local,
+        local_compliance=_local(model, part),
         damping=along(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
         shapes=None,
         strain_error=None,
         strain_misfit=None,
     )
+
+
+def _on(shapes: Array, part: Structure) -> ByMatrices:
+    """V'KV and V'MV."""
+    return ByMatrices(
+        *(dot(part.comm, shapes, multiply(matrix, shapes)) for matrix in (part.K, part.M))
+    )
+
+
+def _local(model: AntiOscillators, part: Structure) -> float:
+    """The compliance of the site's patch on another part."""
+    return model.local_compliance and functional(part, site_of(model)).local_compliance
+
+
+def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
+    """The models of two parts near this one, by the Krylov recurrence; None where it is not known.
+
+    The model of k steps has 2k moments of its part. How they change with K and M is a matter of the
+    first 2k vectors of the recurrence alone: in these it runs again, and nothing is left out, as
+    the upper half of the vectors would be with the shapes of the model. None where rounding has
+    brought modes into the model that its site does not see, and for all but supported parts of
+    one process. Each model is SHRUNK times as far from this one as its part.
+    """
+    steps = model.info.modes_computed
+    if (
+        (model.info.method, part.comm.size) != ("krylov", 1)
+        or not (steps and model.k0 > 0 and model.info.point)
+        or isinstance(model.damping, DampingMatrix)
+    ):
+        return None
+    with without_warnings():
+        shapes = extract(part, site_of(model), 2 * steps, tol=EVERY).shapes
+    assert shapes is not None
+    stiffness = _on(shapes, part).K.diagonal()
+    # all of equal energy, and added to the static shape: a diagonal K looks like supports
+    turn = np.diag(np.sqrt(stiffness[0] / stiffness))
+    turn[0] = 1.0
+    shapes = shapes @ turn
+    at, middle = Site(vector=turn[0]), _on(shapes, part)
+
+    def model_of(here: ByMatrices, local: float) -> AntiOscillators:
+        with without_warnings():
+            own = extract(Structure.from_matrices(*here), at, model.n)
+        numbers = {name: getattr(own, name) for name in ("m0", "k0", "m", "omega")}
+        return replace(model, **numbers, local_compliance=local, shapes=None)
+
+    same = model_of(middle, model.local_compliance)
+    if same.n != model.n or np.abs(same.omega / model.omega - 1).max() > SAME_MODEL:
+        return None
+
+    def ends(lower: Structure, upper: Structure) -> list[AntiOscillators]:
+        moves = [(b - a) / 2 for a, b in zip(_on(shapes, lower), _on(shapes, upper), strict=True)]
+        local = (_local(model, upper) - _local(model, lower)) / 2
+        return [
+            model_of(
+                ByMatrices(*(x + by * move for x, move in zip(middle, moves, strict=True))),
+                model.local_compliance + by * local,
+            )
+            for by in (-SHRUNK, SHRUNK)
+        ]
+
+    return ends
 
 
 def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
@@ -366,11 +431,11 @@ def design_map(
     if not np.isfinite(own).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
-    for matrix, by_reduced, reduced in zip(("stiffness", "mass"), to.by, to.reduced, strict=True):
-        if by != {"stiffness": "rho", "mass": "E"}[matrix]:
+    changes = _relative(part, meshed, by)
+    for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
+        if change:
             shares, turn = _principal(by_reduced, reduced)
             block = turn.T @ to.shapes.T
-            change = _relative(part, meshed, by, matrix)
             relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
     if by == "E" and to.by_local:
         relative += _of_patch(meshed, to, relative.size)
@@ -379,12 +444,14 @@ def design_map(
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
 
 
-def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) -> list[ufl.Form]:
-    """Forms whose sum is the change of K or M with the relative change of a parameter, all over."""
+def _relative(
+    part: Structure, meshed: MeshedStructure, by: str
+) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
+    """Forms whose sums are the changes of K and M with the relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
-        return list(getattr(meshed.form, matrix))
+        return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
     assert part.made_of is not None
-    found = []
+    K, M = [], []
     for sign in (1, -1):
         changed: list[Any] = []
         for material, cells in meshed.parts:
@@ -393,8 +460,9 @@ def _relative(part: Structure, meshed: MeshedStructure, by: str, matrix: str) ->
             changed.append((replace(material, **scaled), cells))
         form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
         factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
-        found += [factor * each for each in getattr(form, matrix)]
-    return found
+        K += [factor * each for each in form.stiffness]
+        M += [factor * each for each in form.mass]
+    return K, M
 
 
 def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
