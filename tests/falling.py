@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -23,10 +24,10 @@ HALF = np.array([0.075, 0.035, 0.004])
 CORNERS = HALF * np.array(list(product((-1, 1), repeat=3)))
 
 
-def block(mass: float = 0.3) -> ao.RigidBody:
-    x, y, z = HALF
+def block(mass: float = 0.3, half: np.ndarray = HALF) -> ao.RigidBody:
+    x, y, z = half
     moments = mass / 3 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    sites = {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(CORNERS)}
+    sites = {f"{i}": (p * half / HALF, (0, 0, 1)) for i, p in enumerate(CORNERS)}
     return ao.RigidBody(mass, moments, sites)
 
 
@@ -89,6 +90,45 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
         v, L = v + h * (F.sum(axis=0) / body.mass - G * down), L + h * np.cross(arms, F).sum(axis=0)
         peak, way = max(peak, float(N.sum())), h / 2 if n == steps - 1 else h
     return R, v, L, peak
+
+
+def pressed(part: ao.RigidBody, half: np.ndarray, start: State, c: float) -> tuple[Any, ...]:
+    """A block on springs under each area: when it parts, then v, R and L, and the peak force.
+
+    In one integration that sums the depths of midpoints on the faces; c is E/t [N/m^3].
+    """
+    edges = -np.cos(np.linspace(0.0, np.pi, 101))  # cells are small next to the edges of the block
+    u, w = np.meshgrid(*[(edges[1:] + edges[:-1]) / 2] * 2)
+    faces = np.stack(
+        [np.stack([u.ravel(), w.ravel(), np.full(u.size, s)]) for s in (-1, 1)], axis=1
+    )
+    x = np.concatenate([np.roll(faces, k, axis=0).reshape(3, -1).T for k in range(3)]) * half
+    cells = np.tile(np.outer(np.diff(edges), np.diff(edges)).ravel(), 6)
+    sides = np.repeat([[0, 0, 1], [1, 0, 0], [0, 1, 0]], 2 * u.size, axis=0) * np.sign(x)
+    areas = half.prod() * cells[:, None] * sides / half
+    inverse = np.linalg.inv(np.asarray(part.inertia))
+
+    def force(y: np.ndarray) -> tuple[float, np.ndarray]:
+        R = y[5:].reshape(3, 3)
+        down = np.maximum(-areas @ R[2], 0.0)
+        F = c * down * np.maximum(-y[0] - x @ R[2], 0.0)
+        arm = R @ (F @ x)
+        return float(F.sum()), np.array([arm[1], -arm[0]])
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        R, L = y[5:].reshape(3, 3), np.append(y[2:4], y[4])
+        N, torque = force(y)
+        turning = np.cross(R @ inverse @ R.T @ L, R, axisb=0, axisc=0)
+        return np.concatenate(([y[1], N / part.mass - G], torque, [0.0], turning.ravel()))
+
+    def parted(_: float, y: np.ndarray) -> float:
+        return float(y[0] - np.abs(y[11:]) @ half)
+
+    parted.terminal, parted.direction = True, 1.0  # type: ignore[attr-defined]
+    y = np.concatenate(([start.centre[2], start.velocity[2]], start.momentum, start.R.ravel()))
+    end = solve_ivp(rate, (0, 0.03), y, rtol=1e-6, atol=1e-9, max_step=5e-5, events=parted)
+    F, last = np.array([force(each)[0] for each in end.y.T]), end.y[:, -1]
+    return end.t[-1], last[1], last[5:].reshape(3, 3), last[2:5], top(end.t, F)
 
 
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:

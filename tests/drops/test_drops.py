@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.contact.laws import restitution_of
+from antiosc.studies.drops.bed import bedded
 from antiosc.studies.drops.body import FreeBody, free_body
 from antiosc.studies.drops.course import hung
 from antiosc.studies.drops.drop import tilted
@@ -20,7 +21,7 @@ from antiosc.studies.drops.episode import BODY, episode, handed_over, path_of
 from antiosc.studies.drops.fall import fall_of
 from antiosc.studies.drops.flight import Flight, State, free_rotation, most, ringing
 from antiosc.studies.drops.floor import law_of
-from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
+from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
 
@@ -62,23 +63,66 @@ def test_the_loss_factor_of_a_layer_is_that_of_half_a_cycle(loss: float) -> None
 
 
 @pytest.mark.parametrize(
-    ("layer", "word"), [((5e-3, 1e6), "m thick"), ((1e-2, 4e7), "up to 0.3")], ids=["deep", "sharp"]
+    ("part", "layer", "word"),
+    [(block(), (5e-4, 1e4), "m thick"), (BALL, (2e-2, 1e5), "up to 0.3")],
+    ids=["deep", "round"],
 )
-def test_a_layer_pressed_beyond_its_law_is_told(layer: tuple[float, float], word: str) -> None:
+def test_a_layer_pressed_beyond_its_law_is_told(
+    part: Any, layer: tuple[float, float], word: str
+) -> None:
     floor = ao.Floor(layer=ao.SoftLayer(*layer))
     with pytest.warns(ao.AccuracyWarning) as told:
-        ao.drop(block(), 0.05, floor=floor, until=1, tol=1e-2)
+        ao.drop(part, 0.05, floor=floor, until=1, tol=1e-2)
     assert any(word in str(one.message) for one in told)
 
 
-def test_a_face_lands_on_a_layer_by_a_law_of_its_corners() -> None:
-    """As the warning of layers says: m g + sqrt((m g)^2 + k m v^2) with k = E A/t."""
+def test_a_face_lands_flat_on_a_layer_as_on_one_spring() -> None:
+    """m g + sqrt((m g)^2 + k m v^2) with k = E A/t, and the time until it is back at its height."""
     E, thickness, height, part = 1e6, 0.01, 0.5, block()
-    area, weight = 4 * HALF[0] * HALF[1], part.mass * G
-    floor = ao.Floor(law=ao.Linear(E * area / (4 * thickness)))
-    fall = ao.drop(part, height, floor=floor, until=1)
-    peak = weight + np.sqrt(weight**2 + 2 * E * area / thickness * weight * height)
-    assert fall.peak_force == pytest.approx(peak, rel=1e-3)
+    k, weight = 4 * E * HALF[0] * HALF[1] / thickness, part.mass * G
+    floor, v = ao.Floor(layer=ao.SoftLayer(2 * thickness, 2 * E)), np.sqrt(2 * G * height)
+    one = ao.drop(part, height, floor=floor, until=1).impacts[0]
+    omega = np.sqrt(k / part.mass)
+    assert one.peak_force == pytest.approx(
+        weight + np.hypot(weight, omega * part.mass * v), rel=1e-4
+    )
+    assert one.contact_time == pytest.approx(
+        2 * (np.pi - np.arctan(v * omega / G)) / omega, rel=1e-4
+    )
+
+
+def test_edges_and_corners_displace_wedges_and_pyramids() -> None:
+    body, d, z = bedded(free_body(block(), 0, None, None)), 1e-3, np.zeros(0)
+    assert body.bed is not None
+    for tilt, volume in (
+        ((0, 30, 0), lambda up: HALF[1] * d**2 / abs(up[0] * up[2])),
+        ((90, 40, 0), lambda up: HALF[2] * d**2 / abs(up[0] * up[1])),
+        ((30, 40, 5), lambda up: d**3 / 6 / abs(np.prod(up))),
+    ):
+        up = tilted(np.array(tilt))[2]
+        at = np.array([-d - float((body.points @ up).min())])
+        found = sum(body.bed.pressed(i, up, z, at)[0][0] for i in range(body.bed.count))
+        assert found == pytest.approx(volume(up), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("E", [1e6, 1e7])
+@pytest.mark.parametrize("tilt", [(0, 30, 0), (30, 40, 5), (0, 5, 0), (1, 2, 0), (10, 5, 0)])
+def test_a_block_lands_on_a_layer_as_one_integration_says(tilt: tuple[int, ...], E: float) -> None:
+    """On an edge or a corner, and as it rolls from there onto its face; its energy is kept."""
+    half, mass, layer = np.array([0.04, 0.025, 0.015]), 0.12, ao.SoftLayer(0.02, 2 * E)
+    part = block(mass, half)
+    fall = ao.drop(part, 0.5, tilt, ao.Floor(layer=layer), until=1)
+    begun = fall.episodes[0].start
+    t, v, R, L, known = pressed(part, half, begun, layer.E / layer.thickness)
+    k = int(np.argmin([abs(one.end.time - begun.time - t) for one in fall.episodes]))
+    end, first = fall.episodes[k].end, fall.episodes[: k + 1]
+    assert max(one.forces()[1].sum(axis=1).max() for one in first) == pytest.approx(known, rel=1e-3)
+    assert end.velocity[2] == pytest.approx(v, abs=5e-3)
+    np.testing.assert_allclose(end.momentum, L, atol=5e-3 * mass * half[0] * np.sqrt(2 * G * 0.5))
+    np.testing.assert_allclose(end.R, R, atol=2e-3)
+    energy = fall.energy()[1].sum(axis=1)
+    assert energy[-1] == pytest.approx(energy[0], rel=5e-4)
 
 
 def test_a_filter_has_the_flight_after_the_last_impact() -> None:
@@ -98,6 +142,34 @@ def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.M
     monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
     with pytest.warns(ao.AccuracyWarning, match="do not reach tol = 0.0001"):
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
+
+
+def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
+    body = free_body(block(), 0, None, None)
+    body.materials[:], body.strengths = (70e9, 0.33), np.full(8, 275e6)
+    with pytest.warns(ao.AccuracyWarning) as told:
+        many = ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4, ensemble=ao.Tilts(2.0), n=3)
+    said = " ".join(str(one.message) for one in told)
+    assert "3 of 3 falls yield in contact" in said
+    assert f"{many.missed.sum()} of 3 falls have contact forces that do not reach" in said
+    assert f"3 yield in contact, {many.missed.sum()} do not reach tol" in repr(many)
+    with pytest.warns(ao.AccuracyWarning, match="pressure|do not reach"):
+        assert ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4).missed
+
+
+def test_losses_of_a_layer_do_not_stiffen_what_rolls_onto_it() -> None:
+    """Its face begins to touch slowly, beside an edge that has closed fast."""
+    peaks, left, part = [], [], block(0.12, np.array([0.04, 0.025, 0.015]))
+    for loss in (0.0, 0.2):
+        floor = ao.Floor(layer=ao.SoftLayer(0.02, 2e6, loss=loss))
+        fall = ao.drop(part, 0.5, (0, 5, 0), floor, until=1)
+        energy = fall.energy()[1].sum(axis=1)
+        peaks.append(fall.peak_force)
+        left.append(energy[-1] / energy[0])
+    assert 0.8 < peaks[1] / peaks[0] < 1.2
+    assert left[0] == pytest.approx(1.0, rel=5e-4)
+    assert 0.3 < left[1] < 0.9
 
 
 def test_falls_of_an_ensemble_that_fail_are_told() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -168,3 +169,18 @@ def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:
     fall = ao.drop(part, 1.0, (10, 5, 0), floor, until=2, modes=12)
     assert fall.status == "2 impacts"
     assert np.all(np.diff(fall.energy()[1].sum(axis=1)) < 1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tilt", [(0, 0, 0), (1, 2, 0), (10, 5, 0)])
+def test_a_stiff_mesh_lands_on_a_layer_as_a_rigid_block(
+    case: ao.Structure, tilt: tuple[float, ...]
+) -> None:
+    half, floor = np.array([0.06, 0.03, 0.006]), ao.Floor(layer=ao.SoftLayer(0.01, 1e5))
+    fall = ao.drop(case, 0.1, tilt, floor, until=1, modes=6)
+    corners = half * np.array(list(product((-1, 1), repeat=3)))
+    sites = {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(corners)}
+    rigid = ao.RigidBody(fall.body.mass, np.diag(fall.body.tensor), sites)
+    known = ao.drop(rigid, 0.1, tilt, floor, until=1)
+    assert fall.peak_force == pytest.approx(known.peak_force, rel=5e-3)
+    assert fall.impacts[0].impulse == pytest.approx(known.impacts[0].impulse, rel=5e-3)

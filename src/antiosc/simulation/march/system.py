@@ -42,6 +42,7 @@ class System:
     depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
     pressed : (p,) forces [N] at the start: a contact with one is closed.
     closing : (p,) speeds [m/s] at which contacts closed that go on from a run before; 0 of others.
+    begun : closing speed [m/s] from which, at least, damped laws take their damping.
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
     block : omega to v in one array, where they already stand so.
@@ -65,6 +66,7 @@ class System:
     pressed: Array
     given: float = 0.0
     closing: Array | None = None
+    begun: float = 0.0
     first: SideBySide | None = None
     gamma: Array | None = None
     block: Array | None = field(default=None, init=False)
@@ -113,7 +115,7 @@ class System:
         The damping of a law that takes it from the closing speed has no limit for a start from
         rest: this is the speed that it then has, the same for all integrators.
         """
-        return SLOWEST * self.speed
+        return np.maximum(SLOWEST * self.speed, self.begun)
 
     def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
@@ -161,13 +163,13 @@ class Given:
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
-            s.speed.tolist(), s.pressed.tolist(),
+            s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(),
             [0.0] * p if s.closing is None else s.closing.tolist(), strict=True,
         )  # fmt: skip
         self.contacts = (march.Contact * p)(
             *[
-                march.Contact(law, *slip, *tangents, mass, depth, speed, SLOWEST * speed, *closed)
-                for (law, _), slip, tangents, mass, depth, speed, *closed in each_contact
+                march.Contact(law, *slip, *tangents, *each)
+                for (law, _), slip, tangents, *each in each_contact
             ]
         )
         self.system = march.System(

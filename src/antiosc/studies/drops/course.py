@@ -84,7 +84,7 @@ def course(
         state, held = one.end, one.held
         pressed = max(pressed, one.pressed)  # dents of one impact stay when a point parts
         _check_depth(body, state, pressed, setting)
-        if _rests(body, state, held, setting):
+        if _rests(body, one.body, state, held, setting):
             status = "at rest"
         elif len(episodes) >= contacts:
             status = f"not at rest after {contacts:g} contacts"
@@ -105,7 +105,7 @@ def _check_sides(body: FreeBody, state: State) -> None:
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
     """AccuracyError where a point is deeper in the floor than contacts have pressed one [m]."""
     deep = -float(state.heights(body, setting.floor.ground).min())
-    if deep > pressed + SUNK * body.extent:
+    if body.bed is None and deep > pressed + SUNK * body.extent:
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {deep:.3g} m "
             f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
@@ -113,15 +113,20 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
         )
 
 
-def _rests(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> bool:
-    """Whether the body stands on points around its centre of mass that hardly move, nor will."""
+def _rests(
+    body: FreeBody, pressed: FreeBody, state: State, held: dict[int, Held], setting: Setting
+) -> bool:
+    """Whether the body stands on points around its centre of mass that hardly move, nor will.
+
+    pressed : the body whose points are the contacts that are held.
+    """
     arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
     low = arms[:, 2]
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
     carrying = arms[low < low.min() + CARRIES * body.extent]
     moving = _hindered(body, state, carrying, setting.floor.friction > 0)
-    moving += _pushed(body, state, held, setting) + _shaken(body, state, held, setting)
+    moving += _pushed(pressed, state, held, setting) + _shaken(body, state, held, setting)
     if moving > REST * body.mass * setting.gravity * setting.height:
         return False
     return _around(carrying[:, :2], AROUND * body.extent)
@@ -284,6 +289,7 @@ def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
         for i, value in zip(one.which.tolist(), one.impulses().tolist(), strict=True):
             impulses[i] = impulses.get(i, 0.0) + value
     most = max(impulses, key=lambda i: impulses[i])
+    body = next(one.body for one in own if most in one.which)
     before, after = own[0].start, own[-1].end
     energies = [sum(s.energies(body, gravity)) for s in (before, after)]
     return Impact(
@@ -323,7 +329,7 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
 
 def _contacts(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Iterator[HertzContact]:
     """The contacts by Hertz's law whose strength is known."""
-    if body.strengths is None:
+    if body.strengths is None or floor.layer is not None:
         return
     for one in episodes:
         for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0), strict=True):

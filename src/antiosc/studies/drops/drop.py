@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks, plausible
-from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
@@ -24,6 +24,7 @@ from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.sample import Quantile, quantile
+from antiosc.studies.drops.bed import bedded
 from antiosc.studies.drops.body import MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.fall import Fall, fall_of
@@ -158,12 +159,16 @@ class Drops(Brief):
     orientations : (n, 3, 3) at the start.
     impacts : (n,) numbers of impacts.
     failed : message of each fall that failed, by its number.
+    yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
+        part, and whether contact forces do not reach `tol`.
     """
 
     values: dict[str, Array]
     orientations: Array
     impacts: Array
     failed: dict[int, str]
+    yields: BoolArray
+    missed: BoolArray
 
     def __len__(self) -> int:
         return len(self.impacts)
@@ -196,8 +201,11 @@ class Drops(Brief):
 
     def _facts(self) -> list[tuple[str, str]]:
         q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
+        of = [f"{len(self.failed)} of them failed"]
+        of += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
+        of += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
         return [
-            ("falls", f"{len(self)}, {len(self.failed)} of them failed"),
+            ("falls", ", ".join([f"{len(self)}", *of])),
             ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
         ]
 
@@ -226,7 +234,15 @@ def tumbles(
         for name in QUANTITIES
     }
     count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
-    return Drops(table, np.array([drawn(s)[1].R for s in seeds]), count, sample.failed)
+    yields, missed = (sample.values[name] > 0 for name in ("yields", "missed"))
+    for told, why in (
+        (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
+        (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
+    ):
+        if told.any():
+            warn(f"{told.sum()} of {n} falls {why}.", AccuracyWarning)
+    starts = np.array([drawn(s)[1].R for s in seeds])
+    return Drops(table, starts, count, sample.failed, yields, missed)
 
 
 def _drawn(
@@ -248,11 +264,12 @@ def _drawn(
 
 def _tumble(drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: Any) -> dict[str, float]:
     """The values of the impacts of one fall, by name and number."""
-    impacts = fall_of(*drawn(seed)).impacts
-    return {
+    fall = fall_of(*drawn(seed))
+    told = {"yields": float(fall.contact_yields), "missed": float(fall.missed)}
+    return told | {
         f"{name} {k}": float(getattr(one, name))
         for name in QUANTITIES
-        for k, one in enumerate(impacts)
+        for k, one in enumerate(fall.impacts)
     }
 
 
@@ -344,8 +361,8 @@ def drop(
     AccuracyWarning
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
         does not come to rest; contact forces that do not reach `tol` in 50 000 steps; a layer that
-        is pressed in deeper than its thickness or than 0.3 of the radius of a point; falls of an
-        ensemble that failed.
+        is pressed in deeper than its thickness or than 0.3 of the radius of a round point; falls of
+        an ensemble that failed, that yield in contact, or whose forces do not reach `tol`.
     """
     setting = Setting(
         as_floor(floor),
@@ -359,6 +376,7 @@ def drop(
         for name, given in (("spin", spin), ("velocity", velocity))
     }
     body = free_body(part, modes, damping, corner_radius)
+    body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
     whirl = body.extent * float(np.linalg.norm(moving["spin"]))
     _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))

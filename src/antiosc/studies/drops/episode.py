@@ -27,6 +27,7 @@ from antiosc.simulation.histories.results import COMPLETED, STOPPED
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import between, forces, located, marched_states
+from antiosc.studies.drops.bed import laid, stored
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Setting, law_of
@@ -89,7 +90,7 @@ def scene_of(
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
+            body.laws.get(i) or law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
             gap=0.0,
             friction=floor.friction,
             tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
@@ -99,7 +100,10 @@ def scene_of(
     gravity = (0.0, 0.0, -setting.gravity)
     assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
-    gaps = [max(h, 0.0) if o is None else o.height for h, o in zip(heights, on, strict=True)]
+    gaps = [
+        max(h, 0.0) if one is None else h if i in body.laws else one.height
+        for h, i, one in zip(heights, which.tolist(), on, strict=True)
+    ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
     closing, force, drawn = np.zeros(p), *np.zeros((2, len(system.beta)))
     for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
@@ -107,6 +111,10 @@ def scene_of(
             closing[k], force[k], sides = one.closing, one.force[0], slice(first, first + count)
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
+    if body.bed is not None:
+        # the damping of a layer is that of the first touch, not that of each of its pieces
+        system.begun = max(body.bed.speed, float(closing.max()))
+        closing = np.where(closing > 0, system.begun, 0.0)
     # springs of friction begin unstrained: what they press is added with them
     drawn += system.R @ force - system.R[:, :p] @ force[:p]
     drawn[p:] += system.R[p:, :p] @ force[:p]
@@ -208,20 +216,47 @@ def on_path(
         for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
             pushes[:, k, axis] = acting[:, row]
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
-    total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
+    off = offsets - (last := between(path.times, ran.breaks, ran.offsets))
+    if body.bed is not None:
+        z, bed = _heights(body, start, path), body.bed
+        # the depth is free - gap; what is not of the body is of the floor
+        states = history.states(path.times)[0]
+        free = states @ old.beta.T - acting @ old.R.T
+        states[:, own] = 0.0
+        deeper, volumes = (states - states[0]) @ old.beta[0] - acting @ old.R[0], np.zeros(len(R))
+        for k in np.flatnonzero(which >= bed.first).tolist():
+            i = int(which[k]) - bed.first
+            volume, low, place = bed.pressed(i, R[:, 2], path.q[:, 6:], z - deeper)
+            offsets[:, k] = free[:, k] - bed.depth(i, volume, low)
+            off[:, k] = bed.volume(i, free[:, k] - last[:, k]) - volume
+            volumes += volume
+            moving = place[:, 3:].reshape(len(R), -1, 3)
+            bent = place[:, :3] + np.einsum("nj,njd->nd", path.q[:, 6:], moving)
+            arms[:, k] = np.einsum("nab,nb->na", R, bent)
+            bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
+        # of a piece the force counts, over that of all pieces
+        largest = float(np.abs(history.run.depth[:, : len(which)]).max())
+        off[:, np.flatnonzero(which >= bed.first)] *= largest / max(float(volumes.max()), TINY)
+    total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
     change = 0.0
-    for new, last, size in (
-        (offsets, ran.offsets, history.run.depth[:, : len(which)]),
-        (loads, ran.loads, linear),
+    for each, size in (
+        (off, history.run.depth[:, : len(which)]),
+        (loads - between(path.times, ran.breaks, ran.loads), linear),
     ):
-        off = float(np.abs(new - between(path.times, ran.breaks, last)).max())
-        change = max(change, off / max(float(np.abs(size).max()), TINY))
+        change = max(change, float(np.abs(each).max()) / max(float(np.abs(size).max()), TINY))
     return replace(
         base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
     ), change
+
+
+def _heights(body: FreeBody, start: State, path: Path) -> Array:
+    """Heights (n,) [m] of the centre of mass on a path over the floor as it is at the start."""
+    assert body.bed is not None
+    moved = (path.q - path.q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 2]
+    return np.asarray(body.bed.height + moved)
 
 
 def handed_over(
@@ -293,15 +328,19 @@ class Episode:
     ----------
     start, end : states of the body; the scene is linear about that at the start.
     history : of the scene, whose time begins with `start`; it goes on beyond `end`.
-    which : (n,) numbers of the points in contact, sites "0" and on of the scene's body.
+    body : as it touches: on a layer its points are pieces of its surface.
+    which : (n,) numbers of its points in contact, sites "0" and on of the scene's body.
     held : number of a point -> its contact, of those that go on at the end.
+    layer : energy of the layer under pieces at the end [J].
     """
 
     start: State
     end: State
     history: SceneHistory
+    body: FreeBody
     which: IntArray
     held: dict[int, Held]
+    layer: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -311,6 +350,8 @@ class Episode:
     @property
     def stored(self) -> float:
         """Energy of the contacts at the end [J]: > 0 of those that go on."""
+        if self.body.bed is not None:
+            return self.layer
         node = int(np.argmin(np.abs(self.history.time - self.duration)))
         return float(self.history.energy.contact[node])
 
@@ -335,10 +376,21 @@ class Episode:
         run = self.history.run
         return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
 
-    def motion(self, body: FreeBody, t: Array) -> tuple[Array, Array, Array, Array]:
+    @property
+    def deepest(self) -> float:
+        """Largest depth [m] of the laws, or of the vertices of a rigid body on a bed."""
+        times, body = np.linspace(0.0, self.duration, LOOKS + 1), self.body
+        if body.bed is None:
+            return float(self.sunk().max())
+        path = path_of(body, self.start, self.history, times)
+        low = (path.R[:, 2] @ body.points.T - body.balls)[:, : len(body.bed.round)].min(axis=1)
+        return -float((_heights(body, self.start, path) + low).min())
+
+    def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
         (n, 3), at times (n,) since the start; modal accelerations (n, 6 + J)."""
         times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
+        body = self.body
         path, at = path_of(body, self.start, self.history, times), np.searchsorted(times, t)
         R, a, momentum = path.R[at], self.history.at(t)[BODY].a, body.rigid_modes(self.start.R)[1]
         spin, turning = (
@@ -368,7 +420,10 @@ def episode(
     held : number of a point -> its contact, of those that go on from an episode before; `before`:
         how long that lasted [s].
     """
+    body = laid(body, start, setting)
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
+    if body.idle is not None:
+        heights[body.idle] = np.inf
     which = np.array([np.argmin(heights)])
     base = scene_of(body, start, setting, which, held)
     time, turns, cuts = base.lasting, TURNS, 0
@@ -386,7 +441,7 @@ def episode(
             continue
         changes: list[float] = []
         while True:
-            path = path_of(body, start, history, _times(base, history, end, tol))
+            path = path_of(body, start, history, _times(body, base, history, end, tol))
             following, change = on_path(body, start, which, base, history, path)
             changes.append(change)
             if change <= CLOSE * tol or _stalls(changes):
@@ -397,12 +452,13 @@ def episode(
             turns, cuts = turns / 2, cuts + 1
             duration = longest = end / 2
             continue
-        missed = _missed(body, heights, path, which)
+        missed = _missed(body, start, heights, path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
     state, below = handed_over(body, start, history, path, which)
-    return Episode(start, state, history, which, below if touching else {})
+    rest = stored(body, state, setting) if touching else 0.0
+    return Episode(start, state, history, body, which, below if touching else {}, rest)
 
 
 def _stalls(changes: list[float]) -> bool:
@@ -411,11 +467,14 @@ def _stalls(changes: list[float]) -> bool:
     return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 
 
-def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
+def _times(body: FreeBody, base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
     count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
-    spans = [span for c in history.contact_histories for span in c.contacts]
-    t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
+    if body.bed is not None:  # the pieces of a bed share the time of their contact
+        t = [np.linspace(0.0, end, 2 * count)]
+    else:
+        spans = [span for c in history.contact_histories for span in c.contacts]
+        t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
@@ -431,7 +490,7 @@ def _candidates(
     way, chosen = REACH * float(speeds.max()) * time, [*held]
     taken = body.touching_as(chosen)
     for i in np.argsort(heights, kind="stable").tolist():
-        if chosen and (heights[i] > way or len(chosen) >= MOST):
+        if chosen and (heights[i] > way or len(chosen) >= MOST + len(body.laws)):
             break
         if not taken[i]:
             chosen.append(i)
@@ -461,8 +520,10 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
     return float(too_far if lasts else end), bool(lasts)
 
 
-def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntArray:
+def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: IntArray) -> IntArray:
     """The point that sinks deepest into the floor on a path though it is no contact; or none.
+
+    On a bed all that do.
 
     heights : (V,) of all points at the start [m].
     """
@@ -472,8 +533,13 @@ def _missed(body: FreeBody, heights: Array, path: Path, which: IntArray) -> IntA
     lowest = heights + (found - found[0]).min(axis=0)
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
-    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST)
+    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
-    worst = int(np.argmin(lowest))
-    return np.array([worst] if lowest[worst] < -SINKS * body.extent else [], dtype=int)
+    if body.bed is not None:
+        way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
+        for i in np.setdiff1d(list(body.laws), which).tolist():
+            volume, low, _ = body.bed.pressed(i - body.bed.first, *way)
+            lowest[i] = np.where(volume > 0, low, 0.0).min()
+    sinking = np.flatnonzero(lowest < -SINKS * body.extent)
+    return sinking if body.bed is not None else sinking[np.argsort(lowest[sinking])[:1]]

@@ -240,7 +240,7 @@ class Fall(Brief):
         state or in an episode."""
         body, gravity = self.body, self.setting.gravity
         if isinstance(part, Episode):
-            R, spin, turning, a = part.motion(body, since)
+            R, spin, turning, a = part.motion(since)
             linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
             elastic = a[:, 6:]
         else:
@@ -354,6 +354,16 @@ class Fall(Brief):
         told = self._contact_yield(range(len(self.groups)))
         return [*self.body.notes, *([told] if told else [])]
 
+    @property
+    def contact_yields(self) -> bool:
+        """Whether the contact itself yields, as far as that is known."""
+        return bool(self._contact_yield(range(len(self.groups))))
+
+    @property
+    def missed(self) -> int:
+        """Number of episodes whose contact forces do not reach `tol`."""
+        return sum(not one.error <= self.setting.tol for one in self.episodes)
+
     # -- how far it is predictable, in words and pictures
 
     def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
@@ -407,12 +417,11 @@ class Fall(Brief):
             )
         if "not at rest" in self.status:
             warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
-        off = np.array([one.error for one in self.episodes])
-        tol, most = self.setting.tol, off.max(initial=0.0)
-        if not most <= tol:
+        if self.missed:
+            tol, most = self.setting.tol, max(one.error for one in self.episodes)
             known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
             warn(
-                f"the contact forces of {int(np.sum(off > tol))} of {len(off)} episodes do not "
+                f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
                 f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
                 AccuracyWarning,
             )
@@ -424,10 +433,10 @@ class Fall(Brief):
         """Warn of points pressed into a layer deeper than its law holds."""
         deep, over, place = 0.0, 0.0, 0.0
         for one in self.episodes:
-            radii = self.body.radii[one.which].min(axis=1)
+            radii = one.body.radii[one.which].min(axis=1)
             depth = one.sunk()
             k = int(np.argmax(depth / radii))
-            deep = max(deep, float(depth.max()))
+            deep = max(deep, one.deepest)
             over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
         if deep > layer.thickness:
             warn(
@@ -438,9 +447,7 @@ class Fall(Brief):
         if over > BLUNT:
             warn(
                 f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
-                f"of it: the law of its curvature holds up to {BLUNT:g}. Give the corner_radius= "
-                f"that it has; where a face of area A lands flat on n corners, give "
-                f"Floor(law=Linear(E*A/(n*thickness))).",
+                f"of it: the law of its curvature holds up to {BLUNT:g}.",
                 AccuracyWarning,
             )
 

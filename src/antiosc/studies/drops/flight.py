@@ -179,8 +179,11 @@ class State:
 
     def heights(self, body: FreeBody, ground: Ground | None, which: Any = slice(None)) -> Array:
         """Heights (n,) [m] of points over the floor."""
-        lowered = 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
-        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + lowered)
+        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
+
+    def lowered(self, ground: Ground | None) -> float:
+        """What the floor gives way [m]."""
+        return 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J]: of the rigid motion, of the vibration, and of the height of the centre."""

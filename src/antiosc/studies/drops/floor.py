@@ -59,13 +59,12 @@ class SoftLayer(Given):
             raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
 
 
-def _cushioned(layer: SoftLayer, radii: tuple[float, float]) -> ContactLaw:
-    """F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)."""
-    stiffness = pi * layer.E * sqrt(radii[0] * radii[1]) / layer.thickness
+def cushion(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw:
+    """F = stiffness delta^exponent with the loss of a layer."""
     if layer.loss == 0.0:
-        return Power(stiffness, 2.0)
+        return Power(stiffness, exponent)
     # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
-    return Gonthier(stiffness, float(np.exp(-pi * layer.loss / 2)), 2.0)
+    return Gonthier(stiffness, float(np.exp(-pi * layer.loss / 2)), exponent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +229,9 @@ def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> Contact
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
-        return _cushioned(floor.layer, radii)
+        # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
+        stiffness = pi * floor.layer.E * sqrt(radii[0] * radii[1]) / floor.layer.thickness
+        return cushion(floor.layer, stiffness, 2.0)
     E, nu = material.tolist()
     other = RIGID if floor.material is None else constants(floor.material)
     law = _hertz(radii, RIGID if isnan(E) else (E, nu), (inf, inf), other)
