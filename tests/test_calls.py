@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import pickle
 
 import pytest
 
@@ -54,26 +53,6 @@ def test_the_nearest_argument_is_named(call, says):
     with pytest.raises(ao.InputError, match=says) as raised:
         call()
     assert isinstance(raised.value, TypeError)  # what Python itself raises
-
-
-@pytest.mark.parametrize("call", [lambda: ao.RigidMass(), lambda: ao.RigidMass(-1.0, 2.0)])
-def test_tracebacks_lead_from_the_call_to_its_reason(call):
-    with pytest.raises(ao.InputError) as raised:
-        call()
-    assert raised.value.__cause__ is None
-    files = [str(entry.path) for entry in raised.traceback]
-    assert not [name for name in files if name.endswith("base/errors.py")]
-
-
-def test_other_errors_and_pickles_are_as_before():
-    class Own(ao.Linear):
-        def __init__(self) -> None:
-            super().__init__("stiff" + 1)  # type: ignore[operator]
-
-    with pytest.raises(TypeError, match="concatenate"):
-        Own()
-    assert pickle.loads(pickle.dumps(ao.simulate)) is ao.simulate
-    assert inspect.signature(ao.RigidMass).parameters.keys() >= {"mass", "velocity"}
 
 
 def test_bodies_that_are_none_and_exchanged_ones_are_told():

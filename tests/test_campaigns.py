@@ -110,16 +110,6 @@ def test_a_campaign_that_is_cut_has_what_was_made(tmp_path):
     assert len(path.read_text().splitlines()) == 1 + 300
 
 
-def test_a_line_that_was_cut_is_made_again(tmp_path):
-    path = tmp_path / "campaign.csv"
-    whole = ao.monte_carlo(square, INPUTS, 100, store=path)
-    path.write_text(path.read_text()[:-5])
-    made = []
-    again = ao.monte_carlo(lambda x: made.append(x) or square(x), INPUTS, 100, store=path)
-    assert made == [whole.inputs["x"][99]]
-    assert np.array_equal(again.values["square"], whole.values["square"])
-
-
 def ran(command: list[str], folder: Path) -> list[float]:
     """Failures, workers and sum of squares that the program prints."""
     (folder / "program.py").write_text(PROGRAM)
@@ -169,3 +159,13 @@ def test_several_ranks_do_not_write_one_store(tmp_path: Path) -> None:
     path = tmp_path / "campaign.csv"
     assert run_ranks(2, script, str(path)) == ["True\n", "True\n"]
     assert not path.exists()
+
+
+def test_a_line_that_was_cut_is_made_again(tmp_path):
+    path = tmp_path / "campaign.csv"
+    whole = ao.monte_carlo(square, INPUTS, 100, store=path)
+    path.write_text(path.read_text()[:-5])
+    made = []
+    again = ao.monte_carlo(lambda x: made.append(x) or square(x), INPUTS, 100, store=path)
+    assert made == [whole.inputs["x"][99]]
+    assert np.array_equal(again.values["square"], whole.values["square"])

@@ -31,15 +31,6 @@ def test_permissions_stay(tmp_path):
     assert ao.AntiOscillators.load(path).n == 2
 
 
-def test_a_new_file_follows_the_umask(tmp_path):
-    before = os.umask(0o027)
-    try:
-        MODEL.save(tmp_path / "m.npz")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "m.npz").stat().st_mode) == 0o640
-
-
 @pytest.mark.parametrize("exists", [True, False])
 def test_a_link_stays_a_link(tmp_path, exists):
     (tmp_path / "far").mkdir()
@@ -121,16 +112,6 @@ def test_a_folder_is_no_name_for_a_new_file(tmp_path, monkeypatch, name):
     with pytest.raises(ao.InputError, match="name"):
         checks.new_file("path", name)
     assert os.listdir(tmp_path) == ["folder"]
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_write_protected_file_stays(tmp_path):
-    path = tmp_path / "text"
-    path.write_text("old")
-    path.chmod(0o444)
-    with pytest.raises(ao.InputError, match="write-protected"):
-        files.write_text(path, "new")
-    assert path.read_text() == "old"
 
 
 # --- Model files from elsewhere -------------------------------------------------------------------
@@ -238,3 +219,13 @@ def test_what_is_no_file_is_no_model(tmp_path, kind):
         os.mkfifo(path)
     with pytest.raises(ao.InputError, match="no model file"):
         ao.AntiOscillators.load(path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_write_protected_file_stays(tmp_path):
+    path = tmp_path / "text"
+    path.write_text("old")
+    path.chmod(0o444)
+    with pytest.raises(ao.InputError, match="write-protected"):
+        files.write_text(path, "new")
+    assert path.read_text() == "old"

@@ -51,15 +51,6 @@ def test_nothing_is_missing_after_set_up():
     assert row(text, "solvers") == "CHOLMOD, MUMPS"
 
 
-def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
-    absent = ["dolfinx", "petsc4py", "slepc4py", "gmsh", "meshio", "mpi4py", "h5py", "matplotlib"]
-    text = run_info(f"sys.modules.update(dict.fromkeys({absent}))", code=1)
-    assert row(text, "dolfinx") == "missing"
-    assert row(text, "solvers") == "none of CHOLMOD, MUMPS"
-    for module in absent:
-        assert re.search(rf"\bpython3-{module}\b", text), module
-
-
 @pytest.mark.parametrize(
     ("kind", "asked", "never"),
     [
@@ -122,22 +113,6 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"]])
-def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
-    """Also where all of it is still in Python's buffer when the reader goes."""
-    code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": ""},
-    ) as run:
-        run.stdout.close()
-        assert run.stderr.read() == ""
-    assert run.returncode == 1
-
-
 def test_sigterm_leaves_nothing_temporary(tmp_path):
     code = """
     import os, signal, sys, tempfile
@@ -158,3 +133,28 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
     assert done.stdout.startswith(str(tmp_path))
     assert done.stderr == ""
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"]])
+def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
+    """Also where all of it is still in Python's buffer when the reader goes."""
+    code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"
+    with subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": ""},
+    ) as run:
+        run.stdout.close()
+        assert run.stderr.read() == ""
+    assert run.returncode == 1
+
+
+def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
+    absent = ["dolfinx", "petsc4py", "slepc4py", "gmsh", "meshio", "mpi4py", "h5py", "matplotlib"]
+    text = run_info(f"sys.modules.update(dict.fromkeys({absent}))", code=1)
+    assert row(text, "dolfinx") == "missing"
+    assert row(text, "solvers") == "none of CHOLMOD, MUMPS"
+    for module in absent:
+        assert re.search(rf"\bpython3-{module}\b", text), module

@@ -264,17 +264,6 @@ def test_what_others_change_is_put_back(monkeypatch):
     assert vendored not in sys.path
 
 
-def test_warnings_that_were_captured_stay_captured():
-    logging.captureWarnings(True)
-    try:
-        captured = warnings.showwarning
-        with restored():
-            logging.captureWarnings(True)
-        assert warnings.showwarning is captured
-    finally:
-        logging.captureWarnings(False)
-
-
 def test_quiet_holds_back_chatter_alone(caplog):
     with caplog.at_level(logging.DEBUG), quiet("", "chatter"):
         logging.getLogger("chatter").info("step 1 of 100")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -90,20 +89,6 @@ def test_indices_are_those_of_ishigamis_function():
     assert np.all(true <= found.bars[:, 1] + 0.02)
 
 
-def test_values_may_be_drawn_from_a_list_and_failures_are_kept():
-    def run(law, mass):
-        if law is None:
-            raise ao.AccuracyError("no law")
-        return {"mass": mass, "power": law.exponent}
-
-    laws = [ao.Power(1e8, 1.5), ao.Power(1e8, 2.0), None]
-    with pytest.warns(ao.AccuracyWarning, match="of 60 runs failed"):
-        many = ao.monte_carlo(run, {"law": laws, "mass": ao.uniform(1.0, 2.0)}, 60)
-    assert set(many.failed) == set(np.flatnonzero(many.inputs["law"] == 2))
-    assert np.isnan(many.values["power"]).sum() == len(many.failed)
-    assert set(many.finite("power")) == {1.5, 2.0}
-
-
 def test_a_campaign_that_breaks_off_goes_on(tmp_path):
     path, calls = tmp_path / "campaign.csv", []
 
@@ -170,13 +155,6 @@ def test_a_store_that_cannot_be_one_is_refused(tmp_path):
         ao.monte_carlo(lambda v: {"v": 2 * v}, speeds, 5, store=tmp_path / "names.csv")
 
 
-def test_an_executor_gives_the_same():
-    with ThreadPoolExecutor(2) as executor:
-        many = ao.monte_carlo(blow, INPUTS, 150, seed=3, executor=executor)
-    one = ao.monte_carlo(blow, INPUTS, 150, seed=3)
-    assert np.array_equal(one.values["impulse"], many.values["impulse"])
-
-
 @pytest.mark.parametrize(
     ("inputs", "run"),
     [
@@ -192,23 +170,6 @@ def test_an_executor_gives_the_same():
 def test_what_cannot_be_drawn_or_kept_is_refused(inputs, run):
     with pytest.raises(ao.InputError):
         ao.monte_carlo(run, inputs, 5)
-
-
-@pytest.mark.slow
-def test_pictures(tmp_path):
-    many = ao.monte_carlo(lambda x, y: x + y, {"x": ao.uniform(0, 1), "y": ao.uniform(0, 2)}, 100)
-    assert many.plot(tmp_path / "sample.png").exists()
-    assert many.sensitivity("value").plot(tmp_path / "shares.png").exists()
-
-
-def test_an_index_of_many_values_needs_no_order():
-    """Half of the variance is the value's, which has nothing to do with its number."""
-    rng = np.random.default_rng(5)
-    heights = rng.permutation(np.linspace(0.0, 1.0, 200))
-    inputs = {"height": heights, "x": ao.uniform(0.0, 1.0)}
-    found = ao.monte_carlo(lambda height, x: height + x, inputs, 2000).sensitivity()
-    assert found.quantity == "value"
-    assert found.first == pytest.approx([0.5, 0.5], abs=0.05)
 
 
 def test_points_of_a_map_are_drawn_by_their_areas():

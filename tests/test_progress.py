@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-import antiosc as ao
 from antiosc.base import progress
 
 
@@ -41,14 +40,6 @@ def test_the_innermost_work_is_shown_and_goes_away(terminal):
     assert lines(terminal) == [*(f"antiosc: {text} …" for text in texts), ""]
 
 
-def test_the_line_goes_away_after_an_error_and_never_wraps(terminal):
-    with pytest.raises(ValueError, match="wrong"), progress.doing("long " * 40):
-        raise ValueError("wrong")
-    first, last = lines(terminal)
-    assert len(first) < 60
-    assert last == ""
-
-
 @pytest.mark.parametrize("case", ["pipe", "rank", "dumb", "none", "closed"])
 def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     if case == "pipe":
@@ -65,61 +56,7 @@ def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     assert terminal.getvalue() == ""
 
 
-def test_counted_work_tells_what_remains(terminal, monkeypatch):
-    monkeypatch.setattr(progress, "_tqdm", lambda: None)
-    clock = iter([0.0, 10.0, 10.01, 40.0, 41.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
-    with progress.counting("sites", 400) as done:
-        done(100)
-        done(101)  # too soon after the one before
-        done(300)
-        done(400)
-    told = [line.removeprefix("antiosc: ").removesuffix(" …") for line in lines(terminal)]
-    assert told == [
-        "sites",
-        "sites: 100 of 400, about 30 s left",
-        "sites: 300 of 400, about 13 s left",
-        "sites: 400 of 400",
-        "",
-    ]
-
-
-def test_only_the_first_rank_of_all_tells(terminal, monkeypatch):
-    monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "1")
-    with progress.counting("sites", 3) as done:
-        done(3)
-    assert terminal.getvalue() == ""
-    mpi = SimpleNamespace(COMM_WORLD=SimpleNamespace(rank=0))
-    progress.sys.modules["mpi4py.MPI"] = mpi
-    with progress.doing("sites"):
-        pass
-    assert len(lines(terminal)) == 2
-
-
 def test_a_terminal_without_unicode_gets_question_marks():
     stream = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", newline="")
     progress.say("force × 2, …", stream)
     assert stream.buffer.getvalue() == "force × 2, ?\n".encode("latin-1")
-
-
-def test_impacts_of_a_batch_are_counted(terminal):
-    impactors = ao.sweep(ao.RigidMass, mass=[0.1, 0.2, 0.3], velocity=1.0)
-    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
-    ao.simulate_many(model, impactors, ao.Linear(1e6), 2e-2)
-    assert any("simulating impacts: 3 of 3" in line or "3/3" in line for line in lines(terminal))
-    assert lines(terminal)[-1] == ""
-
-
-@pytest.mark.fem
-def test_a_model_tells_what_it_waits_for(terminal):
-    pytest.importorskip("dolfinx")
-    import parts
-
-    part = ao.Structure(parts.box(), ao.Solid(70e9, 0.33, 2700.0), ao.Support("left"))
-    tip = part.mesh.dolfinx.geometry.x.max(axis=0)
-    with pytest.warns(ao.AccuracyWarning):
-        ao.extract(part, ao.Site(tip, (0, 0, 1)), n=3)
-    told = lines(terminal)
-    for start in ("assembly of", f"factorization of {part.dofs} dofs", "extracting anti-oscill"):
-        assert any(line.startswith(f"antiosc: {start}") for line in told)
-    assert told[-1] == ""

@@ -121,19 +121,3 @@ def test_the_sites_of_the_readme_run(tmp_path, monkeypatch, capsys):
     assert pressed.any()
     assert wall[pressed].max() < -1e-5 * (1 - 1e-9) < wall[0]
     assert names["top"].shape == (len(stopped.time), 3)
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/guide.md"])
-def test_every_path_that_a_page_names_exists(page):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    links = re.findall(r"\]\(([^)#]+)\)", text)
-    named = re.findall(r"`((?:src|meshes|demos|benchmarks|tests)/[^`]*)`", text)
-    assert links
-    folder = (ROOT / page).parent
-    assert [p for p in links if not p.startswith("http") and not (folder / p).exists()] == []
-    assert [p for p in named if not (ROOT / p).exists()] == []
-
-
-def test_the_readme_is_one_screen():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) < 100

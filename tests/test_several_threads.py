@@ -16,7 +16,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import errors, process, progress
+from antiosc.base import errors, process
 from antiosc.fem.structure.structure import Structure
 
 
@@ -67,10 +67,6 @@ def overlapping(first: AbstractContextManager, second: AbstractContextManager) -
         thread.join()
         if further is not None:
             further("after the other")
-
-
-def test_progress_of_two_threads_may_overlap():
-    overlapping(progress.doing("one"), progress.doing("other"))
 
 
 def test_warnings_that_a_thread_drops_are_heard_in_others_and_afterwards():

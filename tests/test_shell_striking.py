@@ -77,9 +77,3 @@ def test_divided_triangles_keep_their_side():
     layers = ao.Laminate(stack([0, 30, 60], 0.03))
     hit = ao.strike(turned, site, *IMPACT, tol=1e-3, material=layers, supports=SOFT)
     assert len(hit.model.info["strike"]) > 1
-
-
-def test_quadrilaterals_are_refused():
-    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
-    with pytest.raises(ao.InputError, match="takes triangles"):
-        ao.strike(rectangle(2, 1.0, 1.0, "quadrilateral"), site, *IMPACT, tol=0.1, material=SHELL)

@@ -32,11 +32,6 @@ def test_von_mises(tensor, equivalent):
     assert ao.von_mises(six) == pytest.approx(equivalent, abs=1e-9)
 
 
-def test_principal_values_come_largest_first():
-    t = turned(np.diag([3.0, -1.0, 2.0]))
-    np.testing.assert_allclose(ao.principal((t + t.T) / 2), [3, 2, -1], atol=1e-12)
-
-
 def test_tsai_hill_of_single_stresses_is_the_square_of_the_share():
     strengths = {"X": 1500.0, "Y": 40.0, "S": 70.0}
     for entry, strength in (((0, 0), 1500.0), ((1, 1), 40.0), ((0, 1), 70.0)):

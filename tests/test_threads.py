@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import threading
 import time
 
@@ -32,21 +31,6 @@ def two_threads(monkeypatch):
     monkeypatch.setattr(process, "free_cores", lambda: 2)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         yield
-
-
-def test_small_fronts_stay_with_one_thread():
-    assert process.worth(np.full(10_000, 0.9 * process.WORK_PER_THREAD), 64) == 1
-    assert process.worth(np.array([LARGE]), 1) == 1
-    assert process.worth(np.zeros(0), 4) == 1
-
-
-def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth():
-    assert process.worth(np.array([LARGE]), 2) == 2
-    assert process.worth(np.array([LARGE]), 3) == 3
-    assert process.worth(np.full(3, 2 * process.WORK_PER_THREAD), 64) == 2  # not enough for four
-    small = np.full(1000, process.WORK_PER_THREAD / 10)  # as much work as LARGE
-    assert process.worth(np.append(small, LARGE), 2) == 2  # saves a quarter
-    assert process.worth(np.append(small, LARGE / 3), 2) == 1  # saves an eighth
 
 
 @pytest.mark.parametrize(
@@ -108,25 +92,6 @@ def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypat
     assert now() == {2}
 
 
-def test_never_more_threads_than_the_application_had(two_threads):
-    with (
-        threadpoolctl.threadpool_limits(1, user_api="blas"),
-        process.as_many_as_pay(np.array([LARGE])) as count,
-    ):
-        assert (count, now()) == (1, {1})
-
-
-@pytest.mark.parametrize("name", process.VARIABLES)
-def test_a_number_that_the_user_has_set_stays(two_threads, monkeypatch, name):
-    monkeypatch.setenv(name, "2")
-    assert process.chosen() == (name, "2")
-    with process.one_thread():
-        assert now() == {2}
-        with process.as_many_as_pay(np.array([1e6])) as count:
-            assert (count, now()) == (None, {2})
-    assert now() == {2}
-
-
 def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_threads):
     started, ended, seen = threading.Barrier(2), threading.Barrier(2), []
 
@@ -171,24 +136,3 @@ def test_a_factor_tells_the_operations_of_its_fronts(monkeypatch):
     first = np.repeat(L.start[:-1], np.diff(L.start))
     counts = heights - (np.arange(n) - first)
     assert given[1].sum() == (counts**2).sum()
-
-
-@pytest.mark.fem
-def test_an_extraction_keeps_to_one_thread(two_threads, monkeypatch):
-    import scipy.sparse
-
-    import antiosc as ao
-
-    extract = importlib.import_module("antiosc.fem.extraction.extract")
-    seen, plain = [], extract.functionals
-
-    def record(*arguments):
-        seen.append(now())
-        return plain(*arguments)
-
-    monkeypatch.setattr(extract, "functionals", record)
-    K = scipy.sparse.diags([-np.ones(19), np.full(20, 2.0), -np.ones(19)], [-1, 0, 1])
-    part = ao.Structure.from_matrices(1e6 * K, scipy.sparse.eye(20))
-    ao.extract(part, ao.Site(dof=4), n=3)
-    assert seen == [{1}]
-    assert now() == {2}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
-from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -58,15 +56,6 @@ def test_the_motions_of_a_scene_meet_at_the_touch_under_the_names_of_its_bodies(
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["a", "b"]
 
 
-def test_the_picture_of_a_body_is_at_its_own_largest_motion():
-    model, striker = case_two(3)
-    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-3)
-    largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
-    assert np.argmax(largest[0]) != np.argmax(largest[1])
-    for body, expected in zip(("structure", "impactor"), largest, strict=True):
-        assert np.array_equal(pictures._motion(hit, body), expected)
-
-
 def test_model_charts():
     model, _ = case_two(5)
     omega = np.linspace(10.0, 2e4, 50)
@@ -106,21 +95,6 @@ def impact(duration: float = 3e-3, **options) -> ao.History:
     return ao.simulate(*case_two(3), ao.Hertz(HERTZ), duration, **options)
 
 
-def test_later_contacts_with_impulse_stay_in_view():
-    hit = impact(8e-3)
-    assert len(hit.contacts) > 1
-    assert plotting.plot_force(hit).get_xlim()[1] >= 1e3 * hit.contacts[-1][1]
-
-
-def test_each_contact_is_shaded():
-    hit = impact(8e-3)
-    (shades,) = plotting.plot_motion(hit).collections
-    found = [path.get_extents() for path in shades.get_paths()]
-    expected = [(1e3 * start, 1e3 * end) for start, end in hit.contacts]
-    assert len(expected) > 1
-    np.testing.assert_allclose([(box.xmin, box.xmax) for box in found], expected)
-
-
 def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     hit = impact(8e-3)
     hit.error.clear()
@@ -137,37 +111,11 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     assert [name for name in names if name.startswith("mean over")]
 
 
-@pytest.mark.slow
-def test_histories_and_models_plot_themselves(tmp_path):
-    hit, model = impact(), case_two(3)[0]
-    for one, name in ((hit, "hit.png"), (model, "model.svg")):
-        assert one.plot(tmp_path / name) == tmp_path / name
-        assert (tmp_path / name).stat().st_size > 3000
-        assert len(one.plot().axes) == 2
-    assert plt.get_fignums() == [1, 2]  # a figure that is only written is no pyplot figure
-    with pytest.raises(ao.InputError, match="picture"):
-        hit.plot(tmp_path / "hit.txt")
-    with pytest.raises(ao.InputError, match="no anti-oscillator"):
-        model.truncated(0).plot()
-    # poles and zeros of Z are resolved: each antiresonance is a local maximum of the curve
-    line = model.plot().axes[0].lines[0]
-    at, value = line.get_xdata(), line.get_ydata()
-    for omega in model.omega:
-        near = np.abs(at - omega / (2 * np.pi)) < 0.02 * omega / (2 * np.pi)
-        assert value[near].max() > 30 * np.median(value)
-
-
 def test_errors_leave_out_what_has_no_logarithm():
     ax = plotting.plot_errors({"a": ([1, 2, 0], [0.1, 0.0, 1.0]), "b": ([1], [2.0])})
     assert ax.lines[0].get_xydata().tolist() == [[1, 0.1]]
     with pytest.raises(ao.InputError, match="error"):
         plotting.plot_errors({"a": 3.0})
-
-
-@pytest.mark.slow
-def test_drawing_is_loaded_when_asked_for():
-    code = "import sys, antiosc, antiosc.plotting; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize(("settings", "told"), [({"text.usetex": True}, "usetex"), ({}, "names")])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -13,6 +11,8 @@ from antiosc.closed_form import (
     free_free,
     pinned_pinned,
 )
+from antiosc.closed_form.beams import wave_roots
+from antiosc.closed_form.plates import SHEAR, SupportedPlate
 from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
 
@@ -49,33 +49,6 @@ def test_hinged_beam_fulfils_the_articles_equation_in_both_spectra(beam):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_printed_alpha_is_wrong_and_its_correction_right():
-    """Short waves: E/rho and k'G/rho are speeds that cannot depend on the section's size."""
-    i = np.array([20000.0])
-    alpha = THICK.rhoI / (THICK.rhoA * THICK.length**2)
-    assert alpha == pytest.approx(8e-6 / 1e-2 / 0.3**2)
-    bar, shear = math.sqrt(70e9 / 2700), math.sqrt(5 / 6 * 70e9 / 2.6 / 2700)
-    speed = hinged_roots(THICK, i, alpha)[:, 0] * THICK.length / (i[0] * np.pi)
-    np.testing.assert_allclose(np.sort(speed), [shear, bar], rtol=1e-6)
-    printed = (8e-6 / 1e-2) ** 2 / 0.3**2
-    speed = hinged_roots(THICK, i, printed)[:, 0] * THICK.length / (i[0] * np.pi)
-    assert speed.max() > 10 * bar
-    # The library's own spectra have these asymptotes.
-    top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
-    within = top[-1] * THICK.length / np.pi
-    assert within / bar + within / shear == pytest.approx(200, rel=0.02)
-
-
-def test_shear_beam_limit():
-    """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
-    errors = []
-    for EI in (1e2, 1e3, 1e4):
-        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
-        errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
-    assert errors[-1] < 1e-5
-    np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
-
-
 @pytest.mark.slow
 def test_slender_limit_is_euler_bernoulli_with_order_two():
     errors = []
@@ -101,3 +74,53 @@ def test_frequencies_against_the_spectral_beam(supports):
         spectral.natural_frequencies()[rigid : rigid + 25],
         rtol=1e-8,
     )
+
+
+# --- Waves of the closed forms: roots of their equation, patches as sums of plane waves -----------
+
+
+@pytest.mark.parametrize(("alpha", "eta"), [(0.0, 0.0), (1e-3, 3e-3), (3e-3, 1e-3), (0.2, 0.2)])
+@pytest.mark.parametrize("Omega", [1e-4, 1.0, 3e2, 1e6])
+def test_roots_are_those_of_timoshenkos_equation(alpha: float, eta: float, Omega: float) -> None:
+    """μ² + Ω (α + η) μ - Ω (1 - Ω α η) = 0, β = μ + Ω η, and the product of both β is -Ω."""
+    (mu1, beta1), (mu2, beta2) = np.array(wave_roots(Omega, alpha, eta))
+    for mu in (mu1, mu2):
+        parts = np.array([mu**2, Omega * (alpha + eta) * mu, -Omega * (1 - Omega * alpha * eta)])
+        assert abs(parts.sum()) <= 1e-12 * np.abs(parts).max()
+    assert mu1 < 0
+    assert mu1 < mu2
+    assert beta1 * beta2 == pytest.approx(-Omega, rel=1e-13)
+    for mu, beta in ((mu1, beta1), (mu2, beta2)):
+        assert beta == pytest.approx(mu + Omega * eta, abs=1e-13 * (abs(mu) + Omega * eta))
+    assert beta1 < 0 < beta2
+
+
+@pytest.mark.parametrize("terms", [1, 4])
+def test_a_patch_on_a_thick_plate_is_a_sum_of_waves(terms: int) -> None:
+    """Each wave of the pressure √(1 - r²/r0²) by quadrature, bending and shear in series."""
+    plate = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=0.02, a=0.5, b=0.4)
+    x, y, r0 = 0.21, 0.13, 0.05
+    shares, weights = np.polynomial.legendre.leggauss(60)
+    s, angle = (shares + 1) / 2, 2 * np.pi * (np.arange(40) + 0.5) / 40
+    radius = r0 * np.sqrt(1 - s**2)  # so that the pressure is 1.5 s over the area element s ds
+    G, total = 70e9 / 2.6, 0.0
+    for m in range(1, terms + 1):
+        for n in range(1, terms + 1):
+            k = np.array([m * np.pi / 0.5, n * np.pi / 0.4])
+            points = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
+            wave = np.sin(k[0] * (x + points[0])) * np.sin(k[1] * (y + points[1]))
+            mean = 3 * np.sum(weights / 2 * s**2 * wave.mean(axis=1))
+            square = k @ k
+            soft = 1 / (plate.D * square**2) + 1 / (SHEAR * G * 0.02 * square)
+            total += 4 / (0.5 * 0.4) * mean**2 * soft
+    assert plate.mindlin_compliance(x, y, r0, terms) == pytest.approx(total, rel=1e-9)
+
+
+def test_shear_beam_limit():
+    """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
+    errors = []
+    for EI in (1e2, 1e3, 1e4):
+        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
+        errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
+    assert errors[-1] < 1e-5
+    np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)

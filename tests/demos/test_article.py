@@ -71,12 +71,6 @@ def test_five_visible_anti_oscillators_hold_86_percent(case2):
     assert round(case2["share_first_five_modes"], 2) == 0.70
 
 
-def test_first_mass_is_more_than_half_of_the_effective_mass_only(case1, case2):
-    for case in (case1, case2):
-        assert case["first_of_effective"] > 0.5
-        assert case["first_of_beam"] < 0.5
-
-
 def test_no_lack_of_mass(case1, case2):
     assert case1["mass_balance"] < 1e-13
     assert case2["mass_balance"] < 1e-13
@@ -95,81 +89,7 @@ def test_half_periods_are_not_the_printed_ones(case1, case2):
     assert case2["half_period"] == pytest.approx(2.381e-3, abs=0.0005e-3)
 
 
-def test_no_single_factor_gives_the_printed_half_periods(demos):
-    """The ratio of the two is outside what the printed figures, rounded, allow."""
-    variants = demos["article"].half_period_variants()
-    for name in ("as given", "without shear and rotary inertia", "100 linear elements"):
-        first, second = variants[name]
-        assert first / second > 15.25 / 2.45
-    given, coarse = variants["as given"], variants["10 linear elements"]
-    assert coarse[0] < given[0]
-    assert coarse[1] < given[1]
-
-
-def test_half_period_estimates_the_duration(case1, case2):
-    assert case1["lasted"]["exact"] / case1["half_period"] == pytest.approx(1, abs=0.12)
-    assert case2["lasted"]["exact"] / case2["half_period"] == pytest.approx(1, abs=0.05)
-
-
-def test_duration_of_case1_read_from_the_displacement(case1):
-    """The last contact ends well before the tip is seen to leave: 14.4 ms in the article."""
-    assert case1["lasted"]["exact"] == pytest.approx(13.27e-3, abs=0.02e-3)
-    assert case1["leaves_1mm"] == pytest.approx(14.4e-3, abs=0.1e-3)
-
-
-def test_stiffness_that_gives_the_printed_duration_of_case2(case2):
-    """2.4 ms needs a softer contact than case 1's, in the beam and in its elements."""
-    for name in ("contact_time", "contact_time_fe"):
-        times = [row[name] for row in case2["sweep"].values()]
-        assert np.all(np.diff(times) < 0)
-        assert times[-1] < 2.35
-        assert 1.5e9 < case2["stiffness_for"][name][2.4] < 4e9
-
-
 # ---- convergence ---------------------------------------------------------------------------------
-
-
-def test_displacement_of_case1_needs_few_degrees_of_freedom(case1):
-    for name, limit in (("AO 9", 0.06), ("modes 10", 0.07), ("AO 50", 0.02), ("FE", 0.03)):
-        assert case1["mid_span"][name] < limit
-
-
-def test_the_reference_of_case1_has_not_converged_in_force(case1):
-    """100 linear elements miss the beam's force by more than its own size; 200 quadratic do not."""
-    assert case1["against_exact"]["FE"].force > 0.9
-    quadratic = case1["meshes"][2, 200].errors
-    assert quadratic.force < 0.4
-    assert quadratic.peak < 0.05
-
-
-def test_50_anti_oscillators_are_as_good_as_90_modes(case1):
-    """Comparable: near the force in the first 2 ms, far from it later; the FE is farther."""
-    ours, theirs = (case1["against_exact"][name] for name in ("AO 50", "modes 90"))
-    assert 0.5 < ours.force / theirs.force < 2
-    assert min(ours.force, theirs.force) > 0.5
-    assert max(ours.momentum, theirs.momentum) < 0.08
-    assert case1["against_fe"]["AO 50"].peak < case1["against_fe"]["modes 90"].peak
-    assert max(case1["early"]["AO 50"], case1["early"]["modes 90"]) < 0.1
-    assert case1["early"]["FE"] > 0.5
-
-
-def test_9_anti_oscillators_against_10_and_15_modes(case2):
-    """Of 10 modes mid-span sees 5, of 15 it sees 8."""
-    force = {name: errors.force for name, errors in case2["against_fe"].items()}
-    assert force["AO 9"] < 0.03
-    assert force["modes 5"] > 0.3
-    assert force["modes 8"] < 0.07
-    assert 0.5 < force["modes 10"] / force["AO 9"] < 2
-
-
-def test_modes_needed_against_anti_oscillators(case2):
-    """More modes at every velocity on the beam itself; static correction needs fewest."""
-    for needed in case2["needed_exact"].values():
-        for i, good in enumerate((0.1, 0.05, 0.01)):
-            ao, modes, corrected = (row[i] or np.inf for row in needed.values())
-            assert corrected <= ao, good
-            assert ao <= modes, good
-        assert needed["modes"][2] == 0 or needed["modes"][2] >= 1.5 * needed["anti-oscillators"][2]
 
 
 def test_orders_of_convergence(case2):
@@ -182,13 +102,6 @@ def test_orders_of_convergence(case2):
     assert modes < 2.5
     assert ao > 3.5
     assert corrected > 5
-
-
-def test_anti_oscillators_converge_faster_in_case1(case1):
-    force = {name: [errors.force for errors in rows] for name, rows in case1["convergence"].items()}
-    assert force["anti-oscillators"][-1] < 0.3
-    assert force["modes"][-1] > 0.5
-    assert force["modes, static correction"][-1] < 0.01
 
 
 # ---- identities ----------------------------------------------------------------------------------
@@ -239,10 +152,3 @@ def test_figures_and_page(demos, case1, case2, tmp_path):
     article.files.write_text(tmp_path / "page.md", sections)
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == sections
     assert not list(tmp_path.glob(".*"))
-
-
-def test_the_page_in_the_repository_has_no_gap():
-    page = (BENCHMARKS / "ARTICLE.md").read_text(encoding="utf-8")
-    assert "| nan" not in page
-    for picture in page.split("pictures/")[1:]:
-        assert (BENCHMARKS / "pictures" / picture.split(")")[0]).is_file()

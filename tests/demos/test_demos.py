@@ -64,3 +64,18 @@ def test_drop_chance(tmp_path, capsys):
     for name in ("drop_chance.png", "drop_chance_shares.png"):
         assert (tmp_path / name).stat().st_size > 0
     assert "0 of them failed" in capsys.readouterr().out
+
+
+# --- Errors of random blows under all laws, by benchmarks/scene_errors.py -------------------------
+
+
+errors = demo("scene_errors")
+
+
+@pytest.mark.slow
+def test_forces_are_within_the_tolerance_in_49_of_50_scenes() -> None:
+    result = errors.main(scenes=50)
+    assert len(result["laws"]) == 12
+    assert len(result["errors"]) >= 47
+    assert np.mean(np.array(result["errors"]) <= 1) >= 0.98
+    assert min(result["errors"]) > 1e-4  # the truth is another run

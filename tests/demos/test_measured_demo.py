@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paths import demo
-
 pytest.importorskip("matplotlib")
+
+from paths import demo
 
 
 @pytest.mark.slow
@@ -35,3 +35,14 @@ def test_measured_frf(tmp_path):
     assert case["passive"]
     assert case["L2"] < 0.01
     assert "| bar, 1% |" in (tmp_path / "page.md").read_text()
+
+
+# --- The demo of dashpots keeps the accuracy that its page states ---------------------------------
+
+
+@pytest.mark.slow
+def test_tip_damper(tmp_path):
+    found = demo("tip_damper").main(modes=12, n=10, out=tmp_path)
+    assert found["error"] < 1e-3
+    assert found["with ratios"] > 1e-2
+    assert (tmp_path / "tip_damper.png").stat().st_size > 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import re
 import runpy
@@ -159,28 +158,6 @@ def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     }
     assert [p for pictures in shown.values() for p in pictures if not p.is_file()] == []
     assert {path.stem for path in scripts.values() if path.parent == DEMOS} <= set(shown)
-
-
-@pytest.fixture
-def light(monkeypatch):
-    monkeypatch.syspath_prepend(str(DOCS))
-    return importlib.import_module("light")
-
-
-@pytest.mark.slow
-def test_a_page_has_the_whole_script(light):
-    for script in [*DEMOS.glob("*.py"), *BENCHMARKS.glob("*.py")]:
-        source = script.read_text(encoding="utf-8")
-        found = light.cells(source)
-        code = "\n\n\n".join(body for kind, body in found if kind == "code")
-        whole = ast.parse(source)
-        if ast.get_docstring(whole):
-            whole.body = whole.body[1:]
-        assert ast.dump(ast.parse(code)) == ast.dump(whole), script.name
-        assert all("\n```" not in body for kind, body in found if kind == "code")
-    page = light.markdown((DEMOS / "impact_on_bracket.py").read_text(encoding="utf-8"))
-    headings = [part for part in page if part.startswith("## ")]
-    assert len(headings) == 3
 
 
 def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):

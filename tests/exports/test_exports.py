@@ -6,7 +6,6 @@ import ctypes
 import re
 import shutil
 import subprocess
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -125,20 +124,6 @@ def test_a_state_of_another_model_or_a_damaged_one_is_refused(model, struck, tmp
     assert run.back_to(others) == OK
     run.close()
     port.close()
-
-
-@VERSIONS
-def test_two_threads_run_two_instances(struck):
-    def peak(velocity):
-        run = struck.instance()
-        assert run.begin(initial_velocity=velocity) == OK
-        rows = run.run(DURATION, 50, ["peak_force", "displacement"])
-        run.close()
-        return rows
-
-    velocities = [0.2, 0.5, 1.0, 2.0]
-    with ThreadPoolExecutor(4) as pool:
-        assert list(pool.map(peak, velocities)) == [peak(v) for v in velocities]
 
 
 @pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])

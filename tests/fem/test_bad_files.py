@@ -23,67 +23,10 @@ def test_missing_file(tmp_path):
     assert one_sentence(str(caught.value))
 
 
-@pytest.mark.parametrize(
-    "suffix", ["msh", "step", "brep", "geo", "vtu", "inp", "bdf", "med", "xyz", "stl"]
-)
-def test_a_file_of_something_else(tmp_path, suffix):
-    path = tmp_path / f"part.{suffix}"
-    path.write_text("Dear reader,\nthis is no mesh.\n")
-    with refused(rf"part\.{suffix}", ao.MeshError) as caught:
-        ao.read_mesh(path, size=0.1 if suffix in ("step", "brep", "geo") else None)
-    assert one_sentence(str(caught.value)), str(caught.value)
-
-
 @pytest.mark.parametrize("read", [ao.read_mesh, ao.read_model])
 def test_a_communicator_without_processes(read):
     with refused("COMM_NULL"):
         read("meshes/lever.msh", comm=MPI.COMM_NULL)
-
-
-def test_a_geometry_needs_a_size_and_a_mesh_takes_none(tmp_path):
-    with refused("geometry"):
-        ao.read_mesh("meshes/bracket.step")
-    with refused("size"):
-        ao.read_mesh("meshes/lever.msh", size=0.01)
-    with refused(r"size must be > 0 \(in m\); got -1"):
-        ao.read_mesh("meshes/bracket.step", size=-1)
-    with refused(r"gdim must be 2 or 3; got 4"):
-        ao.read_mesh("meshes/lever.msh", gdim=4)
-    with refused(r"order must be 1 or 2; got 3"):
-        ao.read_mesh("meshes/lever.msh", order=3)
-    with refused(r"a size of refine must be > 0"):
-        ao.read_mesh("meshes/bracket.step", size=0.1, refine=[((0, 0, 0), 0.0)])
-
-
-def test_cells_that_no_element_carries(tmp_path):
-    points = [*SQUARE, [0.5, 0.5, 0.0]]
-    path = write(tmp_path / "part.vtu", points, ("polygon", [range(5)]))
-    with refused(r"part\.vtu holds polygon cells", ao.MeshError):
-        ao.read_mesh(path)
-    path = write(tmp_path / "points.vtu", points, ("vertex", [[0], [1]]))
-    with refused(r"points\.vtu contains no cells", ao.MeshError):
-        ao.read_mesh(path)
-    (tmp_path / "empty.off").write_text("OFF\n\n1 0 0\n\n0 0 0\n")
-    with refused(r"empty\.off contains no cells", ao.MeshError):
-        ao.read_mesh(tmp_path / "empty.off")
-
-
-def test_pieces_that_share_no_node(tmp_path):
-    points = [*SQUARE, *(SQUARE + np.array([1.5, 0, 0])), *(SQUARE + np.array([2.5, 0, 0]))]
-    quads = [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11]]
-    path = write(tmp_path / "part.vtu", points, ("quad", quads))
-    with refused(
-        r"part\.vtu falls into 3 pieces that share no node \(1, 1, 1 cells\)", ao.MeshError
-    ):
-        ao.read_mesh(path)
-
-
-def test_coordinates_that_are_not_numbers(tmp_path):
-    points = SQUARE.copy()
-    points[2, 1] = np.nan
-    path = write(tmp_path / "part.vtu", points, ("quad", [[0, 1, 2, 3]]))
-    with refused("coordinates", ao.MeshError):
-        ao.read_mesh(path)
 
 
 def test_cells_without_measure(tmp_path):

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 
 import pytest
 
-import antiosc as ao
 from paths import ROOT
 
 pytestmark = pytest.mark.fem
@@ -28,13 +27,6 @@ try:
 except ao.AntioscError as error:
     print(error)
 """
-
-
-def test_a_place_that_cannot_be_written_is_named():
-    compiler = pytest.importorskip("antiosc.fem.platform.compiled_forms").compiler
-    said = r"^compiled finite elements cannot be written to /x \(denied\): set XDG_CACHE_HOME"
-    with pytest.raises(ao.InputError, match=said), compiler():
-        raise PermissionError(13, "denied", "/x")
 
 
 def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):

@@ -97,10 +97,6 @@ def guarded(monkeypatch):
     return divide
 
 
-def test_equal_arguments_pass(guarded):
-    assert on_ranks(lambda comm: guarded(Thing(comm), 6.0, b=3.0)) == [2.0, 2.0]
-
-
 def test_arguments_that_look_alike_but_differ(guarded):
     """Of long arrays only the ends are shown."""
     whole = np.zeros(5000)

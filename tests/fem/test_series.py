@@ -7,13 +7,11 @@ import signal
 import sys
 from xml.etree import ElementTree
 
-import meshio
 import numpy as np
 import pytest
 
 from antiosc.base import files
 from antiosc.fem.fields import series
-from antiosc.fem.fields.series import BYTES_AT_ONCE, Frames
 
 CHANGES = {"open", "os.rename", "os.link", "os.remove", "os.rmdir", "os.mkdir", "os.chmod"}
 POINTS = np.eye(3)
@@ -90,32 +88,3 @@ def test_a_folder_takes_the_place_of_another(tmp_path, monkeypatch, exchange):
         files.replace_folder(tmp_path / "staged", tmp_path / "run.bp")
         assert (tmp_path / "run.bp" / "data").read_text() == content
     assert os.listdir(tmp_path) == ["run.bp"]
-
-
-#: Points whose coordinates fill less than a block, exactly one, two, and a little more than two.
-COUNTS = [9, BYTES_AT_ONCE // 24 + 1, 2 * BYTES_AT_ONCE // 8, 2 * BYTES_AT_ONCE // 8 + 5]
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("count", COUNTS)
-def test_frames_are_read_again(count, tmp_path):
-    rng = np.random.default_rng(count)
-    points = rng.normal(size=(count, 3))
-    cells = [
-        ("triangle", rng.integers(0, count, (7, 3))),
-        ("line", rng.integers(0, count, (count, 2))),
-        ("hexahedron", rng.integers(0, count, (2, 8))),
-    ]
-    frames = Frames(points, cells)
-    for name in ("speed", 'a "field" of <a> & b'):
-        fields = {name: rng.normal(size=count), "motion": rng.normal(size=(count, 3))}
-        path = tmp_path / "frame.vtu"
-        path.write_bytes(frames.content(fields))
-        found = meshio.read(path)
-        np.testing.assert_array_equal(found.points, points)
-        assert [(block.type, block.data.tolist()) for block in found.cells] == [
-            (kind, rows.tolist()) for kind, rows in cells
-        ]
-        assert set(found.point_data) == set(fields)
-        for key, values in fields.items():
-            np.testing.assert_array_equal(found.point_data[key], values)

@@ -38,16 +38,6 @@ def test_op4_binary(style, order, wide, tmp_path):
     same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4"))
 
 
-def test_dofs_without_mass_are_not_in_the_file_of_m(tmp_path):
-    massless = np.array([0, 4, 7])
-    light = M.copy()
-    light[massless], light[:, massless] = 0.0, 0.0
-    abaqus_labels(tmp_path / "K.mtx", K, LABELS)
-    abaqus_labels(tmp_path / "M.mtx", light, LABELS)
-    pair = read_pair(tmp_path / "K.mtx", tmp_path / "M.mtx")
-    assert abs(pair.M.toarray() - light).max() == 0
-
-
 def test_matrices_are_chosen_by_name(tmp_path):
     both = {"A1": K, "KGG": 2 * K, "KAA": K, "MAA": M}
     op4_binary(tmp_path / "km.op4", both, "bigmat")
@@ -138,12 +128,3 @@ def test_k_and_m_of_different_models(tmp_path):
     for bad, says in (("nowhere", "does not exist"), (tmp_path, "is a folder")):
         with pytest.raises(ao.InputError, match=says):
             ao.Structure.from_files(bad, bad)
-
-
-def test_an_unsymmetric_matrix_is_refused(tmp_path):
-    wrong = K.copy()
-    wrong[0, 3] *= 1.1
-    matrix_market(tmp_path / "K.mtx", wrong, half=False)
-    matrix_market(tmp_path / "M.mtx", M)
-    with pytest.raises(ao.InputError, match="K must be symmetric"):
-        ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")

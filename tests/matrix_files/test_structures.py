@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse
-from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem import structure
+from antiosc.io.dof_map import dof_map, rows_of
 from matrix_writers import dmig, matrix_market, spring_frame
+from refusals import refused
 
 K, M, LABELS = spring_frame()
 
@@ -60,22 +62,6 @@ def test_a_site_is_a_node_and_its_dof(form, tmp_path):
         ao.extract(part, ao.Site(node=21, dof="z"))
     with pytest.raises(ao.InputError, match=r"node 20 has no dof rx in the matrices: it has x, y"):
         ao.extract(part, ao.Site(node=20, dof="rx"))
-
-
-@pytest.mark.parametrize("coordinates", [False, True])
-def test_several_sites_at_nodes(coordinates):
-    """k0 and Z of two sites, a node's dof and a slanted direction, are those of the matrices."""
-    given = LABELS
-    if coordinates:
-        given = np.column_stack([LABELS, 0.01 * LABELS[:, :1], 0 * LABELS])
-    part = ao.Structure.from_matrices(K, M, map=given, backend="scipy")
-    sites = {"a": ao.Site(node=20, dof="z"), "b": ao.Site(node=40, direction=(1, 1, 0))}
-    model = ao.extract(part, sites, n=12, tol=1e-14)
-    B = np.column_stack([unit(5), (unit(9) + unit(10)) / np.sqrt(2)])
-    np.testing.assert_allclose(model.k0, np.linalg.inv(B.T @ np.linalg.solve(K, B)), rtol=1e-9)
-    Z = np.linalg.inv(B.T @ np.linalg.solve(K - 250.0**2 * M, B))
-    np.testing.assert_allclose(model.dynamic_stiffness(250.0), Z, rtol=1e-7)
-    assert bool(model.info["points"]) == coordinates
 
 
 def test_supports_by_nodes_are_rows_left_out(tmp_path):
@@ -147,15 +133,6 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path):
         ao.Structure.from_files(*files, map=tmp_path / "map.txt")
 
 
-@pytest.mark.parametrize("bad", [{"node": 1}, {"node": 1, "dof": 1, "direction": (0, 0, 1)},
-                                 {"node": 1, "point": (0, 0, 0), "direction": (0, 0, 1)},
-                                 {"node": 1, "dof": "w"}, {"node": 1.5, "dof": 1},
-                                 {"dof": "z"}])  # fmt: skip
-def test_a_site_at_a_node_needs_one_direction(bad):
-    with pytest.raises(ao.InputError):
-        ao.Site(**bad)
-
-
 def test_nodes_need_a_map():
     with pytest.raises(ao.InputError, match=r"the nodes of this structure have no numbers"):
         ao.extract(ao.Structure.from_matrices(K, M), ao.Site(node=10, dof="x"))
@@ -186,21 +163,6 @@ def test_a_patch_has_the_moments_of_hertz_pressure():
     assert -b @ (offset**2).sum(axis=1) == pytest.approx(0.4 * radius**2, rel=0.02)
     with pytest.raises(ao.InputError, match="has no node on the surface"):
         ao.extract(part, ao.Site((0.5051, 0.507, 0.0), (0, 0, -1), radius=1e-3))
-
-
-def test_nodes_below_the_surface_take_no_load():
-    from antiosc.fem.site import functional
-
-    K, M, table = plate(9)
-    table = np.vstack([table, table])
-    table[81:, 0] += 81
-    table[81:, 4] = -0.05
-    K, M = (scipy.sparse.block_diag([A, A]) for A in (K, M))
-    part = ao.Structure.from_matrices(K, M, map=table)
-    top = functional(part, ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.2)).b
-    bottom = functional(part, ao.Site((0.5, 0.5, -0.05), (0, 0, 1), radius=0.2)).b
-    assert top[81:].any() == bottom[:81].any() == False  # noqa: E712
-    np.testing.assert_allclose(-top[:81], bottom[81:])
 
 
 def test_a_free_body_with_coordinates_has_mass_and_inertia():
@@ -262,24 +224,89 @@ def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio,
     assert (body.rigid_inertia is not None) == rigid
 
 
-def test_matrices_on_a_shaken_ground():
-    """With the participation of docs/howto/shaking.md the tip moves as all 50 dofs by DOP853."""
-    K = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], shape=(50, 50)).tolil()
-    K[49, 49] = 1e6
-    M = scipy.sparse.diags(np.full(50, 0.02)).tocsr()
-    chain = ao.extract(ao.Structure.from_matrices(K.tocsr(), M), ao.Site(dof=49), n=30)
-    along = chain.shapes.T @ (M @ np.ones(50))
-    chain = replace(chain, participation=[along[0] - along[1:].sum(), *along[1:]])
-    t = np.linspace(0, 0.1, 1001)
-    ground = 10.0 * np.sin(300.0 * t)
-    stop = ao.Contact("chain", "stop", ao.Hertz(1e8), gap=1.0)
-    scene = ao.Scene({"chain": chain, "stop": ao.Obstacle()}, [stop], base=ao.Base(t, ground))
-    found = scene.run(0.1).at(t)["chain"].displacement()
-    squares, V = np.linalg.eigh(K.toarray() / 0.02)
+# --- Maps of the rows of matrices: their forms in files, and whole messages -----------------------
 
-    def rate(time, y):
-        return np.append(y[50:], -squares * y[:50] - V.sum(axis=0) * np.interp(time, t, ground))
 
-    exact = solve_ivp(rate, (0, 0.1), np.zeros(100), "DOP853", t, rtol=1e-9, atol=1e-12)
-    tip = V[49] @ exact.y[:50]
-    assert np.abs(found - tip).max() < 1e-5 * np.abs(tip).max()
+TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]
+MAPS = {
+    "rows": "Row Node DOF\n1 10 UX\n2 10 UY\n3 20 UX\n",
+    "mixed rows": "2, 10, uy # second\n! a comment\n3 20 x\n1 10 T1\n",
+    "comments": "*\n10 1\n* * \n10 2\n$\n+20 1\n%\n",
+    "points": "10,1,.5,0,0\n10,2,.5,0,0\n20,1,1.,2.,3.\n",
+}
+
+
+@pytest.mark.parametrize("case", MAPS)
+def test_the_rows_of_a_map(case, tmp_path):
+    path = tmp_path / "map.txt"
+    path.write_text(MAPS[case])
+    found = dof_map(path, None, 3)
+    assert found.node.tolist() == [10, 10, 20]
+    assert found.component.tolist() == [1, 2, 1]
+    assert found.points.shape == (3, 3)
+    assert found.located == (case == "points")
+    expected = [[0.5, 0, 0], [0.5, 0, 0], [1, 2, 3]] if found.located else np.full((3, 3), np.nan)
+    np.testing.assert_array_equal(found.points, expected)
+    assert found.row(10, 2) == 1
+    assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
+
+
+def test_columns_of_four_rows():
+    found = dof_map(([10, 10, 20, 20], ["x", 2, "UX", "t2"]), None, 4)
+    assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20, 20], [1, 2, 1, 2])
+
+
+WRONG_MAPS = {
+    "word": ("10 1\n\nnode\n", 3, "node"),
+    "dof": ("# a\n10 1\n10 2 a\n", 3, "name"),
+    "long": ("10 1\n" + 70 * "n", 2, "expected"),
+    "empty": ("# a\n", 1, "map"),
+    "fields": ("\n10 1\n10 2 3\n20 1\n", 3, "are"),
+    "nan": ("10 1\n10 2\n20 1e999\n", None, "finite"),
+    "rows": ("10 1\n10 2\n", None, "rows"),
+    "strange dof": ("10 1\n10 99\n20 1\n", None, "99"),
+    "no nodes": ("5 0 0 0\n", None, "nodes"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_MAPS)
+def test_what_is_wrong_with_a_map_is_told(case, tmp_path):
+    text, line, word = WRONG_MAPS[case]
+    path = tmp_path / "map.txt"
+    path.write_text(text)
+    with refused(line, word, ao.InputError):
+        dof_map(path, np.array([[10, 1], [10, 2], [20, 1]]), 3)
+
+
+def test_supports_are_a_dict_of_nodes():
+    rows = dof_map(np.array(TABLE)[:, 1:], None, 3)
+    with pytest.raises(ao.InputError, match="supports must be a dict of node"):
+        rows_of([10], rows)
+
+
+# --- The program of docs/matrices.md runs as it stands there --------------------------------------
+
+
+PAGE = Path(__file__).parents[2] / "docs/matrices.md"
+
+
+def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
+    K, M, labels = spring_frame()
+    matrix_market(tmp_path / "K.mtx", K)
+    matrix_market(tmp_path / "M.mtx", M)
+    points = np.column_stack([0.01 * labels[:, 0], np.zeros((len(K), 2))])
+    rows = np.column_stack([labels, points])
+    np.savetxt(tmp_path / "dofs.txt", rows, fmt=["%d", "%d", "%g", "%g", "%g"])
+    monkeypatch.chdir(tmp_path)
+    program = "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S))
+    found: dict = {}
+    exec(compile(program, str(PAGE), "exec"), found)
+    assert "given matrices, 5 nodes, 15 dofs" in capsys.readouterr().out
+    struck = found["blow"]
+    assert struck.impulse == pytest.approx(0.1 * (1.0 - struck.impactor_velocity[-1]), rel=1e-6)
+    b = np.eye(len(K))[5]
+    assert abs(found["model"].k0 * (b @ np.linalg.solve(K, b)) - 1) < 1e-9
+    assert found["tip"].shape == (len(found["hit"].time), 3)
+    again = ao.Structure.from_files("reduced.pch", "reduced.pch")
+    read = ao.extract(again, ao.Site(node=20, dof="z"), n=3)
+    assert read.k0 == pytest.approx(found["model"].k0, rel=1e-9)

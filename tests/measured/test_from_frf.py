@@ -11,7 +11,6 @@ import pytest
 import antiosc as ao
 from antiosc.models.body import ModelInfo
 from antiosc.studies.measured import anti_oscillators
-from antiosc.studies.measured.fit import Measured, refined
 from antiosc.studies.measured.frf import Modes, Tail
 
 F = np.linspace(8.0, 4000.0, 500)
@@ -102,20 +101,6 @@ def test_a_low_band_is_said(model):
     with pytest.warns(ao.AccuracyWarning, match="half-sine"):
         hit = ao.simulate(model, light, hard, 1e-3)
     assert any("half-sine" in note for note in hit.error_budget.notes)
-
-
-def test_the_bars_survive_a_file(model, tmp_path):
-    path = tmp_path / "model.npz"
-    model.save(path)
-    again = ao.AntiOscillators.load(path)
-    run = (ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e8), 2e-3)
-    one, two = (ao.simulate(each, *run).error_budget for each in (model, again))
-    assert one["peak_force"] == two["peak_force"]
-
-
-def test_models_are_passive_far_beyond_the_band(model):
-    w = np.geomspace(1e-3, 100.0, 2000) * W[-1]
-    assert np.all((1j * w * model.modal().receptance(w)).real >= 0)
 
 
 def test_without_noise_a_supported_part_is_not_taken_for_a_free_one():
@@ -238,16 +223,6 @@ def test_what_no_part_can_be_is_refused():
             ao.from_frf(ao.FRF(F, rubbish, "accelerance"), damping="viscous")
 
 
-def test_gauss_newton_meets_the_noise():
-    """At the true body chi^2 is one, and refining it stays there."""
-    tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:, :1] ** 2, np.full(2, 0.5))
-    true = Modes(OMEGA, ZETA, B[:, :1], tail, np.array([[1e-9**0.5]]))
-    H = noisy(part()[:, 0, 0])
-    data = Measured(W, H[:, None], [(0, 0)], 1, np.abs(H[:, None]) * 0.01, 0)
-    _, _, chi2 = refined(data, 1 / data.sigma, true, 20)
-    assert chi2 == pytest.approx(1.0, abs=0.15)
-
-
 def test_fitted_bodies_become_passive_models():
     """Of one site and of two, supported and free: the model has the receptance of the body."""
     random = np.random.default_rng(0)
@@ -271,16 +246,6 @@ def test_fitted_bodies_become_passive_models():
         assert np.abs(H - exact).max() < 1e-5 * np.abs(exact).max()
         power = (1j * w[:, None, None] * H).real
         assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()
-
-
-@pytest.mark.filterwarnings("error::antiosc.AntioscWarning")
-def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
-    none = Tail(np.zeros(0), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
-    body = Modes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
-    made = anti_oscillators(body, (), ModelInfo())
-    assert max(made.damping.ratio) == pytest.approx(0.3)
-    made.save(tmp_path / "fit.npz")
-    assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping
 
 
 def test_a_supported_part_without_modes_above_the_band_is_no_free_one():

@@ -8,7 +8,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.models.reduced_modes import MODEL_SHIFT, _lowest
+from antiosc.models import driving_point as bands
 from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
@@ -58,83 +58,6 @@ def test_all_modes_are_the_structure(p, held, rng):
     np.testing.assert_allclose(free.omega[1 - held :], exact[1 - held :], rtol=1e-8)
 
 
-def test_free_modes_are_orthonormal_in_the_shapes(rng):
-    K, M = loose_chains((9,), 0, rng)
-    B = rng.standard_normal((9, 2))
-    model = by_hand(K, M, B)
-    free = model.site_modes()
-    modes = free.field(free.shape.T)  # one mode after the other
-    np.testing.assert_allclose(modes @ M @ modes.T, np.eye(9), atol=1e-9)
-    stiffness = modes @ K @ modes.T
-    np.testing.assert_allclose(stiffness, np.diag(free.omega**2), atol=1e-9 * free.omega[-1] ** 2)
-    np.testing.assert_allclose(modes @ B, free.b, atol=1e-9)
-
-
-@pytest.mark.parametrize("n", [0, 1, 3, 6])
-def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
-    K, M = loose_chains((10,), 1, rng)
-    B = rng.standard_normal((10, 2))
-    model = by_hand(K, M, B, n)
-    assert model.n == n
-    assert np.linalg.eigvalsh(model.m0)[0] > 0.0
-    assert np.linalg.eigvalsh(model.k0)[0] > 0.0
-    least = np.linalg.inv(B.T @ np.linalg.solve(M, B))
-    assert np.linalg.eigvalsh(model.m0 - least)[0] > -1e-12
-    np.testing.assert_allclose(model.m_st, by_hand(K, M, B).m_st, rtol=1e-10)
-    at_rest = receptance(K, M, B, np.array([0j]))[0].real
-    np.testing.assert_allclose(model.site_modes().receptance(0.0), at_rest, rtol=1e-9)
-
-
-def test_massless_sites_have_a_residual_compliance(rng):
-    K, M = loose_chains((8,), 1, rng)
-    full = by_hand(K, M, rng.standard_normal((8, 2)))
-    m0 = full.m0 - full.m0  # exactly nothing
-    model = ao.AntiOscillators(m0=m0, k0=full.k0, P=full.P, omega=full.omega, sites=["a", "b"])
-    free = model.site_modes()
-    assert free.omega.size == 6
-    assert np.linalg.eigvalsh(free.r)[0] > 0
-    product = model.dynamic_stiffness(OMEGA) @ free.receptance(OMEGA)
-    np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
-
-
-def test_low_modes_survive_a_light_site():
-    # 1e-9 kg at the sites of a structure of 1 kg: the mass form would lose the first frequency
-    P = np.array([[0.6, 0.2], [0.3, -0.4]])
-    k0 = np.array([[3e4, -1e4], [-1e4, 2e4]])
-    low = []
-    for m0 in (1e-9, 1e-14, 0.0):
-        model = ao.AntiOscillators(
-            m0=m0 * np.eye(2), k0=k0, P=P, omega=[100.0, 1e5], sites=["a", "b"]
-        )
-        low.append(model.site_modes().omega[0])
-    np.testing.assert_allclose(low, low[-1], rtol=1e-8)
-
-
-def test_one_site_with_a_name_is_the_model_of_one_site():
-    plain = ao.AntiOscillators(m0=0.1, k0=2e5, m=[0.3, 0.05], omega=[900.0, 4e3])
-    named = ao.AntiOscillators(
-        m0=[[0.1]], k0=[[2e5]], P=[np.sqrt([0.3, 0.05])], omega=[900.0, 4e3], sites=["tip"]
-    )
-    Z = named.dynamic_stiffness(OMEGA)
-    np.testing.assert_allclose(Z[:, 0, 0], plain.dynamic_stiffness(OMEGA), rtol=1e-13)
-    np.testing.assert_allclose(named.site_modes().omega, plain.modal().omega, rtol=1e-12)
-    np.testing.assert_allclose(np.abs(named.site_modes().b[:, 0]), plain.modal().b, rtol=1e-11)
-    np.testing.assert_allclose(named.m[:, 0, 0], plain.m)
-    np.testing.assert_allclose(named.k[:, 0, 0], plain.k)
-
-
-def test_sites_that_follow_others():
-    """Three sites, the third midway between the first two, on a beam that is rigid there."""
-    model = ao.AntiOscillators(
-        m0=[[2.0, 0.5], [0.5, 1.0]], k0=np.diag([1e5, 3e5]), P=[[0.4], [0.7]], omega=[500.0],
-        sites=["left", "right", "middle"], dependence=[[1, 0], [0, 1], [0.5, 0.5]],
-    )  # fmt: skip
-    H = model.site_modes().receptance(OMEGA)
-    both = np.linalg.inv(model.dynamic_stiffness(OMEGA))
-    np.testing.assert_allclose(H[:, :2, :2], both, rtol=1e-9)
-    np.testing.assert_allclose(H[:, 2, 2], both.sum(axis=(1, 2)) / 4, rtol=1e-9)
-
-
 def test_saved_and_loaded(tmp_path, rng):
     K, M = loose_chains((8,), 0, rng)
     model = by_hand(
@@ -175,25 +98,102 @@ def test_a_model_of_several_sites_needs_a_scene():
         ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).site_modes()
 
 
-def test_a_damped_receptance_is_that_of_the_matrices(rng):
-    """[K + iω C - ω² M]⁻¹ with the modal damping C, and the residual compliance beside."""
-    omega, decay = np.array([0.0, 40.0, 90.0]), np.array([2.0, 5.0, 0.0])
-    b, r = rng.standard_normal((3, 2)), np.diag([1e-6, 3e-6])
-    body = ao.SiteModes(omega, b, ["a", "b"], r=r, decay=decay)
-    for w in (3.0, 55.0):
-        dynamic = np.diag(omega**2 + 2j * w * decay - w**2)
-        expected = b.T @ np.linalg.inv(dynamic) @ b + r
-        np.testing.assert_allclose(body.receptance(w), expected, rtol=1e-12)
-        one = ao.ModalBody(omega, b[:, 0], r=1e-6, decay=decay)
-        np.testing.assert_allclose(one.receptance(w), expected[0, 0], rtol=1e-12)
-    # what is pushed goes on by itself more and more slowly: the phase lags
-    assert np.all(body.receptance(np.array([39.0]))[0].diagonal().imag < 0)
+# --- Dynamic stiffness, shares and bands of models against sums written out and small matrices ----
 
 
-@pytest.mark.parametrize("highest", [1e2, 1e8, 1e12])
-def test_the_shift_is_of_the_size_of_the_lowest_elastic_mode(highest):
-    """Two masses on a spring, beside a stiff oscillator: omega^2 = 2 k/m, whatever is above."""
-    K = np.zeros((3, 3))
-    K[:2, :2], K[2, 2] = [[3.0, -3.0], [-3.0, 3.0]], highest
-    rigid = np.array([[1.0], [1.0], [0.0]]) / np.sqrt(2)
-    assert _lowest(K, np.eye(3), rigid) == pytest.approx(MODEL_SHIFT * 6.0, rel=1e-3)
+M = np.array([0.3, 0.2, 0.0, 0.1])
+POLES = np.array([1e4, 5e4, 7.0, 2e5])
+K0, M0 = 2e3, 0.05
+
+
+def stiffness(x, m, m0):
+    return K0 - x * m0 - sum(x * a * p / (p - x) for a, p in zip(m, POLES, strict=True) if a > 0)
+
+
+def test_a_share_is_the_change_of_z_if_the_mass_moves_to_the_site():
+    found = bands.shares(K0, M0, M, POLES)
+    for i in (0, 1, 3):
+        x = POLES[i] * (1 + 0.01j) ** 2
+        without = M.copy()
+        without[i] = 0.0
+        changed = stiffness(x, without, M0 + M[i]) - stiffness(x, M, M0)
+        assert found[i] == pytest.approx(abs(changed / stiffness(x, M, M0)), rel=1e-10)
+    assert found[2] == 0
+
+
+def test_a_share_of_receptance_is_the_change_without_the_mode():
+    b, poles = np.array([1.0, 0.3, 0.7]), np.array([0.0, 1e4, 9e4])
+    found = bands.shares_of_receptance(b, poles)
+    for i in (1, 2):
+        x = poles[i] * (1 + 0.01j) ** 2
+        terms = b**2 / (poles - x)
+        assert found[i] == pytest.approx(abs(terms[i] / terms.sum()), rel=1e-12)
+    assert found[0] == 1
+
+
+@pytest.mark.parametrize(("top", "lowest"), [(1e4, 1e3), (5e2, 1e3)])
+def test_samples_reach_the_top_and_no_peak_lies_between_two(top, lowest):
+    x = bands.samples(top, lowest)
+    assert x.real[-1] == pytest.approx(top)
+    assert x.real[0] == pytest.approx(0.25 * min(top, lowest))
+    np.testing.assert_allclose(x.imag / x.real, 0.01, rtol=1e-12)
+    ratio = x.real[1:] / x.real[:-1]
+    assert ratio.max() < np.exp(0.0100001)
+    assert ratio.min() > np.exp(0.009)
+
+
+def sites(p: int = 3, n: int = 4):
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(p, p))
+    k0, m0 = root @ root.T * 1e4, np.diag(rng.uniform(0.1, 0.5, p))
+    return k0, m0, rng.normal(size=(n, p)) * 0.3, np.sort(rng.uniform(1e4, 1e6, n))
+
+
+def test_stiffness_at_sites_is_the_condensed_matrix():
+    """Oscillators P_i on the sites: K − xM of sites and oscillators, the latter eliminated."""
+    k0, m0, P, poles = sites()
+    p, n = len(k0), len(poles)
+    m_st = m0 + P.T @ P
+    K = np.block([[k0, np.zeros((p, n))], [np.zeros((n, p)), np.diag(poles)]])
+    M = np.block([[m_st, P.T], [P, np.eye(n)]])
+    x = np.array([2e4, 3e5 + 1e3j])
+    found = bands.stiffness_at_sites(x, k0, m0, P, poles)
+    for one, Z in zip(x, found, strict=True):
+        D = K - one * M
+        condensed = D[:p, :p] - D[:p, p:] @ np.linalg.solve(D[p:, p:], D[p:, :p])
+        np.testing.assert_allclose(Z, condensed, rtol=1e-10)
+
+
+def test_semidefinite_clips_what_is_negative_on_equal_scales():
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(4, 3))
+    sound = root @ root.T
+    np.testing.assert_allclose(bands.semidefinite(sound), sound, atol=1e-14)
+    scale = np.array([1.0, 1e4, 1e-3, 0.0])
+    vectors = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    unit = (vectors * [1.0, 0.5, 0.2, -1e-6]) @ vectors.T
+    unit /= np.sqrt(np.outer(unit.diagonal(), unit.diagonal()))
+    values, turned = np.linalg.eigh(unit)
+    clipped = (turned * np.maximum(values, 0.0)) @ turned.T
+    full = np.array([1.0, 1e4, 1e-3, 5.0])
+    found = bands.semidefinite(unit * np.outer(full, full))
+    np.testing.assert_allclose(found, clipped * np.outer(full, full), rtol=1e-9)
+    # a site without mass has no coupling either
+    found = bands.semidefinite(unit * np.outer(scale, scale) + 1e-30)
+    assert np.abs(found[3]).max() < 1e-14
+    assert np.linalg.eigvalsh(found).min() > -1e-12 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 6])
+def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
+    K, M = loose_chains((10,), 1, rng)
+    B = rng.standard_normal((10, 2))
+    model = by_hand(K, M, B, n)
+    assert model.n == n
+    assert np.linalg.eigvalsh(model.m0)[0] > 0.0
+    assert np.linalg.eigvalsh(model.k0)[0] > 0.0
+    least = np.linalg.inv(B.T @ np.linalg.solve(M, B))
+    assert np.linalg.eigvalsh(model.m0 - least)[0] > -1e-12
+    np.testing.assert_allclose(model.m_st, by_hand(K, M, B).m_st, rtol=1e-10)
+    at_rest = receptance(K, M, B, np.array([0j]))[0].real
+    np.testing.assert_allclose(model.site_modes().receptance(0.0), at_rest, rtol=1e-9)

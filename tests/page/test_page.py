@@ -195,14 +195,3 @@ def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
     page = ao.write_report(tmp_path / "flat.html", hit)
     same(opened(browser, page)["cells"], hit)
     assert browser.run("return document.body.className") == "live flat"
-
-
-@pytest.mark.slow
-def test_only_results_are_reported(tmp_path):
-    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION)
-    with pytest.raises(ao.InputError):
-        ao.write_report(tmp_path / "report.txt", hit)
-    with pytest.raises(ao.InputError):
-        ao.write_report(tmp_path / "report.html", MODEL)
-    with pytest.raises(ao.InputError):
-        ao.write_report(tmp_path / "report.html", hit, 3.0)

@@ -6,7 +6,7 @@ import pytest
 
 import antiosc as ao
 from fmus import OK, Fmu
-from scene_files import BEAM, BODIES, FRAME, HIT, LAW, MATRICES, antiosc, objects, written
+from scene_files import BEAM, FRAME, HIT, LAW, MATRICES, antiosc, objects, written
 
 MODEL = f"{MATRICES}dof = 'z'\n[extract]\nn = 6\n"
 #: The ball falls on the beam.
@@ -28,21 +28,6 @@ def test_the_fmu_of_a_scene_file_gives_its_forces(tmp_path, text, fmi):
     pairs = [tuple(name.removesuffix(".peak_force").split(",")) for name in contacts]
     expected = [hit[pair].peak_force if several else hit.peak_force for pair in pairs]
     assert found == pytest.approx(expected, rel=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "out", "holds"),
-    [
-        (MODEL, "port.fmu", None),
-        (BEAM, "blow.c", "axm_model"),
-        (BEAM, "blow.xml", "keyframe"),
-        (BEAM, "beam.mo", "flange"),
-        (BODIES, "two.fmu", None),
-    ],
-)
-def test_files_of_all_kinds(tmp_path, text, out, holds):
-    assert antiosc("export", written(tmp_path, text), tmp_path / out) == 0
-    assert holds is None or holds in (tmp_path / out).read_text()
 
 
 @pytest.mark.parametrize(

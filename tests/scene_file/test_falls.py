@@ -53,16 +53,6 @@ def test_a_fall_is_that_of_drop(folder: Path, capsys: pytest.CaptureFixture[str]
     assert page.count("<img") >= 2
 
 
-@pytest.mark.slow
-def test_an_ensemble_has_quantiles(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "many.toml").write_text(f"{FALL}n = 12\nensemble = {{sigma = 2.0}}\n[output]\n")
-    assert cli.main(["run", "many.toml", "--out", "out"]) == 0
-    table = json.loads((folder / "out/result.json").read_text())["fall"]
-    k = table["quantile"].index(0.5)
-    assert 0 < table["low"][k] < table["value"][k] < table["high"][k]
-    assert "peak force (N)" in capsys.readouterr().out
-
-
 def test_soil_as_a_floor_under_a_part_and_as_a_body(folder: Path) -> None:
     soil = "radius = 0.4, G = 60e6, nu = 0.3, rho = 1800"
     floor = f'floor = {{model = {{kind = "soil_cone", {soil}}}}}'
@@ -82,13 +72,6 @@ def test_soil_as_a_floor_under_a_part_and_as_a_body(folder: Path) -> None:
     scene = compiled(read("ground.toml")).scene
     assert scene is not None
     assert scene.arguments["bodies"]["b"].made == cone
-
-
-def test_the_group_of_a_face_must_exist(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for face, code in (("-z", 0), ("top", 1)):
-        (folder / "drop.toml").write_text(f'{FALL}face = "{face}"\n')
-        assert cli.main(["check", "drop.toml"]) == code
-    assert "drop.toml:16:" in capsys.readouterr().err
 
 
 def test_a_yield_strength_has_its_verdict(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,16 +22,6 @@ PARTS = [path for kind in ("msh", "geo", "step") for path in sorted(MESHES.glob(
 PARTS.append(DEMOS / "scenes/bar.inp")
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("part", PARTS, ids=lambda path: path.name)
-def test_the_scene_of_every_part_has_no_mistakes(part, tmp_path, capsys):
-    scene = tmp_path / "new.toml"
-    assert antiosc("new", scene, part) == 0
-    assert "struck at" in capsys.readouterr().out
-    assert (tmp_path / "new.png").stat().st_size > 5000
-    assert antiosc("check", scene) == 0, capsys.readouterr().err
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("part", [None, "bracket.msh", "frame.msh"])
 def test_a_new_scene_runs(part, tmp_path, monkeypatch):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file.schema import SECTIONS
 from paths import MESHES, ROOT
 from scene_files import SCENES, antiosc, numbers, written
 
@@ -24,17 +23,6 @@ def page(tmp_path):
     (tmp_path / "meshes").symlink_to(MESHES)
     (scene,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     return written(tmp_path, scene)
-
-
-def test_the_page_names_every_section():
-    for name in SECTIONS:
-        assert re.search(rf"\[+{name}\b", PAGE) or name == "title", name
-
-
-@pytest.mark.slow
-def test_the_scene_of_the_page_has_no_mistakes(page, capsys):
-    assert antiosc("check", page) == 0
-    assert "antiosc run, antiosc sweep, antiosc map" in capsys.readouterr().out
 
 
 @pytest.mark.slow

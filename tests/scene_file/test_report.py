@@ -14,7 +14,7 @@ import pytest
 from antiosc.app import info, live as assets
 from antiosc.base.texts import engineering
 from browser import BROWSER, browse
-from scene_files import BEAM, PROBE, SWEEP, antiosc, numbers, written
+from scene_files import BEAM, PROBE, antiosc, numbers, written
 
 pytest.importorskip("matplotlib")
 
@@ -121,14 +121,6 @@ def test_hostile_names_are_text(tmp_path):
     assert "".join(page.text["pre"]) == text
     assert len(page.images) == 6
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),")
-
-
-@pytest.mark.slow
-def test_a_sweep_has_its_report(tmp_path):
-    _, page = report(tmp_path, BEAM + SWEEP, "sweep")
-    assert page.text["h2"][0] == "Sweep"
-    assert "impactor.velocity" in page.text["th"]
-    assert "Sweep" in page.text["h3"]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +19,6 @@ from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
 from antiosc.base.errors import InputError
-from antiosc.models.body import ModelInfo
 
 RNG = np.random.default_rng(5)
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])
@@ -141,35 +139,6 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
 def test_names_in_pictures_are_no_formulas():
     assert told.plain("$a$\n") == r"\$a\$?"
     assert told.plain("x" * 61) == "x" * 57 + "…"
-
-
-SITE = {"point": (1.0, 2.0, 3.0), "direction": (0.0, 0.0, 1.0)}
-
-
-@pytest.mark.parametrize(
-    ("info", "known"),
-    [
-        (ModelInfo(**SITE), True),
-        (ModelInfo(points={"a": (1.0, 2.0, 3.0), "b": (0.0, 0.0, 1.0)}), False),
-        (ModelInfo(point=(1.0, 2.0), direction=(0.0, 1.0)), False),
-        (ModelInfo(), False),
-    ],
-)
-def test_a_part_is_seen_from_several_sides_where_its_site_is_known(tmp_path, info, known):
-    found = results(tmp_path, history=HIT, structure=object(), model=SimpleNamespace(info=info))
-    views = [p for p in told._of_impact(found, []) if p.heading.startswith("Deformed")]
-    assert [p.again for p in views] == ([False, True, True] if known else [False])
-    given = views[-1].draw.keywords
-    assert {n: given.get(n) for n in SITE} == (SITE if known else dict.fromkeys(SITE))
-
-
-def test_files_have_no_nan(tmp_path):
-    content = {"a": math.nan, "b": np.array([1.0, math.inf]), "c": np.float64(math.nan), 5: (1,)}
-    output.write_numbers(tmp_path / "n.json", content)
-    read = json.loads((tmp_path / "n.json").read_text())
-    assert [read[key] for key in "abc5"] == [None, [1.0, None], None, [1]]
-    output.write_table(tmp_path / "t.csv", {"x, y": [0.1, math.nan], "n": np.array([1, 2])})
-    assert (tmp_path / "t.csv").read_text() == '"x, y",n\n0.1,1\n,2\n'
 
 
 def test_names_with_control_characters_are_refused(tmp_path):

@@ -11,18 +11,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import report as output
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from paths import MESHES
 from scene_files import (
     BEAM,
-    BRACKET,
-    FRAME,
-    HIT,
-    MATERIAL,
     PROBE,
-    SCENES,
-    SITE,
     STRIKE,
     SWEEP,
     antiosc,
@@ -50,33 +43,6 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     probes = table(tmp_path / "out/probes.csv")
     assert np.array_equal(probes["quarter z (m)"], found.probes["quarter"][:, 2])
     assert np.abs(probes["quarter z (m)"]).max() > 0
-
-
-def test_the_program_is_the_api_as_users_write_it(tmp_path):
-    hit = objects(written(tmp_path, BEAM)).history
-    part = ao.Structure.from_files(
-        f"{SCENES}/beam_K.mtx", f"{SCENES}/beam_M.mtx", map=f"{SCENES}/beam_nodes.txt"
-    )
-    model = ao.extract(part, ao.Site(node=9, dof="z"), n=6)
-    own = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(5e8), 2e-3)
-    assert np.array_equal(hit.force, own.force)
-    # closed form: k0 = 48 E I / L³ of a simply supported beam at its middle
-    assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_a_scene_of_several_contacts_runs_as_its_program(tmp_path, capsys):
-    path = written(tmp_path, FRAME)
-    assert antiosc("run", path, "--out", tmp_path / "out") == 0
-    told = capsys.readouterr().out
-    hit = objects(path).history
-    assert hit.summary() in told
-    first = hit["structure:middle", "ball"]
-    result = numbers(tmp_path / "out")["result"]
-    assert result["contacts"]["structure:middle - ball"]["peak_force"] == first.peak_force > 0
-    columns = table(tmp_path / "out/history.csv")
-    second = hit["structure:end", "stop"]
-    assert np.array_equal(columns["structure:end - stop force (N)"], second.force)
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):
@@ -109,17 +75,6 @@ def test_a_sweep_of_structures_is_many_scenes(tmp_path):
         assert batch.peak_force[k] == pytest.approx(hit.peak_force, rel=2e-3)
 
 
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_sweep_of_materials_and_meshes(tmp_path):
-    lists = "[sweep]\nmaterial.E = [70e9, 210e9]\nmaterial.rho = [2700, 7850]\n"
-    batch = objects(written(tmp_path, BRACKET + HIT + lists), "sweep").batch
-    stiff = BRACKET.replace("E = 70e9", "E = 210e9").replace("rho = 2700", "rho = 7850")
-    hit = objects(written(tmp_path, stiff + HIT)).history
-    assert batch.peak_force[1] == pytest.approx(hit.peak_force, rel=2e-3)
-    assert batch.peak_force[0] < batch.peak_force[1]
-
-
 @pytest.mark.parametrize(
     ("sweep", "held"),
     [
@@ -145,16 +100,6 @@ def test_mistakes_of_a_sweep(tmp_path, capsys, sweep, held):
     (told,) = capsys.readouterr().err.splitlines()
     assert held in told
     assert int(re.search(r"scene.toml:(\d+):", told)[1]) > len(BEAM.splitlines())
-
-
-def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
-    first = written(tmp_path, BEAM + "[output]\nmodel = true\n")
-    assert antiosc("run", first, "--out", tmp_path / "out") == 0
-    start = BEAM.index("[impactor]")
-    again = written(tmp_path, '[model]\npath = "out/model.npz"\n' + BEAM[start:], "again.toml")
-    assert antiosc("run", again, "--out", tmp_path / "again") == 0
-    peaks = [numbers(tmp_path / name)["result"]["peak_force"] for name in ("out", "again")]
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
 
 
 def test_a_mistake_that_shows_in_the_run_has_its_line(tmp_path, capsys):
@@ -242,28 +187,6 @@ def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, caps
         assert ("outside the box of bracket" in capsys.readouterr().err) == bool(found)
 
 
-@pytest.mark.fem
-def test_parts_of_an_assembly_are_tested_in_their_places(tmp_path, capsys):
-    pytest.importorskip("dolfinx")
-    one = f'[parts.X.geometry]\nsource = "{MESHES}/beam.msh"\n{MATERIAL.format("parts.X.material")}'
-    text = one.replace("X", "a") + one.replace("X", "b") + "[at.b]\nshift = [0, 0, 5]\n" + SITE
-    for z, found in ((5, 0), (2, 1)):
-        path = written(tmp_path, text.replace("point = [0, 0, 0]", f"point = [0.5, 0, {z}]"))
-        assert antiosc("check", path) == found
-        assert ("2 m outside the box of beam.msh" in capsys.readouterr().err) == bool(found)
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_what_was_told_comes_before_an_error(tmp_path, capsys):
-    pytest.importorskip("dolfinx")
-    scene = STRIKE.partition("[strike]")[0].replace("velocity = 2.0", "velocity = 2000.0")
-    scene = scene.replace("stiffness = 1e9", "stiffness = 1e11").replace("4e-3", "6e-3")
-    assert antiosc("run", written(tmp_path, scene + "[simulate]\nduration = 1e-4\n")) == 1
-    told = capsys.readouterr().err
-    assert told.index("2000 m/s is faster") < told.index("the peak force")
-
-
 def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):
     path = written(tmp_path, BEAM + SWEEP)
     assert antiosc("run", path, "--dry-run") == 0
@@ -319,13 +242,6 @@ def test_the_schema_knows_every_section_and_key(capsys):
     assert "trust" not in json.dumps(found["properties"]["geometry"])
 
 
-def test_warnings_are_told_and_kept(tmp_path, capsys):
-    text = BEAM.replace("duration = 2e-3", "duration = 1e-5")
-    assert antiosc("run", written(tmp_path, text), "--out", tmp_path / "out") == 0
-    assert "The run ends during contact" in capsys.readouterr().err
-    assert "The run ends during contact" in numbers(tmp_path / "out")["warnings"][0]
-
-
 def test_an_impactor_by_name(tmp_path, capsys):
     start, end = BEAM.index("[impactor]"), BEAM.index("[simulate]")
     hammer = """[impactor]
@@ -367,12 +283,6 @@ assert main(["check", {str(mesh)!r}]) == 1
     told = [line for line in done.stderr.splitlines() if line.startswith(str(mesh))]
     assert any(":4: material cannot be used here" in line for line in told)
     assert len(told) == len(done.stderr.splitlines()) - 2
-
-
-def test_no_cell_of_a_table_is_a_formula_of_a_spreadsheet(tmp_path):
-    columns = {"=1+1 (N)": np.array([1.0, -2.0]), "@x": ["=HYPERLINK(1)", "-5"], "n": ["a", -3]}
-    text = output.write_table(tmp_path / "t.csv", columns).read_text()
-    assert text == "'=1+1 (N),'@x,n\n1.0,'=HYPERLINK(1),a\n-2.0,'-5,-3\n"
 
 
 @pytest.mark.parametrize("E", ["70e9", "7e9"])

@@ -39,11 +39,6 @@ def test_materials_of_scene_files_have_strengths(tmp_path):
     assert material(tmp_path, text).layers[0].strength == ao.Strengths(1.5e9, 1.2e9, 4e7, 2e8, 7e7)
 
 
-def test_a_strength_that_is_none_is_refused(tmp_path):
-    with pytest.raises(ao.InputError, match=r"scene.toml:11: .*yield_strength"):
-        material(tmp_path, SOLID + "yield_strength = -1.0")
-
-
 @pytest.mark.slow
 def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, capsys):
     path = tmp_path / "scene.toml"
@@ -61,11 +56,3 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     path.write_text(BRACKET + HIT.replace("2e-3", "3e-4") + '[stress]\nquantity = "stress"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     assert list(numbers(tmp_path / "out")["stress"]) == ["stress"]
-
-
-@pytest.mark.parametrize(("kind", "meant"), [("Ball", "Sphere"), ("wall", "Obstacle")])
-def test_a_class_by_another_word_is_suggested(kind, meant, tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(BRACKET + HIT.replace('"RigidMass"', f'"{kind}"'))
-    with pytest.raises(ao.InputError, match=f"mean '{meant}'"):
-        compiled(read(path))

@@ -12,25 +12,6 @@ import antiosc as ao
 from scenes import case_two
 
 
-def test_patch_compliance_and_its_limit():
-    model = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
-    impactors = ao.sweep(ao.RigidMass, mass=0.01, velocity=[0.1, 0.2])
-    batch = ao.simulate_many(model, impactors, ao.Hertz(1e9), 2e-3)
-    alone = [ao.simulate(model, i, ao.Hertz(1e9), 2e-3).peak_force for i in impactors]
-    assert batch.peak_force.tolist() == alone
-    hard = ao.RigidMass(1.0, 30.0)
-    with pytest.raises(ao.AccuracyError) as alone:
-        ao.simulate(model, hard, ao.Hertz(1e9), 1e-2)
-    with pytest.warns(ao.AccuracyWarning, match="1 of 2 scenes .1., as scene 1: the peak force"):
-        batch = ao.simulate_many(model, [ao.RigidMass(0.01, 0.1), hard], ao.Hertz(1e9), 1e-2)
-    # the same peak force, though beyond the law's range
-    assert batch.message[1].startswith(str(alone.value)[:40])
-    assert batch.status.tolist() == [0, 2]
-    assert np.isnan(batch.peak_force).tolist() == [False, True]
-    with pytest.raises(ao.AccuracyError, match="scene 0: the peak force"):
-        ao.simulate_many(model, hard, ao.Hertz(1e9), 1e-2)
-
-
 def peak_of(mass: float, velocity: float) -> float:
     """A scene of one's own, which a process imports by its name; it fails for a mass below 0."""
     return ao.simulate(case_two(2)[0], ao.RigidMass(mass, velocity), ao.Hertz(1e9), 1e-3).peak_force
@@ -113,17 +94,3 @@ def test_a_sweep_keeps_what_an_executor_has_made():
     assert again[1].mass == 2.0
     with pytest.raises(ao.AntioscError, match="shutdown"):
         ao.simulate_many(case_two(2)[0], masses, ao.Hertz(1e9), 1e-3, executor=closed_pool())
-
-
-def test_a_batch_does_not_depend_on_those_before():
-    # the march keeps the responses of the modes, here of as many as before
-    model, other = (
-        ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1, 0.2], omega=omega)
-        for omega in ([1e3, 2e3], [1.5e3, 9e3])
-    )
-    strikers = ao.sweep(ao.RigidMass, mass=[0.2, 0.5], velocity=1.0)
-    first, _, again = (
-        ao.simulate_many(each, strikers, ao.Hertz(1e9), 4e-3) for each in (model, other, model)
-    )
-    alone = [ao.simulate(model, each, ao.Hertz(1e9), 4e-3).peak_force for each in strikers]
-    assert again.peak_force.tolist() == first.peak_force.tolist() == alone

@@ -103,13 +103,6 @@ def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
     assert not engine._kept
 
 
-def test_few_responses_are_kept(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", [])
-    for mass in np.linspace(0.1, 1, 2 * engine._MOST_KEPT):
-        forces(blow(0.1, mass=float(mass)), 1e-4)
-    assert len(engine._kept) == engine._MOST_KEPT
-
-
 def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
     """A held beam and a mass that is pushed in time, in flight and in contact."""
     bodies = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.5)}

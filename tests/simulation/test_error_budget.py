@@ -48,13 +48,6 @@ def test_bars_hold_the_difference_to_the_corrected_model():
     assert budget.energy_error == pytest.approx(0.02, rel=1e-9)
 
 
-def test_a_coarse_mesh_has_wider_bars_and_a_note():
-    fine, coarse = (struck(model(share)).error_budget for share in (0.09, 0.12))
-    assert coarse["peak_force"].mesh > 0.9 * SAFETY_COARSE / SAFETY * fine["peak_force"].mesh
-    assert any("the mesh is coarse" in note for note in coarse.notes)
-    assert not any("coarse" in note for note in fine.notes)
-
-
 @pytest.mark.parametrize("faces", [3e-3, 6e-3])
 def test_faces_above_the_patch_widen_the_bars_by_their_size(faces):
     facts = ({}, {"patch": {"faces": faces}})
@@ -127,19 +120,6 @@ def test_the_patch_counts_by_its_second_radius():
     assert budget["peak_force"].patch == pytest.approx(changed["peak_force"], rel=0.1)
     assert budget["peak_force"].patch > 1e-4
     assert not budget.notes
-
-
-@pytest.mark.parametrize("law", [ao.Linear(1e7), ao.Hertz(1e9)])
-def test_a_radius_without_a_second_one_is_told(law):
-    given = model(local_compliance=2e-8 if isinstance(law, ao.Linear) else 0.0, radius=2e-3)
-    budget = ao.simulate(given, STRIKER, law, 3e-3).error_budget
-    assert "Not included: the radius of the patch." in budget.notes
-
-
-def test_no_contact_no_bar():
-    budget = ao.simulate(model(), STRIKER, LAW, 1e-4, gap=1.0).error_budget
-    assert budget.worst == 0
-    assert "did not touch" in str(budget)
 
 
 @pytest.mark.parametrize("share", [0.04, 0.06])

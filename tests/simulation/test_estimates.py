@@ -100,21 +100,6 @@ def test_estimates_cover_the_true_errors_of_random_scenes():
     assert np.mean(np.all(true <= tol[:, None], axis=1)) > 0.9
 
 
-@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
-def test_errors_of_a_method_of_known_order_are_covered(order):
-    """e = h^order with a peak whose error changes sign: two runs at h and h/2^k differ by D."""
-    control = Refinement(1e-9)
-    h, peak = 1.0, 1.0
-    for _ in range(6):
-        finer = h / 2**control.halvings
-        after = -0.3 * peak * (finer / h) ** order
-        control.update(h**order - finer**order, abs(peak - after) * 0.5)
-        h, peak = finer, after
-        assert control.error["force"] >= h**order * (1 - 1e-9)
-        assert control.error["peak"] >= control.error["force"]
-        assert control.error["peak"] >= 0.5 * abs(peak)
-
-
 def test_a_peak_that_two_runs_share_by_chance_is_not_taken_for_exact():
     control = Refinement(0.5)
     control.update(0.1, 0.05)

@@ -15,7 +15,6 @@ from march_audit import Motion, Steps
 
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
-SHARES = np.linspace(0, 1, 101)
 #: Other laws of the same kind have the same ledgers.
 ALIKE = ("Hertz1", "Power3", "Gonthier6", "Stronge8", "Tabulated12")
 NAMES = [name for name in SCENES if name not in ALIKE]
@@ -134,26 +133,6 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
             mine, other = getattr(nodes[body], each), getattr(same[body], each)
             atol = 1e-8 * np.abs(other).max(initial=1e-12)
             np.testing.assert_allclose(mine, other, rtol=0, atol=atol)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_contacts_have_the_impulse_the_peak_and_the_times_of_their_force(name: str) -> None:
-    hit, steps = history(name)
-    start, slope, bend = steps.force
-    dense = np.stack([start + u * steps.h * (slope + u * steps.h * bend / 2) for u in SHARES])
-    area = np.sum(steps.h * (start + steps.h * (slope / 2 + steps.h * bend / 6)), axis=0)
-    for c, contact in enumerate(hit.assembly.scene.contacts):
-        found = hit[contact.a, contact.b]
-        assert found.impulse == pytest.approx(area[c], rel=1e-9, abs=1e-15)
-        assert found.peak_force == pytest.approx(max(dense[:, :, c].max(), 0.0), rel=1e-4)
-        law, middle = hit.assembly.laws[c], slice(1, None, 2)
-        closed = hit.run.force[middle, c] != 0 if law.has_memory else hit.run.depth[middle, c] > 0
-        times = np.reshape(found.contacts, (-1, 2))
-        assert np.ptp(times, axis=1).sum() == pytest.approx(steps.h[closed].sum())
-        spans = np.subtract.outer(times[:, 1], times[:, 0])  # the main impact is contacts in a row
-        assert found.contact_time in (spans if times.size else [0.0])
-        first, count = hit.assembly.system.tangents[c]
-        np.testing.assert_array_equal(found.friction, hit.run.force[:, first : first + count])
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "own"])

@@ -91,8 +91,4 @@ def test_rod_on_a_wall(book, case):
     assert hit.bodies["rod"].momentum[-1, 0] == pytest.approx(momentum, rel=0.02)
 
 
-def test_every_rod_of_the_book_is_tried(book):
-    assert set(WALLS) == set(book("rods").WALLS)
-
-
 # SDNL301. The book runs it by central differences, as it was published.

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.contact import restitution_of
 from antiosc.simulation.histories import amplitudes, forces_of, times_of
 
 UP = (0.0, 0.0, 1.0)
@@ -65,37 +64,25 @@ def coupled(law: ao.ContactLaw) -> ao.Scene:
     return scene({"b": body}, [ao.Contact("b:a", "m", LAW), ao.Contact("w", "b:b", law)])
 
 
-def on_its_side() -> ao.SceneHistory:
-    side = ao.SiteModes([0.0], [[1.0]], ["tip"], directions=[(1.0, 0, 0)])
-    return ran({"a": FLAT, "b": side}, [ao.Contact("a:tip", "b:tip", LAW)])
-
-
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ran({"b": 3.0}), "body 'b' must have a modal"),
     (lambda: scene({"a:b": MASS}), "without ':'; got 'a:b'"),
     (lambda: ao.Scene({"w": WALL, "v": CUBE}, [ao.Contact("w", "v:nose", LAW)]).run(1e-4),
      "'v:nose' names no site of the body 'v'; it has v:foot"),
     (lambda: scene(contacts=[TOUCH, "w"]), "contacts must be Contact objects; got str"),
-    (lambda: scene(loads=[TOUCH]), "loads must be Load objects; got Contact"),
     (lambda: scene(base=3.0), "base must be a Base; got float"),
     (lambda: scene(motion={"x": 1.0}), r"motion names the bodies \['x'\]"),
     (lambda: ran(motion={"w": 1.0}), "body 'w' is an obstacle, which does not move"),
     (lambda: ran({"c": CUBE}, motion={"c": 1.0}), "'c' moves in space: give its start as a Motion"),
     (lambda: ran(loads=[ao.Load("w", [0.0], [1.0])]), "the load on 'w' acts on an obstacle"),
     (lambda: scene().run(1e-4, tol=1.0), "0 < tol < 1; got 1"),
-    (lambda: scene().run(1e-4, tol=0.0), "tol must be > 0"),
-    (on_its_side, "the contact at 'b:tip' is along"),
-    (lambda: rubbing(FLAT).run(1e-4), "needs a site with tangential directions"),
     (lambda: rubbing(WIDE, ao.HuntCrossley(1e6, 0.5)).run(1e-4, method="DOP853"),
      "does not support friction beside a rate-dependent law"),
-    (lambda: ao.Scene({"b": FLAT, "w": WALL}, [ao.Contact("b:tip", "w", LAW)], UP).run(1e-4),
-     "gravity or the ground's motion on 'b' needs what its motion carries"),
     (lambda: ran(gravity=UP), "gravity as a vector needs the direction of 'm'"),
     (lambda: ran({"b": WIDE, "c": CUBE}, [ao.Contact("c:foot", "w", LAW)],
                  base=ao.Base([0.0], [1.0])), "on 'b' needs what its motion carries"),
     (lambda: ran(contacts=[ao.Contact("w", "m", Forgetful(1e6))]), "up to 6 numbers; Forgetful"),
     (lambda: ao.RigidBody(1.0, (1.0, -1.0, 1.0), {}), "symmetric and positive definite"),
-    (lambda: ao.RigidBody(1.0, np.eye(3) + 0.1 * np.eye(3, k=1), {}), "symmetric and positive"),
     (lambda: ao.RigidBody(1.0, (1.0, 1.0, 5.0), {}), "principal moments 1, 1, 5"),
     (lambda: ao.Scene({"c": CUBE, "m": MASS}, [ao.Contact("c:foot", "m", LAW)],
                       base=ao.Base([0.0], [9.81])).run(1e-4), "no body of the scene stands on"),
@@ -105,24 +92,18 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e-320]), "every omega must be"),
     (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": 3.0}), r"site 'a' must be \(point, direction\)"),
     (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": (UP, (0, 0, 0))}), "must not be a zero vector"),
-    (lambda: ran().bodies["m"].rotation, "'m' does not know how it turns"),
     (lambda: ran().bodies["m"].angular_momentum(), "'m' does not know how it turns"),
     (lambda: ran({"b": FLAT}).bodies["b"].momentum, "'b' does not know what it carries"),
-    (lambda: ran().coordinates(0.0, "b"), "there is no body 'b' in the scene: name one of m, w"),
     (lambda: ran({"c": CUBE}).of("c"), "'c' is a RigidBody, which has no field"),
-    (lambda: ran().field(0.0, "m"), "has no displacement field"),
-    (lambda: ran().at(-1e-9), "t must lie within the run"),
     (lambda: amplitudes(ran(), np.zeros(1), "m"), "has no displacement field"),
     (lambda: forces_of(ran({"c": CUBE}).bodies["c"], np.zeros(1), ""), "no displacement field"),
     (lambda: times_of(ran().bodies["m"], [0.0]), "known at its own times: probe"),
     (lambda: ao.Scene({"v": WALL, "w": WALL, "m": ao.SiteModes([], np.zeros((0, 1)), ["a"])},
                       [ao.Contact("m", "w", LAW)]).run(1e-4), "nothing in the scene can move"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, gravity=UP), "knows the direction of impact"),
-    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4).momentum, "momentum of AntiOscillators is not"),
     (lambda: ao.simulate(WALL, MASS, LAW, 1e-4, n=3), "only AntiOscillators can be truncated"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, n="all"), "a number of anti-oscillators or"),
     (lambda: ao.truncation_error(MASS, lambda m, tol: None), "only AntiOscillators can be trunc"),
-    (lambda: ao.truncation_error(MODEL, 3.0), "a function run"),
     (lambda: ao.truncation_error(MODEL, lambda m, tol: 3.0), "what run returns must be a History"),
     (lambda: ao.contact_stress(ao.Sphere(0.01, 2e11, 0.3, 7800.0), 10.0, 2e11, 0.3, radius=0.0),
      "radius must not be 0; inf is a flat surface"),
@@ -132,48 +113,35 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: many(impactors=[]), "at least one scene"),
     (lambda: many(duration=[1e-4, -1e-4]), "scene 1: duration must be > 0"),
     (lambda: many(step=[1e-6, 1.0]), "scene 1: step must be <= the duration"),
-    (lambda: many(contacts=["hertz"]), "ContactLaw"),
     (lambda: many(executor="processes"), r"a concurrent\.futures\.Executor"),
     (lambda: ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0] * 3), "mass: 2, velocity: 3"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, "euler"), "method must be 'exact', 'newmark'"),
-    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, tol=1.0), "0 < tol < 1"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, n=99), "n must be <= 1"),
     (lambda: ao.simulate(MODEL, WALL, LAW, 1e-4, initial_velocity=1.0), "supported body"),
     (lambda: ao.simulate(RIGID, MASS, LAW, 1e-4, gravity=9.81), "participation"),
-    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4).error_budget, "error='estimate'"),
-    (lambda: ao.simulate(SPRING, WALL, LAW, 1e-4), "nothing can move"),
     (lambda: ao.simulate_many(SPRING, WALL, LAW, 1e-4), "nothing can move"),
     (lambda: ao.choose_n(MODEL, lambda m, tol: None, tol=2.0), "0 < tol < 1"),
     (lambda: ao.Obstacle(velocity=1.0), "an obstacle is fixed"),
-    (lambda: ao.ModalBody([1.0], [1.0], decay=[-1.0]), "decay must be >= 0"),
-    (lambda: ao.Damping(ratio=-0.1), "ratios"),
     (lambda: ao.Scene(BODIES, []), "at least one Contact"),
     (lambda: ran(contacts=[ao.Contact("x", "m", LAW)]), "no body 'x'"),
     (lambda: ran({"v": WALL}, [ao.Contact("w", "v", LAW)]), "both ends"),
     (lambda: scene(contacts=[TOUCH, ao.Contact("m", "w", LAW)]), "same ends"),
     (lambda: ran(contacts=[ao.Contact("w", "m", LAW, friction=0.3)]), "friction between"),
     (lambda: ao.Contact("m", "m", LAW), "must differ"),
-    (lambda: ao.Contact("w", "m", 1e6), "ContactLaw"),
     (lambda: ran()["m", "w"], "there is no contact"),
-    (lambda: scene().run(1e-4, step=0.1), "step must be <= the duration 0.0001 s; got 0.1 s"),
     (lambda: ao.Scene({"c": CUBE, "w": WALL}, [ao.Contact("c:foot", "w", LAW)], UP,
                       preload=True).run(1e-4), "no static equilibrium"),
     (lambda: coupled(LAW).run(1e-4, method="conserving"), "couples contacts"),
-    (lambda: coupled(ao.HuntCrossley(3e8, 0.5)).run(1e-4, method="Radau"), "at a massless"),
     (lambda: ao.Power(1.0, 0.5), "exponent must lie in"),
     (lambda: ao.HuntCrossley(1.0, 1.1), r"0 < e <= 1; got 1.1"),
     (lambda: ao.TanSun(1.0, 1.0, slope=1.0), "slope must lie in"),
-    (lambda: restitution_of(-1.0), "d must be >= 0"),
     (lambda: ao.Hertz.from_radii(0.0, 1.0, 0.3), "non-zero radii"),
     (lambda: ao.Hertz.from_radii((1.0, np.inf), 1.0, 0.3), "must part in every direction"),
     (lambda: ao.Hertz.from_radii((1.0, 2.0, 3.0), 1.0, 0.3), "a pair of principal radii"),
     (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.3, 1.0, -np.inf), "E2 must be"),
-    (lambda: ao.Tabulated([0, 1, 2], [0, 2, 1]), "force of the loading curve must increase"),
     (lambda: ao.Tabulated([0], [0]), "needs at least 2 points"),
     (lambda: ao.Tabulated([1, 2], [0, 1]), r"must start at \(0, 0\)"),
-    (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], 3.0), "must be a pair"),
     (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1], [0, 1])), "unloading curve must run"),
-    (lambda: ao.Tabulated([0, 1, 2], [0, 0.1, 2], ([0.1, 0.2, 2], [0, 1.9, 2])), "must lie below"),
 ]  # fmt: skip
 
 
@@ -189,17 +157,6 @@ def test_a_force_beyond_its_law_is_told_with_the_contact() -> None:
         brittle.run(4e-3)
     with pytest.raises(ao.AccuracyError, match=r"the peak force .* exceeds 1 N"):
         ao.simulate(MODEL, MASS, Brittle(1e6), 4e-3)
-
-
-def test_nearly_what_is_refused_is_taken() -> None:
-    """The smallest hollow, tilted ends, inertias with a tensor: just inside the rules."""
-    steel = ao.Sphere(0.01, 2e11, 0.3, 7800.0)
-    assert ao.contact_stress(steel, 10.0, 2e11, 0.3, radius=-0.0101).radius > 0
-    tensor = np.array([[2.0, 0.5, 0], [0.5, 2.0, 0], [0, 0, 1.0]])
-    assert np.array_equal(ao.RigidBody(1.0, tensor, {}).inertia, tensor)
-    assert ran(motion={"m": 2.0}).bodies["m"].velocity()[0] == 2.0
-    hit = ran({"b": WIDE}, [ao.Contact("b:tip", "w", LAW, friction=0.3), TOUCH])
-    assert hit["b:tip", "w"].friction.shape[1] == 1
 
 
 @pytest.mark.parametrize(

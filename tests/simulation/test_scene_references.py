@@ -10,13 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.base import march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.march import engine
 from antiosc.simulation.march.engine import run
 from antiosc.simulation.states import forces, located
 from direct import beam, force_error, free_modes, physical
-from march_builds import built
 
 Array = NDArray[np.float64]
 EI, RHO_A, LENGTH = 20.0, 0.8, 0.5  # a strip of aluminium, 30 mm x 6 mm and half as stiff
@@ -166,22 +163,6 @@ def test_other_methods_meet_their_tolerance(posed: Callable[[], Posed], method: 
     assert hit.energy.drift < 5e-3
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog"])
-def test_fixed_steps_are_of_second_order(method: str) -> None:
-    """Of the velocities at the end: forces that begin with a kink are met to the power 3/2."""
-    scene, duration, _ = bar_on_two_springs()
-    exact = scene.run(duration, tol=1e-5).run.states
-    assert exact is not None
-    errors = []
-    for halvings in range(5):
-        hit = scene.run(duration, method=method, step=duration / 120 / 2.0**halvings)
-        assert hit.error == {}
-        assert hit.run.states is not None
-        errors.append(float(np.linalg.norm(hit.run.states[-1, 1] - exact[-1, 1])))
-    assert np.log2(errors[0] / errors[-1]) / 4 > 1.7
-
-
 @pytest.mark.parametrize("posed", LONG)
 def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> None:
     """An eighth of the share of error halves the steps of a scheme of order three.
@@ -198,21 +179,3 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
     gained = np.log2(errors[0] / errors[-1])
     assert gained / 4 > 1.7
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("posed", SCENES)
-def test_sweeps_and_newtons_method_agree(
-    posed: Callable[[], Posed], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene, duration, _ = posed()
-    made = assemble(scene, duration)
-    runs = []
-    for library in (built(), built("SWEEPS=0")):
-        monkeypatch.setattr(march, "library", library)
-        monkeypatch.setattr(engine, "_kept", [])
-        runs.append(run(made.system, duration / 2, 1e-3, fine=made.lasting / 200))
-    a, b = runs
-    assert a.touches > 0
-    assert a.time.size == b.time.size
-    np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import Field, fields
 from functools import wraps
 from math import inf, isfinite
-from numbers import Integral, Real
+from numbers import Rational, Real
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, overload
 
@@ -95,7 +95,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
     sound = type(value) is int or (
         isinstance(value, Real)
         and not isinstance(value, _TRUTH)
-        and (isinstance(value, Integral) or float(value).is_integer())
+        and (value.denominator == 1 if isinstance(value, Rational) else float(value).is_integer())
     )
     if not sound or (result := int(value)) < least:  # type: ignore[call-overload]
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")

@@ -83,23 +83,6 @@ def test_the_basis_of_many_dofs(monkeypatch):
     assert (W[np.flatnonzero(held)] != scipy.sparse.identity(900, format="csr")[held]).nnz == 0
 
 
-@pytest.mark.slow
-def test_parts_with_different_nodes_do_not_fill_the_factor():
-    """A flat sheet on a block: the factor is as sparse as those of both by themselves."""
-    sheet = ao.Structure(
-        box((0, 0), (0.2, 0.2), (14, 14), "triangle"), ao.Shell(E, NU, 2700.0, 2e-3),
-        [ao.Support("x0")],
-    )  # fmt: skip
-    block = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (2, 2, 2)), SOLID, [ao.Support("z0")])
-    joined = ao.assemble(
-        {"sheet": sheet, "block": block},
-        [ao.Weld(("sheet", (0.1, 0.1, 0.0)), "block:z1")],
-        {"block": (0.09, 0.09, -0.02)},
-    )
-    alone = sum(part.factorize().entries for part in (sheet, block))
-    assert joined.factorize().entries < 1.3 * alone
-
-
 N = 30
 
 

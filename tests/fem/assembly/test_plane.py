@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.base.errors import AntioscWarning
 from assemblies import NU, RHO, E, box, line
 
 pytestmark = [
@@ -154,20 +151,3 @@ def test_every_joint_in_the_plane_is_the_one_in_space():
         for kind in ("force", "moment"):
             own, there = (getattr(each, kind)[name] for each in (held, reference))
             np.testing.assert_allclose(own, there, rtol=0, atol=1e-5 * np.abs(there).max())
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
-def test_free_plane_assemblies_are_those_in_space():
-    """Two motions that the equation allows; five where the hinge and the ball turn besides."""
-    for braced, count in ((True, 2), (False, 5)):
-        parts = []
-        for space in (False, True)[: 1 + braced]:
-            with warnings.catch_warnings(record=True) as told:
-                warnings.simplefilter("always", AntioscWarning)
-                parts.append(assembly(space, held=False, braced=braced))
-            leave = [each for each in told if "the joints leave" in str(each.message)]
-            assert len(leave) == (not braced)
-            assert parts[-1].rigid_modes.shape[1] == count
-        if braced:
-            check_alike(*(ao.extract(part, SITE, n=16) for part in parts))

@@ -12,11 +12,10 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.shared_nodes import SharedNodes
-from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
 from antiosc.fem.platform import compat
-from assemblies import eigenfrequencies, static
+from assemblies import eigenfrequencies
 
 pytestmark = [
     pytest.mark.fem,
@@ -148,41 +147,6 @@ def test_a_skin_of_shell_on_a_solid_follows_it():
     assert inertia.point == pytest.approx([0.5, 0.5, 0.5])
     # the first moment about the middle of the block is that of the skin
     assert np.abs(inertia.matrix[:3, 3:]).max() == pytest.approx(27.0 * 0.5, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_beam_on_a_shell_turns_with_it():
-    """A post on the corner of a plate: its tip moves by the plate's rotation, too."""
-    x, quads, triangles = plate(2)
-    cells = np.vstack([quads[:, [0, 1, 2]], quads[:, [3, 2, 1]], triangles])
-    corner = len(x) - 1
-    heights = np.linspace(0, 0.1, 3)[1:]
-    points = np.vstack([x, [[0.4, 0.2, h] for h in heights]])
-    line = np.array([[corner, corner + 1], [corner + 1, corner + 2]])
-    sheet, of_sheet = made(points, cells, "triangle")
-    post, of_post = made(points, line, "interval")
-    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
-    both = joined_at_nodes(
-        {
-            "sheet": ao.Structure(sheet, SHELL, [clamp]),
-            "post": ao.Structure(post, ao.Beam(70e9, 0.3, 2700.0, ao.Section.circle(0.02))),
-        },
-        {"sheet": of_sheet, "post": of_post},
-    )
-    tip = ao.Site((0.4, 0.2, 0.1), (1, 0, 0))
-    u = static(both, tip)
-    foot, top = (both.fields(u[:, None], "post")[0][1][k, 0] for k in (0, 4))
-    assert abs(top) > 2 * abs(foot)
-    # the work of the force is that of the post as a cantilever, and of the plate under the same
-    # force and moment
-    post_alone = ao.Structure(
-        post, both.layout.members["post"].part.parts[0][0], [ao.Support(lambda x: x[2] < 1e-9)]
-    )
-    own = 1 / ao.extract(post_alone, tip, n=0).k0
-    member = both.layout.members["sheet"]
-    plate_energy = both.fields(u[:, None], "sheet")[0][1][:, 0]
-    strained = plate_energy @ (csr(member.part.K) @ plate_energy)
-    assert 1 / ao.extract(both, tip, n=0).k0 == pytest.approx(own + strained, rel=1e-6)
 
 
 @pytest.mark.sample

@@ -9,8 +9,6 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.assembled import rigid_motions
-from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from marks import FREE_ON_PURPOSE
 
@@ -99,56 +97,6 @@ def test_a_tie_of_faces_that_follow_other_joints():
         assert pair.dofs == 2 * 3 * (27 - 9) + 6
         assert pair.rigid_modes.shape[1] == 6
     assert eigenfrequencies(once, 9)[6:] == pytest.approx(eigenfrequencies(twice, 9)[6:], rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_tie_converges_as_the_coarser_of_its_sides(order):
-    """The first elastic frequency of a free plate of two parts, beside either mesh alone."""
-    material = ao.Solid(E, NU, 2700.0, plane="stress")
-
-    def squared(structure):
-        return eigenfrequencies(structure, 4)[3] ** 2
-
-    exact = squared(ao.Structure(box((0, 0), (2, 1), (20, 10), QUAD), material))
-    for n in (2, 4, 6):
-        left = ao.Structure(box((0, 0), (1, 1), (n, n), QUAD), material, order=order)
-        right = ao.Structure(box((1, 0), (2, 1), (n + 1, n + 1), TRI), material, order=order)
-        tied = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
-        alone = [
-            ao.Structure(box((0, 0), (2, 1), counts, cell), material, order=order)
-            for counts, cell in (((2 * n, n), QUAD), ((2 * n + 2, n + 1), TRI))
-        ]
-        error, *others = (abs(squared(one) / exact - 1) for one in (tied, *alone))
-        assert error < 1.02 * max(others)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_tie_keeps_mass_and_rigid_motions(turned):
-    """A free bar of two parts, the second one made elsewhere and brought to its place."""
-    left = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2), HEX), SOLID, order=1)
-    right = ao.Structure(box((1, 0, 0), (2, 1, 1), (1, 3, 3), TET), SOLID, order=1)
-    place = None
-    if turned:
-        right = ao.Structure(box((0, 0, 1), (1, 1, 2), (3, 3, 1), TET), SOLID, order=1)
-        place = {"right": ao.Placement(axis=(0, 1, 0), angle=np.pi / 2, shift=(0, 0, 1))}
-    bar = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:z0" if turned
-                      else "right:x0")], place)  # fmt: skip
-    assert bar.mass == pytest.approx(2 * 2700.0, rel=1e-12)
-    assert bar.rigid_modes.shape[1] == 6
-    inertia, _ = bar.rigid_inertia
-    assert inertia.point == pytest.approx([1.0, 0.5, 0.5], abs=1e-12)
-    along, across = 5400.0 / 6, 5400.0 * 5 / 12
-    exact = np.diag([5400.0, 5400.0, 5400.0, along, across, across])
-    assert inertia.matrix == pytest.approx(exact, abs=1e-9)
-    low = eigenfrequencies(bar, 7)
-    assert (low[:6] < 1e-5 * low[6]).all()
-    # rigid motions: no force beside the sizes of its terms, and the parts follow them exactly
-    K, exact = csr(bar.K), rigid_motions(bar.layout, inertia.point)
-    q = bar.eliminated.coordinates(exact)
-    assert (np.abs(K @ q) <= 1e-12 * (abs(K) @ np.abs(q)).max(axis=0)).all()
-    assert bar.T @ q == pytest.approx(exact, abs=1e-12)
 
 
 def test_surfaces_near_each_other_are_tied_by_default():

@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
+from mpi4py import MPI
 
 import antiosc as ao
+import parts
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.shell import CUBIC, QUADRATIC, _dropped_of_cubics
@@ -167,42 +168,6 @@ def test_scordelis_lo_roof(cell, order):
     assert -y[dof(structure, corner, "z")] == pytest.approx(0.3020, rel=6e-3)
 
 
-def fluegge(m, n, R, L, t):
-    """Lowest frequency of a cylinder between diaphragms, m half waves by n waves (Love–Timoshenko).
-
-    The cubic of A. W. Leissa, Vibration of Shells (1973), eq. (2.35) with u, v, w as sin and cos.
-    """
-    lam, k = m * np.pi * R / L, t**2 / (12 * R**2)
-    uu = lam**2 + (1 - NU) / 2 * n**2
-    uv = (1 + NU) / 2 * lam * n
-    uw = NU * lam
-    vv = (1 - NU) / 2 * lam**2 + n**2 + k * (2 * (1 - NU) * lam**2 + n**2)
-    vw = n + k * n * (n**2 + (2 - NU) * lam**2)
-    ww = 1 + k * (lam**2 + n**2) ** 2
-    matrix = np.array([[uu, uv, uw], [uv, vv, vw], [uw, vw, ww]])
-    value = np.linalg.eigvalsh(matrix)[0]
-    return np.sqrt(value * E / (RHO * (1 - NU**2))) / R
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("cell", "order"), [("triangle", 2), ("quadrilateral", 2)])
-def test_cylinder_between_diaphragms(cell, order):
-    """A quarter cylinder panel, its straight edges held as nodal lines of n = 2, 4, …"""
-    R, L, t = 1.0, 1.0, 0.005
-    angle = np.pi / 2
-    mesh = sheet(
-        (8, 16), lambda s, v: (L * s, R * np.sin(angle * v), R * np.cos(angle * v)), cell, order
-    )
-    held = [
-        ao.Support(edges(0), ("y", "z", "rx")),
-        ao.Support(at(1, 0.0), ("x", "z", "ry")),  # sin(nθ) vanishes: w, u and the axial rotation's
-        ao.Support(at(2, 0.0), ("x", "y", "rz")),  # companions
-    ]
-    structure = ao.Structure(mesh, ao.Shell(E, NU, RHO, t), held)
-    exact = np.sort([fluegge(m, n, R, L, t) for m in (1, 2) for n in (2, 4, 6, 8, 10, 12)])[:4]
-    assert frequencies(structure, 4) == pytest.approx(exact, rel=5e-3)
-
-
 # --- bad input --------------------------------------------------------------------------------
 
 
@@ -215,3 +180,49 @@ def test_a_triangle_without_area():
         InputError, match=r"1 of 2 triangle cells have no area, one at \(1, 0, 0\) m"
     ):
         ao.Structure(mesh, ao.Shell(E, NU, RHO, 0.01))
+
+
+# --- Sheets that are struck beyond linear theory: which are told, and how much they stretch -------
+
+
+SIZE = (0.5, 0.3)
+RIM = {
+    "rim": (1, lambda x: np.isclose(abs(x[0] - 0.25), 0.25) | np.isclose(abs(x[1] - 0.15), 0.15)),
+    "left": (1, lambda x: np.isclose(x[0], 0.0)),
+}
+
+
+def model_of(thickness, *held, laminate=False):
+    mesh = parts.plate((10, 6), SIZE, groups=RIM)
+    mesh = ao.read_mesh(mesh.dolfinx) if not held else mesh
+    sheet = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=thickness)
+    if laminate:
+        layer = ao.Layer.isotropic(70e9, 0.33, 2700.0, thickness / 2)
+        sheet = ao.Laminate([layer, layer])
+    plate = ao.Structure(mesh, sheet, [ao.Support(where) for where in held])
+    return ao.extract(plate, ao.Site((0.25, 0.15, 0.0), (0, 0, -1)), n=10)
+
+
+def struck(model):
+    return ao.simulate(model, ao.RigidMass(0.2, 5.0), ao.Linear(1e6), 0.02)
+
+
+@pytest.mark.parametrize("laminate", [False, True])
+def test_a_clamped_thin_plate_is_told_of(laminate):
+    model = model_of(1.5e-3, "rim", laminate=laminate)
+    assert model.info.thickness == pytest.approx(1.5e-3)
+    with pytest.warns(ao.AccuracyWarning, match=r"thickness 1\.5 mm of its sheet.*nonlinear"):
+        hit = struck(model)
+    times = abs(hit.displacement).max() / 1.5e-3
+    assert 5 < times < 9
+    assert f"{times:.2g}" in hit.message
+
+
+def test_a_stiff_plate_a_cantilever_and_a_free_plate_are_not():
+    assert "deflects" not in struck(model_of(20e-3, "rim")).message
+    cantilever = model_of(1.5e-3, "left")
+    assert cantilever.info.thickness is None
+    hit = struck(cantilever)
+    assert abs(hit.displacement).max() > 5 * 1.5e-3
+    assert "deflects" not in hit.message
+    assert "deflects" not in struck(model_of(1.5e-3)).message

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 pytest.importorskip("dolfinx")
 
@@ -25,21 +24,6 @@ E, RHO, AREAS = 69e9, 2770.0, (1e-3, 3e-3)
 SECOND = np.arange(10) >= 6  # the diagonals are thicker
 
 
-def by_hand() -> tuple[np.ndarray, np.ndarray]:
-    """K and M of the ten-bar truss, the four fixed dofs last."""
-    K, M = np.zeros((12, 12)), np.zeros((12, 12))
-    for pair, thick in zip(BARS, SECOND, strict=True):
-        area = AREAS[int(thick)]
-        along = np.diff(POINTS[pair], axis=0)[0]
-        length = np.linalg.norm(along)
-        row = np.zeros((6, 2))
-        row[pair] = np.outer([-1, 1], along / length)
-        K += E * area / length * np.outer(row, row)
-        for node in pair:
-            M[[2 * node, 2 * node + 1], [2 * node, 2 * node + 1]] += RHO * area * length / 2
-    return K, M
-
-
 @pytest.fixture(scope="module")
 def truss() -> ao.Structure:
     mesh = parts.frame(POINTS, BARS, 1).dolfinx
@@ -52,18 +36,6 @@ def truss() -> ao.Structure:
     families = {k: ao.Truss(E, 0.3, RHO, a) for k, a in zip(groups, AREAS, strict=True)}
     wall = ao.Support(lambda x: np.isclose(x[0], 0))
     return ao.Structure(ao.read_mesh(mesh, groups=groups), families, [wall])
-
-
-def test_stiffness_masses_and_frequencies_are_those_by_hand(truss):
-    K, M = (matrix[:8, :8] for matrix in by_hand())
-    assert truss.dofs == 8
-    assert truss.mass == pytest.approx(np.trace(by_hand()[1]) / 2, rel=1e-12)
-    exact = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
-    np.testing.assert_allclose(ao.natural_modes(truss, 8).omega, exact, rtol=1e-10)
-    model = ao.extract(truss, ao.Site(tuple(POINTS[1]), (0.6, -0.8)), n=3)
-    b = np.zeros(8)
-    b[2:4] = 0.6, -0.8
-    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(K, b)), rel=1e-10)
 
 
 def test_axial_forces_and_stresses(truss):

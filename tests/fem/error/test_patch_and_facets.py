@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.error import model_errors
-from antiosc.fem.error.model_errors import estimator, faceted, layers, mean_gaps
+from antiosc.fem.error.model_errors import estimator, layers, mean_gaps
 from antiosc.fem.platform import compat
 from parts import STEEL, box, plate
 from sheets import sheet
@@ -29,19 +29,6 @@ def ring(n: int, cell: str) -> ao.Mesh:
     return sheet((2, n), polar, cell)
 
 
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_straight_cells_of_a_ring_are_facets(cell):
-    text = faceted(ring(9, cell))
-    assert "angles of up to 10°" in text
-    assert "order=2" in text
-
-
-def test_plane_faces_are_no_facets():
-    assert faceted(plate((3, 2))) == ""
-    assert faceted(box((2, 2, 2), cell="tetrahedron")) == ""
-    assert faceted(box((2, 2, 2))) == ""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_gaps_of_a_ring(cell):
@@ -58,24 +45,6 @@ def test_gaps_of_a_ring(cell):
     assert np.abs(gap[flat]).max() < 1e-15
     _, mass = layers(part)
     assert mass == pytest.approx(STEEL["rho"] * 0.02 * 0.75 * cut / part.mass, rel=5e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_gaps_of_a_tube(cell):
-    n = 15
-    mesh = box((n, 1, 2), (np.pi / 2, 1.0, 1.0), cell)
-    x = mesh.dolfinx.geometry.x
-    angle, radius = x[:, 0].copy(), 1 + x[:, 2]
-    x[:, 0], x[:, 2] = radius * np.sin(angle), radius * np.cos(angle)
-    part = ao.Structure(mesh, ao.Solid(**STEEL), order=1)
-    faces = part.faces
-    gap, area = mean_gaps(faces)
-    outer = np.linalg.norm(faces.centres[:, ::2], axis=1) > 1.9
-    cut = 2 * (np.pi / 2 - n * np.sin(np.pi / 2 / n)) * (n - 1) / n
-    assert (gap * area)[outer].sum() == pytest.approx(cut, rel=0.03)
-    assert layers(part)[1] == pytest.approx(STEEL["rho"] * (gap @ area) / part.mass, rel=1e-9)
-    assert (gap * area).sum() == pytest.approx(0.75 * cut, rel=0.05)
 
 
 def test_energy_of_layers_of_equal_strain():
@@ -100,19 +69,6 @@ def test_second_radius_is_a_second_extraction():
     change = 1 / other.k0 - other.local_compliance - (1 / one.k0 - one.local_compliance)
     assert one.info["patch"]["radius"] == pytest.approx(0.018 * 2**0.5)
     assert one.info["patch"]["compliance"] == pytest.approx(change, rel=1e-6)
-
-
-def test_a_patch_near_an_edge_takes_a_smaller_second_radius():
-    part = ao.Structure(box((6, 4, 2), (0.12, 0.08, 0.04)), ao.Solid(**STEEL), [ao.Support("left")])
-    site = ao.Site((0.08, 0.06, 0.04), (0, 0, -1), radius=0.019)
-    assert ao.extract(part, site, n=2, error="estimate").info["patch"]["radius"] < 0.019
-
-
-def test_plane_parts_have_no_half_space():
-    part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
-    assert set(model.info["patch"]) == {"faces"}
-    assert model.info["patch"]["faces"] == pytest.approx(0.025)
 
 
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)

@@ -73,11 +73,6 @@ def test_divided_cells_keep_part_and_groups(cell):
     assert left.max() < 0.5 * edge_lengths(mesh).max()
 
 
-def test_a_whole_mesh_need_not_change():
-    mesh = some("triangle")
-    assert refined(mesh, np.ones(mesh.n_cells)).n_cells == mesh.n_cells
-
-
 @pytest.mark.parametrize(("order", "dim"), [(1, 2), (2, 2), (1, 3), (2, 3)])
 def test_ratios_promise_the_goal_with_fewer_cells(order, dim):
     energies = np.random.default_rng(0).uniform(0.5, 2.0, 500)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
@@ -32,13 +29,11 @@ from antiosc.simulation.histories.parts import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,
-    RIB,
     SHEET,
     E,
     at,
     edges,
     flipped,
-    grouped,
     interpolated,
     plate,
     rectangle,
@@ -113,27 +108,6 @@ SQUARES = [
 ]
 
 
-@pytest.mark.parametrize("mesh", SQUARES)
-def test_rigid_motions_have_no_strain_and_one_side(mesh):
-    """Rotations in the plane of the sheet too; the normals of a piece point to one side."""
-    layers = ao.Laminate(unsymmetric(0.03), axis=(1, 2, 0.5), top=tuple(_normals(mesh)[0]))
-    part = on_mesh(ao.Structure(mesh, layers))
-    pieces = smooth_pieces(part)
-    cells = np.arange(mesh.n_cells)
-    own = StrainsOfSheets(part, part.rigid_modes, pieces).at(cells).own
-    assert own.shape[2] == 6
-    assert np.abs(own).max() < 1e-9 * np.abs(part.rigid_modes).max()
-    structure = on_mesh(ao.Structure(mesh, SHEET))
-    sides = smooth_pieces(structure).axes.side[:, None] * _normals(mesh)
-    np.testing.assert_allclose(sides, np.broadcast_to(sides[0], sides.shape), atol=1e-12)
-
-
-def _normals(mesh) -> np.ndarray:
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    n = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    return n / np.linalg.norm(n, axis=1, keepdims=True)
-
-
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("mesh", SQUARES)
 def test_strains_of_degree_two_have_no_error(mesh):
@@ -200,45 +174,6 @@ def fold(s, t):
     return np.minimum(2 * s, 1.0), t, np.maximum(2 * s - 1, 0.0)
 
 
-@pytest.mark.slow
-def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
-    """Of the four equal layers of a twisted square one is gone with a rib along that side."""
-    square = rectangle(2, 1.0, 1.0)
-    alone = ao.Structure(square, SHEET)
-    ribbed = ao.Structure(grouped(square, edges=at(0, 0.0)), {"sheet": SHEET, "rib": RIB})
-    energy = layer_energy(alone, twisted(alone))
-    c, d = np.cos(0.5), np.sin(0.5)
-    askew = ao.Structure(sheet(2, lambda s, t: (c * s - d * t, d * s + c * t, 0 * s)), SHEET)
-    along, across = (lambda p: c * p[:, 0] + d * p[:, 1]), (lambda p: c * p[:, 1] - d * p[:, 0])
-    bent = interpolated(
-        askew,
-        lambda p: {
-            "z": along(p) * across(p),
-            "rx": c * along(p) + d * across(p),
-            "ry": d * along(p) - c * across(p),
-        },
-    )
-    assert layer_energy(askew, bent[:, None]) == pytest.approx(energy, rel=1e-9)
-    assert layer_energy(ribbed, twisted(ribbed)) == pytest.approx(0.75 * energy, rel=1e-9)
-    errors = ShellErrors(on_mesh(alone))  # the layers are those of cells too
-    shapes = np.hstack([twisted(alone), 2 * twisted(alone)])
-    cells, gram = errors.of_cells(shapes), errors.gram(shapes)
-    assert cells.sum() == pytest.approx(np.trace(gram), rel=1e-9)
-    assert np.trace(gram) == pytest.approx(5 * energy, rel=1e-6)
-    assert gram == pytest.approx(gram[0, 0] * np.array([[1, 2], [2, 4]]), rel=1e-6)
-    middle = ao.Structure(grouped(square, edges=at(0, 0.5)), {"sheet": SHEET, "rib": RIB})
-    folded = ao.Structure(sheet(2, fold), SHEET)
-    for part, count in ((alone, 1), (ribbed, 1), (middle, 2), (folded, 2), (two_thicknesses(2), 2)):
-        found = smooth_pieces(on_mesh(part))
-        assert len(np.unique(found.number)) == count
-        x = part.mesh.dolfinx.geometry.x[compat.geometry_nodes(part.mesh.dolfinx)].mean(axis=1)
-        side = x[:, 0] + x[:, 2] > (1.0 if part is folded else 0.5)
-        if count == 2:  # one on either side
-            assert len(np.unique(found.number[side])) == len(np.unique(found.number[~side])) == 1
-        assert found.bent < 1e-9
-        assert ShellErrors(on_mesh(part)).faceted == ""
-
-
 def test_flat_cells_of_a_curved_surface_are_told():
     """An arc of eight strips of 5° each; with curved cells there is nothing to tell."""
 
@@ -250,24 +185,6 @@ def test_flat_cells_of_a_curved_surface_are_told():
     assert "angles of up to 5°, for a curved surface" in facets.faceted
     curved = ShellErrors(on_mesh(ao.Structure(sheet((4, 1), arc, order=2), SHEET)))
     assert curved.faceted == ""
-
-
-def test_what_is_refused():
-    site = ao.Site((0.5, 0.5, 0), (0, 0, -1))
-    with pytest.raises(ao.InputError, match="takes triangles"):
-        ao.extract(plate(2, 0.02, "quadrilateral"), site, n=2, error="estimate")
-    n = 40
-    angle = 2 * np.pi * np.arange(n) / n
-    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    across = np.cos(angle / 2)[:, None] * ring + np.sin(angle / 2)[:, None] * np.array([0, 0, 1.0])
-    points = np.vstack([ring - 0.2 * across, ring + 0.2 * across])
-    low, high = np.arange(n), np.arange(n) + n
-    next_low, next_high = np.append(low[1:], high[0]), np.append(high[1:], low[0])
-    halves = [low, next_low, high], [next_low, next_high, high]
-    cells = np.vstack([np.stack(half, axis=1) for half in halves])
-    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, points, "triangle", 1))
-    with pytest.raises(ao.InputError, match="Moebius"):
-        ShellErrors(on_mesh(ao.Structure(mesh, SHEET)))
 
 
 def corner_held(n: int, t: float) -> ao.Structure:
@@ -336,17 +253,6 @@ def test_k0_and_bars_of_nested_meshes(name):
 def model() -> ao.AntiOscillators:
     site = ao.Site((0.4, 0.3, 0), (0, 0, -1), radius=0.1)
     return ao.extract(plate(3, 0.03), site, n=6, error="estimate")
-
-
-def test_the_larger_of_both_differences_counts(model):
-    """An error and a misfit that cancel leave a bar."""
-    cancelled = replace(model, strain_misfit=-model.strain_error)
-    assert cancelled.corrected().k0 == pytest.approx(model.k0, rel=1e-12)
-    impact = ao.RigidMass(3.0, 1.0), ao.Hertz(3e7), 1e-2
-    without = ao.simulate(replace(model, strain_misfit=None), *impact, tol=1e-5).error_budget
-    bars = ao.simulate(cancelled, *impact, tol=1e-5).error_budget
-    for name in QUANTITIES:
-        assert bars[name].mesh == pytest.approx(SHELL * without[name].mesh, rel=1e-3)
 
 
 @pytest.mark.slow

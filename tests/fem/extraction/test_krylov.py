@@ -13,7 +13,7 @@ from antiosc.fem.extraction import site_shapes
 from antiosc.fem.extraction.krylov import Lanczos
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site import functional
-from antiosc.models.driving_point import samples, stiffness_at_sites, stiffness_error
+from antiosc.models.driving_point import stiffness_at_sites
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -55,46 +55,6 @@ def steel() -> ao.Structure:
 
 
 SITE = ao.Site(point=(0.07, 0.033, 0.03), direction=(0.2, 0.1, -1), radius=0.02)
-
-
-def test_rigid_body_modes_cost_no_step():
-    free = block(3, supported=False)
-    model = ao.extract(free, ao.Site(vector=_push(free, (1.0, 0.4, -0.3))), n=20)
-    assert model.k0 == 0
-    assert model.info["modes_computed"] == model.n == 20
-
-
-def test_a_body_that_slides_across_the_impact():
-    structure = block(2, fix=["x", "y"])  # along z it slides
-    site = ao.Site(vector=_push(structure, (1.0, 0.4, 0.0)))
-    model = ao.extract(structure, site, n=40)
-    assert structure.rigid_modes.shape[1] == 1
-    assert model.k0 > 0
-    from antiosc.fem.linalg.petsc_algebra import csr
-
-    K, M = (csr(matrix).toarray() for matrix in (structure.K, structure.M))
-    omega = samples(2 * model.omega[0], model.omega[0])[::20]
-    exact = direct(K, M, np.asarray(site.vector), omega)
-    np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-8)
-
-
-def _push(structure: ao.Structure, direction: tuple[float, float, float]) -> np.ndarray:
-    """A load of no symmetry along `direction`, spread over all nodes."""
-    n = structure.K.getSize()[0]
-    push = np.random.default_rng(1).uniform(0.5, 1.5, n) * np.resize(direction, n)
-    push[structure.fixed] = 0.0
-    return push
-
-
-def test_unobservable_modes_never_appear(rng):
-    half = rng.uniform(1e5, 3e5, 10)
-    k = np.concatenate([half, half[::-1]])  # symmetric about mass 9, which is struck
-    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
-    structure = ao.Structure.from_matrices(K, np.eye(19))
-    model = ao.extract(structure, ao.Site(dof=9), n=18)
-    assert model.n == 9  # of 18 constraint modes, half move the site's two sides against each other
-    side = scipy.linalg.eigvalsh(K[:9, :9])
-    np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["modes", "krylov"])
@@ -150,19 +110,6 @@ def test_remainder_is_the_error_itself_at_low_frequency(n, rng):
     error, bound = abs(exact - Z[0]), run.remainder(n)(x)[0]
     assert error > 1e-9 * abs(exact)  # far above rounding
     assert error <= bound <= error * np.sqrt(1 + (1.1 * share) ** 2)
-
-
-@pytest.mark.sample
-@pytest.mark.parametrize("method", ["krylov", "modes"])
-def test_band_stops_where_the_accuracy_is_reached(steel, method):
-    reference = ao.extract(steel, SITE, n=60)
-    band = 1.1 * reference.omega[1]
-    model = ao.extract(steel, SITE, method=method, band=band, accuracy=1e-2)
-    error = stiffness_error(
-        model.dynamic_stiffness, reference.dynamic_stiffness, band, reference.omega[0]
-    )
-    assert error <= model.info["band"]["error_bound"] <= 1e-2
-    assert model.n < 60
 
 
 def test_a_band_below_the_first_antiresonance_is_said(steel):

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
+import antiosc as ao
 from antiosc.fem.mesh import soundness
+from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed
 from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
@@ -51,18 +56,6 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     cells = lower if name == "quad" else np.hstack([lower, lower + 10])
     assert soundness.doublets(cells[:3], KINDS[name]).tolist() == []
     assert soundness.doublets(cells, KINDS[name]).tolist() == [3, 4]
-
-
-@pytest.mark.parametrize("name", ["quad", "hexahedron"])
-def test_points_lie_on_the_half_of_a_cell_that_is_not_flat(name):
-    """Three corners on a line: one half of each quadrilateral is no triangle."""
-    flat = np.array([(0, 0), (0.5, 0), (1, 0), (0, 1)], dtype=float)
-    layers = [0.0] if name == "quad" else [0.0, 1.0]
-    x = np.vstack([np.column_stack([flat, np.full(4, z)]) for z in layers])
-    small = np.array([0.2, 0.2, 0.3 if len(layers) == 2 else 0.0]) + 0.1 * x
-    cells = np.arange(2 * len(x)).reshape(2, -1)
-    assert len(soundness.overlapping(np.vstack([x, small]), cells, KINDS[name]))
-    assert not len(soundness.overlapping(np.vstack([x, small + 2.0]), cells, KINDS[name]))
 
 
 #: Two cells of second order beside each other: (shape, points of the vertices, cells by these).
@@ -125,3 +118,110 @@ def test_cells_and_their_boundary_have_volume_and_centroid(cell):
         assert side.weight.sum() == pytest.approx(slant, rel=1e-12)
         centroid = side.weight @ side.x / side.weight.sum()
         assert centroid == pytest.approx(middle + shift * np.eye(3)[0], abs=1e-12)
+
+
+# --- Folded second-order cells: their mid-side nodes move to the midpoints, those of others sta
+
+
+VERTICES = {
+    "triangle": np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]),
+    "tetrahedron": np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+}
+
+
+def curved(shape: str) -> np.ndarray:
+    """Nodes of one cell in gmsh's order, a little off the midpoints."""
+    corners = VERTICES[shape]
+    middles = [(corners[i] + corners[j]) / 2 + 0.01 for i, j in MID_SIDE_EDGES[shape]]
+    nodes = np.vstack([corners, middles])
+    if shape == "triangle":
+        nodes[:, 2] = 0.0
+    return nodes
+
+
+def test_a_cell_without_measure_is_collapsed():
+    points = np.vstack([curved("triangle"), curved("triangle") + 5.0])
+    points[:6, 1] = 0.0  # on a line
+    order = compat.node_order("triangle", 6, "gmsh")
+    cells = np.arange(12).reshape(2, 6)[:, order]
+    assert collapsed(points, cells, "triangle", 2).tolist() == [0]
+    points[:6] = 3.0  # at a point
+    assert collapsed(points, cells, "triangle", 2).tolist() == [0]
+
+
+# --- One curved layer of second-order hexahedra locks in bending, and that is told ----------------
+
+
+#: Nodes of a C3D20 in half cells along the arc, across it and along its axis.
+NODES = np.array([
+    *((0, 2, 0), (2, 2, 0), (2, 0, 0), (0, 0, 0), (0, 2, 2), (2, 2, 2), (2, 0, 2), (0, 0, 2)),
+    *((1, 2, 0), (2, 1, 0), (1, 0, 0), (0, 1, 0), (1, 2, 2), (2, 1, 2), (1, 0, 2), (0, 1, 2)),
+    *((0, 2, 1), (2, 2, 1), (2, 0, 1), (0, 0, 1)),
+])  # fmt: skip
+RADIUS, THICKNESS = 20.0, 1.0
+
+
+def quarter(folder, along: int, across: int = 1):
+    """(a quarter of a ring, clamped at one end, the factor of its stiffness that is told or 1)."""
+    number: dict[tuple[int, ...], int] = {}
+    elements = []
+    for i in range(along):
+        for j in range(across):
+            corner = np.array([2 * i, 2 * j, 0])
+            places = [tuple(map(int, corner + node)) for node in NODES]
+            elements.append([number.setdefault(place, len(number) + 1) for place in places])
+    text = "*NODE\n"
+    for (i, j, k), n in number.items():
+        angle, r = np.pi * i / along / 4, RADIUS + THICKNESS * (j / across - 1) / 2
+        text += f"{n},{float(r * np.cos(angle))!r},{float(r * np.sin(angle))!r},{3 * k}\n"
+    text += "*ELEMENT,TYPE=C3D20,ELSET=E\n"
+    for n, nodes in enumerate(elements, 1):
+        words = list(map(str, [n, *nodes]))
+        text += ",".join(words[:11]) + ",\n" + ",".join(words[11:]) + "\n"
+    text += (
+        "*MATERIAL,NAME=M\n*ELASTIC\n2.1e5,.3\n*DENSITY\n7.85e-9\n*SOLID SECTION,ELSET=E,MATERIAL="
+    )
+    text += "M\n*NSET,NSET=F\n" + "".join(f"{n},\n" for p, n in number.items() if p[0] == 0)
+    path = folder / "ring.inp"
+    path.write_text(text + "*BOUNDARY\nF,1,3\n")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        part = ao.read_model(path, "mm")
+    factors = [re.search(r"factor of up to (\S+);", str(one.message)) for one in told]
+    return part, next((float(one[1]) for one in factors if one), 1.0)
+
+
+def lowest(part) -> float:
+    """The lowest frequency: the ring is wider than thick, and bends in its plane."""
+    return float(ao.natural_modes(part, 1).frequency[0])
+
+
+def test_the_factor_that_is_told_is_that_of_the_stiffness(tmp_path):
+    """f² of 3 and 4 cells over that of 24, which do not lock: nothing is told of these."""
+    fine, none = quarter(tmp_path, 24)
+    assert none == 1.0
+    for along in (3, 4):
+        part, factor = quarter(tmp_path, along)
+        assert (lowest(part) / lowest(fine)) ** 2 == pytest.approx(factor, rel=0.1)
+    assert quarter(tmp_path, 4, across=2)[1] == 1.0
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_bend_is_the_height_of_the_arc_over_the_thickness(axis):
+    corners = {(i, j, k): i + 2 * j + 4 * k for i in (0, 1) for j in (0, 1) for k in (0, 1)}
+    x = np.zeros((27, 3))
+    for place, v in corners.items():
+        x[v] = place
+    for vertices, node in compat.nodes_between("hexahedron"):
+        x[node] = x[vertices].mean(axis=0)
+    along = (axis + 1) % 3
+    x[:, axis] += 0.3 * 4 * x[:, along] * (1 - x[:, along])
+    cells = np.arange(27)[None]
+    np.testing.assert_allclose(bends(x, cells), [0.3], rtol=1e-12)
+    other = x + np.eye(3)[axis]  # a second layer on it
+    nodes = np.vstack([x, other])
+    lower, upper = np.arange(27), np.arange(27, 54)
+    for n in range(27):
+        same = np.flatnonzero(np.abs(other - x[n]).max(axis=1) < 1e-9)
+        upper[same] = lower[n]
+    assert bends(nodes, np.stack([lower, upper])).tolist() == [0.0, 0.0]

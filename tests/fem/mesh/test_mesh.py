@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, pi
+from math import prod
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.mesh.surface import largest, quadrature
+from antiosc.fem.mesh.surface import centre, largest, quadrature
 from mpi import run_ranks
 from parts import EXPONENTS, moments
-from paths import MESHES
+from refusals import refused
 
 pytestmark = pytest.mark.fem
 
@@ -80,51 +80,6 @@ def test_a_dolfinx_mesh_with_tags():
 
 # --- The parts of meshes/ -------------------------------------------------------------------------
 
-MM, MM2 = 1e-3, 1e-6
-SEATS = 2 * (2 * pi * 9 * 3 + pi * (9**2 - 4.5**2) + 2 * pi * 4.5 * 7)
-UNDERSIDE = 84 * 60 - 2 * (10**2 - pi * 10**2 / 4) - 2 * pi * 4.5**2
-LEVER = 135 * 30 + pi * 15**2 / 2 + 65 * 30 + (12**2 - pi * 12**2 / 4) - pi * 8**2
-BRACES = sum(2 * hypot(width, h) for width in (1.0, 0.8) for h in (0.7, 0.6))
-#: Dimension and measure of groups: number of points, length or area, in SI units.
-PARTS = {
-    "bracket": {
-        "clamp": (2, SEATS * MM2),
-        "base": (2, UNDERSIDE * MM2),
-        "eye": (2, 2 * pi * 18 * (28 - 15) * MM2),
-        "bore": (2, 2 * pi * 11 * 28 * MM2),
-        "front": (2, pi * (18**2 - 11**2) * MM2),
-    },
-    "lever": {
-        "body": (2, LEVER * MM2),
-        "clamp": (1, 2 * pi * 8 * MM),
-        "edge": (1, pi * 15 * MM),
-        "end": (1, 30 * MM),
-    },
-    "arch": {
-        "body": (2, pi / 2 * (100**2 - 80**2) * MM2),
-        "clamp": (1, 2 * 20 * MM),
-        "edge": (1, pi * 100 * MM),
-    },
-    "beam": {"beam": (1, 1.0), "left": (0, 1), "middle": (0, 1), "right": (0, 1)},
-    "frame": {
-        "columns": (1, 4 * 1.3),
-        "beams": (1, 2 * 2 * (1.0 + 0.8)),
-        "braces": (1, BRACES),
-        "feet": (0, 4),
-        "top": (0, 4),
-    },
-}
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_groups_of_the_parts_have_closed_form_measures(part):
-    mesh = ao.read_mesh(MESHES / f"{part}.msh")
-    for name, (dim, expected) in PARTS[part].items():
-        found, entities = largest(mesh, name)
-        assert found == dim, name
-        measure = quadrature(mesh, dim, entities, 4).weight.sum()
-        assert measure == pytest.approx(expected, rel=2e-4), name
-
 
 # --- Ranks ----------------------------------------------------------------------------------------
 
@@ -160,3 +115,36 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
     two = run_ranks(2, script, *arguments)
     assert one[0].count("\n") == 3
     assert two == [one[0], one[0]]
+
+
+# --- Bars, plates and blocks of given lengths: each named side is where its name says -------------
+
+
+@pytest.mark.parametrize("lengths", [(0.3,), (0.2, 0.1), (0.06, 0.04, 0.03)])
+def test_sides_lie_where_their_names_say(lengths):
+    mesh = ao.box_mesh(lengths, size=0.02)
+    whole = np.zeros(3)
+    whole[: len(lengths)] = lengths
+    body = {1: "bar", 2: "plate", 3: "block"}[len(lengths)]
+    assert quadrature(mesh, *largest(mesh, body), 2).weight.sum() == pytest.approx(prod(lengths))
+    for axis, length in enumerate(lengths):
+        others = prod(each for k, each in enumerate(lengths) if k != axis)
+        for sign, at in (("-", 0.0), ("+", length)):
+            side, middle = f"{sign}{'xyz'[axis]}", whole / 2
+            middle[axis] = at
+            np.testing.assert_allclose(centre(mesh, side), middle, atol=1e-12)
+            area = quadrature(mesh, *largest(mesh, side), 2).weight.sum()
+            assert area == pytest.approx(others)
+    if len(lengths) == 2:
+        rim = quadrature(mesh, *largest(mesh, "rim"), 2).weight.sum()
+        assert rim == pytest.approx(2 * sum(lengths))
+
+
+def test_lengths_that_make_no_box_are_refused():
+    for lengths, word in (((), "one to three"), ((1, 1, 1, 1), "one to three"), (0.1, "one to")):
+        with refused(None, word, ao.InputError):
+            ao.box_mesh(lengths, 0.1)
+    with refused(None, "length", ao.InputError):
+        ao.box_mesh((0.1, -0.1), 0.01)
+    with refused(None, "is larger than", ao.MeshError):
+        ao.box_mesh((0.1, 0.1), 10.0)

@@ -69,19 +69,6 @@ def longest_edges_near(mesh: ao.Mesh, point, radius: float) -> np.ndarray:
     return edges.max(axis=(1, 2))[near]
 
 
-def test_geo_uses_its_own_sizes_unless_told(tmp_path):
-    path = tmp_path / "sheet.geo"
-    path.write_text(parts.SHEET_SCRIPT)
-    own, finer = ao.read_mesh(path), ao.read_mesh(path, size=0.1)
-    assert (own.cell, own.order, own.gdim) == ("triangle", 2, 2)
-    assert finer.n_cells > 3 * own.n_cells
-    assert {name: tuple(g) for name, g in finer.groups.items()} == {
-        "sheet": (2,), "foot": (1,), "17": (1,)
-    }  # fmt: skip
-    np.testing.assert_allclose(parts.group_points(finer, "foot", 1)[..., 1], 0, atol=1e-15)
-    np.testing.assert_allclose(parts.group_points(finer, "17", 1)[..., 1], 1, rtol=1e-15)
-
-
 @pytest.mark.parametrize("local", [0.1, 0.02])
 @pytest.mark.parametrize("point", [(1.0, 0.3, 0.5), (0.31, 0.3, 1.0)])
 def test_refined_elements_are_no_larger_than_asked(tmp_path, point, local):

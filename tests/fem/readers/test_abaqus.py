@@ -30,11 +30,6 @@ NODES = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8
 CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
 
 
-def test_a_comment_before_the_first_keyword_may_be_quoted(tmp_path):
-    mesh = ao.read_mesh(write(tmp_path / "mail.inp", ">**\n> ** from a mail\n" + CUBE))
-    assert mesh.n_cells == 1
-
-
 def test_units_scale_the_mesh():
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)

@@ -108,15 +108,6 @@ def test_dashpots_have_the_power_of_their_motions(read, case):
     assert not stiffness(model).any()
 
 
-def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
-    cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
-    model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
-    assert model["joints"]["springs"] == []
-    ((point, given),) = model["springs"]
-    assert node_at(point) == 1
-    assert given == pytest.approx({"z": 40e3})
-
-
 def test_masses_and_moments_of_inertia(read):
     cards = "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n9,3\n*MASS,ELSET=P\n2.E-3\n"
     cards += "*ELEMENT,TYPE=ROTARYI,ELSET=R\n10,4\n*ROTARY INERTIA,ELSET=R\n1.,2.,3.\n"
@@ -175,11 +166,7 @@ WRONG = {
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,2\n*SPRING,ELSET=S\n\n4.\n": (2, "coincide"),
     "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n": (2, "without a value"),
     "*ELEMENT,TYPE=ROTARYI,ELSET=P\n8,2\n*ROTARYINERTIA,ELSET=P\n1,2,3,4\n": (2, "products"),
-    "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0\n": (2, "six coordinates"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0,2,0,0\n": (2, "gives no axes"),
-    "*BOUNDARY,SUBMODEL\n3,1\n": (0, "SUBMODEL"),
-    "*SPRING,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear"),
-    "*FOUNDATION\n1,P1,3.\n": (0, "use springs"),
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n\n1.\n2.\n": (2, "it has 2"),
     "*ELEMENT,TYPE=DASHPOTA,ELSET=S\n7,2,3\n*DASHPOT,ELSET=S\n\n-4.\n": (4, "-4 is negative"),
     "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n": (2, "no nodes with w"),

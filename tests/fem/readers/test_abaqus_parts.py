@@ -119,19 +119,6 @@ def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
     assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
-@pytest.mark.parametrize(
-    ("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)]
-)
-def test_supports_that_move_are_told(tmp_path, value, moved):
-    text = CUBE + SOLID + STEEL + f"*BOUNDARY\n1,1,2,{value}\n2,3\n"
-    model, deck = read(tmp_path, text)
-    told = [f"the motion of *BOUNDARY ({line(text, '*BOUNDARY')}), fixed instead"]
-    assert model["ignored"] == (told if moved else [])
-    assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {
-        "fixed x": [0], "fixed y": [0], "fixed z": [1],
-    }  # fmt: skip
-
-
 REFUSED = {
     "general": (
         SHEET + "*SHELL GENERAL SECTION,ELSET=ALL,MATERIAL=M\n.5\n", None, "*SHELLGENERALSECTION"),

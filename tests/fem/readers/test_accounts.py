@@ -12,8 +12,6 @@ import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc_decks import (
     abaqus_assembly,
-    abaqus_cards as abaqus_table,
-    nastran_cards as nastran_table,
     nastran_mesh as nastran,
 )
 from antiosc_decks.sources import Sources
@@ -68,25 +66,6 @@ def test_unknown_cards_are_told_with_their_lines(tmp_path, deck, read, card):
     assert not any(card in text for text in model["ignored"])
 
 
-REFUSED = {
-    "inp": "RELEASE DISTRIBUTION IMPERFECTION FASTENER BEAMADDEDINERTIA MASSADJUST REBARLAYER "
-    "TRANSVERSESHEARSTIFFNESS CONTACT PAIR",
-    "bdf": "GENEL MFLUID BGSET BCONP CFAST CNEW DMIG",
-}
-
-
-@pytest.mark.parametrize("card", REFUSED["inp"].replace(" PAIR", "PAIR").split())
-def test_cards_that_would_change_the_result_are_refused(tmp_path, card):
-    with pytest.raises(MeshError, match=rf"{inp.line(SECTION + '*' + card, '*' + card)}: .{card}"):
-        inp.read(tmp_path, f"{SECTION}*{card}\n")
-
-
-@pytest.mark.parametrize("card", REFUSED["bdf"].split())
-def test_entries_that_would_change_the_result_are_refused(tmp_path, card):
-    with pytest.raises(MeshError, match=rf"{bdf.line(BLOCK + card, card)}: {card}"):
-        bdf.read(tmp_path, f"{BLOCK}{card},1,2\n")
-
-
 def test_cards_of_steps(tmp_path):
     """Later steps are ignored; a card of the model has no place in the first."""
     later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*CONTACT PAIR,INTERACTION=I\nA,B\n*END STEP\n"
@@ -114,17 +93,3 @@ def test_damping_of_materials_is_told(tmp_path):
     assert [text.partition(" (")[0] for text in model["ignored"]] == [
         "1 GE of MAT1, damping", "1 PARAM,G, damping",
     ]  # fmt: skip
-
-
-def test_no_card_has_two_fates():
-    """The lists of the tables are disjoint."""
-    for module in (abaqus_table, nastran_table):
-        lists = [module._HARMLESS, module._IGNORED, *module._REFUSED.values()]
-        if module is nastran_table:
-            lists += [module._READ, module._OF_OTHERS, " ".join(module.BESIDE)]
-            lists += [" ".join(module.CELLS), " ".join(module.PROPERTIES)]
-            lists += [module.NO_COUNTERPART]
-        else:
-            lists += [" ".join(module.READ)]
-        twice = [card for card, n in Counter(" ".join(lists).split()).items() if n > 1]
-        assert not twice

@@ -58,30 +58,6 @@ def test_a_closed_surface_is_filled(tmp_path):
     assert (sheet.cell, sheet.n_cells) == ("triangle", 12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".geo", ".brep"])
-def test_geometries_without_a_unit_of_their_own_take_one(tmp_path, suffix):
-    """A cube of 10 mm, refined at a corner, in gmsh's script and in OpenCASCADE's own format."""
-    path = tmp_path / f"cube{suffix}"
-    if suffix == ".geo":
-        path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 10, 10, 10};\n')
-    else:
-        write_brep(path)
-    options = {"size": 5e-3, "refine": [((0.01, 0.01, 0.01), 5e-4)], "unit": "mm"}
-    mesh = ao.read_mesh(path, **options)
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * 1e-6, rel=1e-9)
-    assert mesh.n_cells > 1.5 * ao.read_mesh(path, size=5e-3, unit="mm").n_cells
-    with pytest.raises(ao.MeshError, match=r"is 0\.01 m long: elements of 1e-13 m are below"):
-        ao.read_mesh(path, size=1e-13, unit="mm")
-    with pytest.raises(ao.MeshError, match=r"at size=1e-06 m, more than"):
-        ao.read_mesh(path, size=1e-6, unit="mm")
-
-
-def test_a_step_file_keeps_its_own_unit():
-    with pytest.raises(ao.MeshError, match="unit"):
-        ao.read_mesh("meshes/bracket.step", size=0.01, unit="mm")
-
-
 def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
     """An axis through a box, as sketches leave it in CAD files."""
     path = tmp_path / "box.brep"
@@ -89,22 +65,6 @@ def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
     with pytest.warns(ao.AntioscWarning, match="volumes"):
         mesh = ao.read_mesh(path, size=5.0)
     assert mesh.cell == "tetrahedron"
-
-
-def test_an_open_surface_is_told(tmp_path):
-    with pytest.raises(ao.MeshError, match=r"open.stl is not closed: 4 of 17 edges do not belong"):
-        ao.read_mesh(stl(tmp_path / "open.stl", skipped=2), solid=True, size=5.0)
-
-
-def test_what_is_no_surface_is_not_filled(tmp_path):
-    path = tmp_path / "part.step"
-    path.write_text("ISO-10303-21;")
-    with pytest.raises(ao.MeshError, match="fills"):
-        ao.read_mesh(path, solid=True, size=1.0)
-    with pytest.raises(ao.MeshError, match="fragments"):
-        ao.read_mesh(stl(tmp_path / "box.stl"), fragments=True)
-    with pytest.raises(ao.MeshError, match="element"):
-        ao.read_mesh(stl(tmp_path / "box.stl"), solid=True)
 
 
 @pytest.fixture(scope="module")

@@ -31,12 +31,6 @@ def test_an_include_before_the_bulk_data_may_be_missing(tmp_path):
     assert any("dmap.txt" in sentence for sentence in deck.told)
 
 
-def test_superelements_number_their_elements_anew(tmp_path):
-    text = "BEGIN BULK\n" + BAR + PBAR + "BEGIN BULK SUPER=1\nCBAR,1,7,2,3,0.,0.,1.\n"
-    _, deck = bdf.read(tmp_path, text)
-    assert deck.n_elements == 2
-
-
 def test_the_displacement_of_nodes_on_a_line_is_their_mean(tmp_path):
     """RBE3 to a node beside the middle of two nodes, on their line: no rotation matters."""
     rbe3 = "RBE3,9,,2,1,1.,123,1,10\n"
@@ -64,16 +58,6 @@ CYLINDER = """*NODE
 *SHELL SECTION, ELSET=ALL, MATERIAL=M, ORIENTATION=AROUND
 0.1
 """
-
-
-@pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
-def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
-    """Where the radius is the normal of a shell, the first direction is that around the axis."""
-    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
-    ((_, _, arguments, _),) = model["families"]
-    expected = np.array(axis) / np.linalg.norm(axis)
-    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
-    assert not any("CalculiX" in text for text in model["ignored"])
 
 
 def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+import resource
+import signal
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from antiosc.io import reading
-from antiosc.io.neutral import FileMesh, of_kind, packed, unpacked
-from antiosc.io.reading import _alone, selected
+from antiosc.base.errors import MeshError
+from antiosc.io import isolation, mesh_files, reading
+from antiosc.io.neutral import FileMesh, packed, unpacked
+from antiosc.io.reading import selected
+from antiosc.io.request import Request
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -113,14 +119,117 @@ def test_what_is_no_mesh_is_told(case):
         selected(mesh, wanted, None, "p.vtu")
 
 
-def test_cells_of_one_kind_with_what_belongs_to_them():
-    mesh = whole()
-    mesh.fixed = {
-        f"f{of_kind('', 'hexahedron')}": {2: SIDES},
-        f"f{of_kind('', 'line')}": {0: SIDES[:1]},
+# --- Meshes as meshio gives them: blocks of one kind become one, and every way to name groups -----
+
+
+SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)], dtype=float)
+
+
+def mesh(**more) -> SimpleNamespace:
+    """Triangles in two blocks, a line between them."""
+    blocks = [("triangle", [[0, 1, 2]]), ("line", [[0, 1]]), ("triangle", [[0, 2, 3], [1, 4, 5]])]
+    given = {"points": SQUARE, "field_data": {}, "cell_data": {}, "cell_sets": {}, "point_data": {},
+             **more}  # fmt: skip
+    cells = [SimpleNamespace(type=kind, data=np.array(data)) for kind, data in blocks]
+    return SimpleNamespace(cells=cells, **given)
+
+
+def read(monkeypatch, content) -> FileMesh:
+    monkeypatch.setattr(mesh_files, "_read", lambda path, name: content)
+    return mesh_files.read_by_meshio(Request("/a/part.vtu", "part.vtu"))
+
+
+def groups(found: FileMesh) -> dict:
+    return {n: {k: r.tolist() for k, r in parts.items()} for n, parts in found.groups.items()}
+
+
+def test_every_way_in_which_files_name_groups(monkeypatch):
+    """By numbers of cells with names beside them, without, by sets, and by tags of points."""
+    data = {
+        "gmsh:physical": [np.array([7]), np.array([7]), np.array([8, 7])],
+        "gmsh:geometrical": [np.array([1]), np.array([1]), np.array([1, 1])],
+        "cell_tags": [np.array([-1]), np.array([0]), np.array([-1, -2])],
+        "medit:ref": [np.array([3]), np.array([3]), np.array([4, 4])],
+        "part": [np.array([5]), np.array([5]), np.array([5, 6])],
+        "heat": [np.array([0.5]), np.array([0.5]), np.array([0.5, 0.5])],
+        "both": [np.array([[1, 2]]), np.array([[1, 2]]), np.array([[1, 2], [1, 2]])],
     }
-    own = _alone(mesh, "line")
-    assert list(own.cells) == ["line"]
-    assert {n: list(p) for n, p in own.groups.items()} == {"b": ["line"]}
-    assert {n: list(p) for n, p in own.fixed.items()} == {"f": [0]}
-    assert list(_alone(mesh, "hexahedron").groups) == ["a"]
+    sets = {"chosen": [None, np.array([0]), np.array([1])], "part": [np.array([0]), None, None],
+            "empty": [np.array([]), None, None]}  # fmt: skip
+    content = mesh(
+        field_data={"skin": (7, 2), "rim": (7, 1)}, cell_data=data, cell_sets=sets,
+        cell_tags={-1: ["a", "b"]}, point_sets={"n": [1, 2]}, point_tags={9: ["tip"], 8: ["none"]},
+        point_data={"point_tags": np.array([0, 9, 9, 0, 0, 0])},
+    )  # fmt: skip
+    found = read(monkeypatch, content)
+    assert groups(found) == {
+        "skin": {"triangle": [0, 2]}, "rim": {"line": [0]}, "8": {"triangle": [1]},
+        "a": {"triangle": [0, 1]}, "b": {"triangle": [0, 1]},
+        "3": {"triangle": [0], "line": [0]}, "4": {"triangle": [1, 2]},
+        "part=5": {"triangle": [0, 1], "line": [0]}, "part=6": {"triangle": [2]},
+        "chosen": {"line": [0], "triangle": [2]},
+    }  # fmt: skip
+    assert {name: rows.tolist() for name, rows in found.node_sets.items()} == {
+        "n": [1, 2], "tip": [1, 2], "none": [],
+    }  # fmt: skip
+
+
+def test_fields_that_name_no_group_are_passed_over(monkeypatch):
+    """MED and VTK keep fields where gmsh's formats keep (tag, dimension) of the groups' names."""
+    fields = {"time": np.array([1.0]), "force": np.ones(3), "stress": {"TE4": 1}, "top": [7, 2]}
+    tags = [np.array([7]), np.array([3]), np.array([7, 8])]
+    content = mesh(field_data=fields, cell_data={"gmsh:physical": tags})
+    assert groups(read(monkeypatch, content))["top"] == {"triangle": [0, 1]}
+
+
+def test_cells_that_nothing_carries(monkeypatch):
+    content = mesh()
+    content.cells[0].type = "polygon"
+    with pytest.raises(MeshError, match="polygon"):
+        read(monkeypatch, content)
+
+
+# --- Several kinds of cells -----------------------------------------------------------------------
+
+
+# --- Limits of the process that reads: what the kernel is asked for, written down instead ---------
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list[tuple]:
+    found: list[tuple] = []
+    monkeypatch.setattr(resource, "setrlimit", lambda *one: found.append(("limit", *one)))
+    monkeypatch.setattr(signal, "signal", lambda *one: found.append(("signal", *one)))
+    monkeypatch.setattr(signal, "setitimer", lambda *one: found.append(("timer", *one)))
+    return found
+
+
+def test_time_is_that_of_the_file_or_of_the_caller(asked):
+    Request("/a/b", "b").allow(12.5)
+    assert ("signal", signal.SIGPROF, signal.SIG_DFL) in asked
+    assert ("timer", signal.ITIMER_PROF, 12.5) in asked  # a busy machine takes longer
+    ((_, _, waiting),) = [one for one in asked if one[:2] == ("timer", signal.ITIMER_REAL)]
+    assert waiting > 100.0
+    begun = time.monotonic()
+    Request("/a/b", "b", timeout=100.0, started=begun - 40.0).allow(12.5)
+    assert asked[-1][2] == pytest.approx(60.0, abs=5.0)
+    Request("/a/b", "b", timeout=100.0, started=begun - 400.0).allow(12.5)
+    assert asked[-1][2] == 1e-3
+
+
+def test_files_are_limited_but_for_those_of_trust(asked):
+    Request("/a/b", "b", trust=True).seal()
+    assert asked == []
+    Request("/a/b", "b").seal()
+    assert asked == [("signal", signal.SIGXFSZ, signal.SIG_IGN),
+                     ("limit", resource.RLIMIT_FSIZE, (2**20, 2**20))]  # fmt: skip
+
+
+def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "part.msh"
+    path.write_bytes(b"x" * 1000)
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1112)
+    assert isolation._size(path) == 1000
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
+    with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
+        isolation._size(path)

@@ -35,28 +35,57 @@ def freedom(model: dict) -> int:
     return len(motions) - int(np.linalg.matrix_rank(rows))
 
 
-def test_components_with_blanks(tmp_path):
-    rigid = "RBE2,9,1,{},2\nSPC1,1,{},3\nGRID,9,,0.,0.,0.,,{}\n"
-    close, apart = (
-        BLOCK + rigid.format(*row) for row in (("123", "12", "46"), ("1 2 3", "1 2", "4 6"))
-    )
-    same(bdf.read(tmp_path, close)[0], bdf.read(tmp_path, apart)[0])
+PLANE = inp.CUBE.split("*ELEMENT")[0] + "*ELEMENT,TYPE=CPS3,ELSET=ALL\n1,1,2,3\n" + inp.STEEL
+BUSH = BLOCK + "PBUSH,3,K,4.,5.,6.\n" + bdf.CYCLIC + "CBUSH,9,3,1,2,,,,0\n,"
+RIGID = BLOCK + "RBE2,9,1,{},2\nSPC1,1,{},3\nGRID,9,,0.,0.,0.,,{}\n"
+SPRING = BLOCK + "CELAS2,9,5.,1,1,77,0\nCELAS4,10,3.,77,78\nSPC,1,78,0\n"
+SECTION = "*{} SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
+#: The same model written otherwise, and a word of what is told of the second.
+SAME = [
+    (RIGID.format("123", "12", "46"), RIGID.format("1 2 3", "1 2", "4 6"), ""),
+    (BAR + "CROD,1,7,1,2\nPROD,7,1,3.,,,2.-9\n",
+     BAR + "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,3.,,0.,,2.-9\n", "PBAR 7"),
+    (BUSH + ".5\n", BUSH + ",5,0.,0.,10.\n", ""),
+    *((PLATE + "PSHELL,7,1,.4,1,,1\n", PLATE + f"PSHELL,7{given}\n", "PSHELL 7")
+      for given in (",1,.4,,,1", ",,.4,1,,1")),
+    (SPRING + "SPOINT,77,78\n", SPRING, ""),
+    (BLOCK + "CBUSH,9,3,1,3\nPBUSH,3,K,4.\n", BLOCK + "CBUSH1D,9,3,1,3\nPBUSH1D,3,4.\n", ""),
+    (PLANE + SECTION.format("SOLID"), PLANE + SECTION.format("SHELL"), ""),
+]  # fmt: skip
+#: Elements of older versions, and those of today.
+OLDER = [
+    ("CQUAD2,1,7,1,2,3,4\nPQUAD2,7,1,.4\n", "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.4,1,,1\n"),
+    (
+        "CQUAD1,1,7,1,2,3,4\nPQUAD1,7,1,.5,1,.02,1,.4,.3\n",
+        "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.5,1,1.92,1,.8,.3\n",
+    ),
+    ("CTRIA1,1,7,1,2,3\nPTRIA1,7,,,1,.018\n", "CTRIA3,1,7,1,2,3\nPSHELL,7,,.6,1\n"),
+    (
+        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD2,5,9,1,123,2,3\n",
+        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123,1\nRBE2,5,9,3,2\n",
+    ),
+    ("CTRIA2,1,9,1,2,3\nPTRIA2,7,1,.4,,9,1,.3\n", "CTRIA3,1,9,1,2,3\nPSHELL,9,1,.3,1,,1\n"),
+    ("CHEXA1,1,1,1,2,3,4,5,6,\n,7,8\n", "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n"),
+    ("CWEDGE,1,1,1,2,3,5,6,7\n", "CPENTA,1,1,1,2,3,5,6,7\nPSOLID,1,1\n"),
+    (
+        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD1,5,9,1,2\n",
+        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123456,1,2\n",
+    ),
+]
+SAME += [(bdf.GRIDS + bdf.MAT1 + new, bdf.GRIDS + bdf.MAT1 + old, "") for old, new in OLDER]
+
+
+@pytest.mark.parametrize(("plain", "other", "told"), SAME, ids=range(len(SAME)))
+def test_one_model_written_otherwise(tmp_path, plain, other, told):
+    read = inp.read if plain.startswith("*") else bdf.read
+    models = [read(tmp_path, text)[0] for text in (plain, other)]
+    same(*models)
+    assert not told or any(told in text for text in models[1]["ignored"])
+
+
+def test_components_are_digits_from_1_to_6(tmp_path):
     with pytest.raises(MeshError, match="components"):
         bdf.read(tmp_path, BLOCK + "SPC1,1,1 7,3\n")
-
-
-def test_bars_without_second_moments_are_rods(tmp_path):
-    bars, _ = bdf.read(tmp_path, BAR + "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,3.,,0.,,2.-9\n")
-    rods, _ = bdf.read(tmp_path, BAR + "CROD,1,7,1,2\nPROD,7,1,3.,,,2.-9\n")
-    same(bars, rods)
-    assert any("PBAR 7" in text for text in bars["ignored"])
-
-
-def test_a_bush_at_a_place_of_its_own(tmp_path):
-    given = BLOCK + "PBUSH,3,K,4.,5.,6.\n" + bdf.CYCLIC
-    middle, _ = bdf.read(tmp_path, given + "CBUSH,9,3,1,2,,,,0\n,.5\n")
-    placed, _ = bdf.read(tmp_path, given + "CBUSH,9,3,1,2,,,,0\n,,5,0.,0.,10.\n")
-    same(middle, placed)
 
 
 def test_a_rigid_body_without_a_reference_node_has_six_motions(tmp_path):
@@ -71,14 +100,6 @@ def test_masses_that_nothing_joins_are_told(tmp_path, mass):
     model, _ = bdf.read(tmp_path, BLOCK + "GRID,99,,50.,0.,0.\n" + mass)
     same(model, plain)
     assert any("nothing joins" in text for text in model["ignored"])
-
-
-@pytest.mark.parametrize("given", [",1,.4,,,1", ",,.4,1,,1"])
-def test_shells_with_one_stiffness_of_two_take_the_other_and_say_it(tmp_path, given):
-    both, _ = bdf.read(tmp_path, PLATE + "PSHELL,7,1,.4,1,,1\n")
-    model, _ = bdf.read(tmp_path, PLATE + f"PSHELL,7{given}\n")
-    same(model, both)
-    assert any("PSHELL 7" in text for text in model["ignored"])
 
 
 def test_files_of_the_folder_above_are_included_and_no_others(tmp_path):
@@ -117,12 +138,6 @@ def test_several_pieces_are_read_where_each_is_held(tmp_path, given, held):
 def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
     with pytest.raises(MeshError, match=r"line 1 of part\.inp.*Nastran"):
         inp.read(tmp_path, BLOCK)
-
-
-def test_scalar_points_need_no_card(tmp_path):
-    """The ends of CELAS3, CELAS4 and their like are scalar points."""
-    spring = BLOCK + "CELAS2,9,5.,1,1,77,0\nCELAS4,10,3.,77,78\nSPC,1,78,0\n"
-    same(bdf.read(tmp_path, spring)[0], bdf.read(tmp_path, spring + "SPOINT,77,78\n")[0])
 
 
 def test_shear_panels(tmp_path):
@@ -176,32 +191,6 @@ def test_superelements_that_divide_a_deck(tmp_path):
         bdf.read(tmp_path, parts.replace("PRIMARY", "MIRROR"))
 
 
-@pytest.mark.parametrize(
-    ("older", "newer"),
-    [
-        ("CQUAD2,1,7,1,2,3,4\nPQUAD2,7,1,.4\n", "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.4,1,,1\n"),
-        (
-            "CQUAD1,1,7,1,2,3,4\nPQUAD1,7,1,.5,1,.02,1,.4,.3\n",
-            "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.5,1,1.92,1,.8,.3\n",
-        ),
-        ("CTRIA1,1,7,1,2,3\nPTRIA1,7,,,1,.018\n", "CTRIA3,1,7,1,2,3\nPSHELL,7,,.6,1\n"),
-        (
-            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD2,5,9,1,123,2,3\n",
-            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123,1\nRBE2,5,9,3,2\n",
-        ),
-        ("CTRIA2,1,9,1,2,3\nPTRIA2,7,1,.4,,9,1,.3\n", "CTRIA3,1,9,1,2,3\nPSHELL,9,1,.3,1,,1\n"),
-        ("CHEXA1,1,1,1,2,3,4,5,6,\n,7,8\n", "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n"),
-        ("CWEDGE,1,1,1,2,3,5,6,7\n", "CPENTA,1,1,1,2,3,5,6,7\nPSOLID,1,1\n"),
-        (
-            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD1,5,9,1,2\n",
-            bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123456,1,2\n",
-        ),
-    ],
-)
-def test_elements_of_older_versions(tmp_path, older, newer):
-    same(*(bdf.read(tmp_path, bdf.GRIDS + bdf.MAT1 + text)[0] for text in (newer, older)))
-
-
 def test_materials_without_density_beside_masses(tmp_path):
     bare = BLOCK.replace(",8.-9", "")
     with pytest.raises(MeshError, match="density"):
@@ -223,12 +212,6 @@ def test_a_shear_modulus_of_beams_that_does_not_follow(tmp_path):
     assert G * section["A"] * section["shear"] == pytest.approx(4e10 * 0.8e-6)
 
 
-def test_a_bush_along_a_line(tmp_path):
-    one, _ = bdf.read(tmp_path, BLOCK + "CBUSH1D,9,3,1,3\nPBUSH1D,3,4.\n")
-    other, _ = bdf.read(tmp_path, BLOCK + "CBUSH,9,3,1,3\nPBUSH,3,K,4.\n")
-    same(one, other)
-
-
 def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
     folder = tmp_path / "jobs" / "one"
     folder.mkdir(parents=True)
@@ -238,12 +221,6 @@ def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
     assert found.deck.n_elements == 1
     with pytest.raises(MeshError, match="root="):
         nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs")))
-
-
-def test_plane_elements_with_the_thickness_of_a_shell(tmp_path):
-    plane = inp.CUBE.split("*ELEMENT")[0] + "*ELEMENT,TYPE=CPS3,ELSET=ALL\n1,1,2,3\n" + inp.STEEL
-    section = "*{} SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
-    same(*(inp.read(tmp_path, plane + section.format(kind))[0] for kind in ("SOLID", "SHELL")))
 
 
 def test_orthotropic_solids_by_nine_constants(tmp_path):

@@ -22,7 +22,7 @@ import parts
 from antiosc.io import by_gmsh, isolation
 from antiosc.io.request import Request
 from mesh_files import refusal
-from paths import DECKS, MESHES
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
 
@@ -146,10 +146,3 @@ print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
     arguments = [sys.executable, "-c", script, str(path)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["gmsh numpy", ""]
-
-
-def test_bulk_data_by_its_content(tmp_path):
-    path = tmp_path / "part.dat"
-    path.write_text((DECKS / "bar.bdf").read_text())
-    assert ao.read_mesh(path).n_cells == ao.read_mesh(DECKS / "bar.bdf").n_cells
-    assert ao.read_model(path).mass == pytest.approx(ao.read_model(DECKS / "bar.bdf").mass)

@@ -14,13 +14,11 @@ pytest.importorskip("meshio")
 import meshio
 
 import antiosc as ao
-from antiosc.io.conversion import EDGES
 from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
-SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 SIDES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 
 
@@ -81,33 +79,6 @@ def test_every_mix_converges_with_order_four(tmp_path, kinds):
     assert 0 < errors[1] < errors[0] < 0.1
     order = np.log2(errors[0] / errors[1])
     assert order > 3.4, (order, errors)
-
-
-def test_wedges_and_pyramids_are_cut_and_fill_the_part(tmp_path):
-    mesh = ao.read_mesh(mixed_box(tmp_path / "a.vtu", 2, "hwp"))
-    assert mesh.cell == "tetrahedron"
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850, rel=1e-12)
-
-
-def test_triangles_beside_quadrilaterals(tmp_path):
-    points = [*SQUARE, [2, 0, 0], [2, 1, 0]]
-    path = write(
-        tmp_path / "a.vtu", points, ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
-    )
-    sheet = ao.Structure(ao.read_mesh(path, gdim=3), ao.Shell(210e9, 0.3, 7850.0, 1e-2))
-    assert sheet.mesh.cell == "triangle"
-    assert sheet.mass == pytest.approx(2 * 78.5, rel=1e-12)
-
-
-def test_serendipity_cells_get_their_nodes(tmp_path):
-    bulge = [(SQUARE[a] + SQUARE[b]) / 2 for a, b in EDGES["quad"]]
-    bulge[0][1] -= 0.3  # a parabola of 2/3 · 0.3
-    path = write(tmp_path / "a.vtu", [*SQUARE, *bulge], ("quad8", [range(8)]))
-    mesh = ao.read_mesh(path)
-    assert (mesh.cell, mesh.order) == ("quadrilateral", 2)
-    part = ao.Structure(mesh, ao.Solid(210e9, 0.3, 1000.0, plane="stress"))
-    assert part.mass == pytest.approx(1200, rel=1e-12)
-    assert ao.read_mesh(path, order=1).order == 1
 
 
 @pytest.mark.parametrize("name", ["tetra10", "hexahedron27", "wedge15", "wedge18", "pyramid14"])

@@ -203,21 +203,6 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     assert u.ravel() @ C @ u.ravel() == pytest.approx(0.1 * energy, rel=1e-9)
 
 
-def test_a_bush_to_the_ground_is_along_the_axes(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"))
-    expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
-    np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
-
-
-def test_a_bush_along_its_line_needs_no_orientation(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n"))
-    line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
-    push = along(1, 0, line) - along(4, 0, line)
-    twist = along(1, 3, line) - along(4, 3, line)
-    expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
-    np.testing.assert_allclose(K, expected, atol=1e-12)
-
-
 def test_only_the_constants_that_an_element_uses_count(joints):
     """An entry that is not read is no matter where nothing uses it; GE is told once."""
     cards = "PBUSH,3,K,10.\n,,GE,.1\nCBUSH,8,3,2,5\nCBUSH,9,3,3,5\nPELAS,4,40.,.2\nPELAS,6,1.,.2\n"
@@ -295,12 +280,6 @@ def test_a_mass_on_the_difference_of_two_motions(joints, card, turned):
     row = along(1, 2, axes()[2] if turned else None) - along(4, 0)
     np.testing.assert_allclose(M, 6 * np.outer(row, row), atol=1e-12)
     assert total == 0
-
-
-def test_three_masses_on_the_axes_of_a_node_are_one(joints):
-    M, total = mass_matrix(joints("".join(f"CMASS2,{k},6.,2,{k}\n" for k in (1, 2, 3))))
-    np.testing.assert_allclose(M[6:9, 6:9], 6 * np.eye(3), atol=1e-12)
-    assert total == pytest.approx(6)
 
 
 WRONG = {

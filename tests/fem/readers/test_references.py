@@ -103,13 +103,6 @@ def test_the_supports_are_those_that_the_first_subcase_selects(tmp_path, control
     assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))}, which" in told
 
 
-def test_without_case_control_all_sets_act_and_are_told(tmp_path):
-    model, deck = bdf.read(tmp_path, BLOCK + SUPPORTS)
-    assert held(deck) == {"x": [0], "y": [1, 3], "z": [2]}
-    assert [text for text in deck.told if "1, 2, 3" in text]
-    assert any("motion of SPC" in text for text in model["ignored"])
-
-
 def test_a_set_of_supports_that_is_not_there(tmp_path):
     with pytest.raises(MeshError, match="SPC = 5"):
         bdf.read(tmp_path, f"SPC=5\nBEGIN BULK\n{BLOCK}{SUPPORTS}")

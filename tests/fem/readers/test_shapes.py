@@ -49,36 +49,6 @@ def test_volumes_are_closed_by_their_faces(shape):
     assert len(neutral.rectangles(shape)) == sum(len(face) == 4 for face in faces)
 
 
-@pytest.mark.parametrize("shape", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
-def test_facets_of_kinds(shape):
-    x = np.array(POINTS[{"quadrilateral": "quad", "tetrahedron": "tetra"}.get(shape, shape)])
-    facets = neutral.FACETS[shape]
-    if x.shape[1] == 2:
-        n = len(x)
-        assert [set(f) for f in facets] == [{k, (k + 1) % n} for k in range(n)]
-        return
-    edges = neutral.EDGES_OF_KIND[shape]
-    assert len(x) - len(edges) + len(facets) == 2
-    for facet in facets:
-        corners = x[list(facet)]
-        assert np.linalg.matrix_rank(corners[1:] - corners[0]) == 2
-    count = Counter(frozenset(e) for facet in facets for e in edges if set(e) <= set(facet))
-    assert count == dict.fromkeys(map(frozenset, edges), 2)
-
-
-def test_inner_nodes_of_the_hexahedron_of_27():
-    """Node 21 is the centre; 22 bottom, 23 top, then the sides y = 0, x = 1, y = 1, x = 0.
-
-    In VTK's order they stand as x = 0, x = 1, y = 0, y = 1, bottom, top, centre.
-    """
-    found = element_type("C3D27")
-    sides = {21: "centre", 22: "bottom", 23: "top", 24: "y0", 25: "x1", 26: "y1", 27: "x0"}
-    names = [sides[place + 1] for place in found.inner]
-    assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
-    assert list(found.corners) == list(range(8))
-    assert list(found.mids) == list(range(8, 20))
-
-
 @pytest.mark.parametrize(
     ("faces", "shape"),
     [(faces, shape) for shape, faces in SOLID_FACES.items()]
@@ -112,3 +82,16 @@ def test_middles_that_are_placed_lie_there_among_their_nodes():
         assert node in table.grown(np.array(own))
         for missing in range(len(own)):
             assert node not in table.grown(np.delete(own, missing))
+
+
+def test_inner_nodes_of_the_hexahedron_of_27():
+    """Node 21 is the centre; 22 bottom, 23 top, then the sides y = 0, x = 1, y = 1, x = 0.
+
+    In VTK's order they stand as x = 0, x = 1, y = 0, y = 1, bottom, top, centre.
+    """
+    found = element_type("C3D27")
+    sides = {21: "centre", 22: "bottom", 23: "top", 24: "y0", 25: "x1", 26: "y1", 27: "x0"}
+    names = [sides[place + 1] for place in found.inner]
+    assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
+    assert list(found.corners) == list(range(8))
+    assert list(found.mids) == list(range(8, 20))

@@ -250,16 +250,11 @@ def test_no_node_follows_a_mean_of_which_it_is_a_part(tmp_path):
 
 PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
 WRONG = {
-    "*EQUATION\n0\n": (1, "terms"),
     "*EQUATION\n2\n1,1,1.\n": (2, "ends"),
-    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "X"),
-    f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (6, "equation"),
     "*EQUATION\n2\n1,1,1.,2,7,1.\n": (2, "got"),
     "*EQUATION\n2\n1,1,0.,2,1,1.\n": (2, "coefficient"),
     "*MPC\nPLANE,1,2,3\n": (1, "PLANE"),
-    "*MPC\nTIE,1,2,3\n": (1, "TIE"),
     "*MPC\nBEAM,1,2\n": (1, "BEAM"),
-    "*MPC\nUSER,1,2\n": (1, "USER"),
     "*RIGID BODY,REF NODE=1\n": (0, "ELSET="),
     f"{PAIR}*RIGID BODY,REF NODE=P,NSET=P\n": (4, "node"),
     "*TIE\nA,B\n": (1, "*SURFACE"),
@@ -267,8 +262,6 @@ WRONG = {
     "*COUPLING,REF NODE=1,SURFACE=A\n": (0, "*SURFACE"),
     "*KINEMATIC\n": (0, "*KINEMATIC"),
     f"{SET}{COUPLING}*KINEMATIC\n0,2\n": (9, "counted"),
-    f"{SET}{COUPLING}*KINEMATIC\n3,2\n": (9, "counted"),
-    f"{SET}{COUPLING}*KINEMATIC\n6,7\n": (9, "counted"),
     "*EQUATION\n2\n1,4,1.,2,4,-1.\n": (2, "displacements"),
 }  # fmt: skip
 

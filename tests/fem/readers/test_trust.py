@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 
 import numpy as np
@@ -172,24 +171,3 @@ def test_cad_beside_a_script_is_merged(tmp_path):
     assert "merges bracket.step, but there is no such file" in refusal(tmp_path / "part.geo")
     (tmp_path / "bracket.step").write_bytes((MESHES / "bracket.step").read_bytes())
     assert ao.read_mesh(tmp_path / "part.geo").n_cells > 100
-
-
-@pytest.mark.parametrize(
-    "text", ["Exit;", pytest.param("Macro a\n Call a;\nReturn\nCall a;", marks=pytest.mark.slow)]
-)
-def test_a_script_that_ends_or_holds_its_reader(tmp_path, text):
-    path = tmp_path / "part.geo"
-    path.write_text(BAR + text)
-    with contextlib.suppress(ao.MeshError):  # or gmsh gets over it
-        ao.read_mesh(path, timeout=2)
-    assert ao.read_mesh(MESHES / "lever.msh").n_cells
-
-
-BEFORE = ["", "a = 1;\n\n", "/* of\nthree\nlines */\n", "b = 2; // one\n"]
-
-
-@pytest.mark.parametrize("before", BEFORE)
-def test_a_refusal_names_the_line(before):
-    number = 1 + before.count("\n")
-    with pytest.raises(ao.MeshError, match=rf"part.geo is refused for line {number} \(Include"):
-        geo_script.harmless(before + 'Include "other.geo";\n', "part.geo")

@@ -21,14 +21,6 @@ def deck(part: str, placed: str, rest: str = "", material: str = STEEL) -> str:
     return f"*PART,NAME=P\n{part}*END PART\n*ASSEMBLY\n{placed}{rest}*END ASSEMBLY\n{material}"
 
 
-def test_the_axes_of_beams(tmp_path):
-    text = deck(BARS + BEAM + "0,1,0\n", TURNED + STRAIGHT)
-    model, _ = read(tmp_path, text)
-    found = {name: arguments["orientation"] for name, _, arguments, _ in model["families"]}
-    assert found["I.ALL"] == pytest.approx([-1, 0, 0], abs=1e-12)
-    assert found["J.ALL"] == [0, 1, 0]
-
-
 @pytest.mark.parametrize("points", ["1,0,0,0,1,0", "3,2,1,2,3,1,2,2,1"])
 def test_the_axes_of_layers(tmp_path, points):
     """By two points, and an origin if it is given."""
@@ -49,15 +41,6 @@ def test_orientations_of_the_same_name_belong_to_their_parts(tmp_path):
     model, _ = read(tmp_path, f"{parts}*ASSEMBLY\n{placed}*END ASSEMBLY\n{ORTHOTROPIC}")
     found = {name: arguments["axis"] for name, _, arguments, _ in model["families"]}
     assert found == {"J.All": [1, 0, 0], "K.All": [0, 1, 0]}
-
-
-def test_springs_along_axes_of_their_part(tmp_path):
-    spring = "*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K,ORIENTATION=O\n1\n4.\n"
-    part = BARS + BEAM + "0,1,0\n" + ALONG.format("1,0,0,0,0,1") + spring
-    for placed, motion in ((TURNED, "y"), (STRAIGHT, "x")):
-        model, _ = read(tmp_path, deck(part, placed))
-        ((_, stiffness),) = model["springs"]
-        assert stiffness == {motion: pytest.approx(4e3)}
 
 
 @pytest.mark.parametrize(

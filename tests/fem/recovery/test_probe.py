@@ -17,7 +17,6 @@ from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery import Place
 from antiosc.fem.site import Reach, functional
-from sheets import RIB, SHEET, grouped, rectangle
 
 pytestmark = pytest.mark.fem
 
@@ -111,34 +110,6 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
     limits = {"displacement": 1e-5, "velocity": 3e-4, "acceleration": 1.5e-2}
     for quantity, value in worst[24].items():
         assert value < limits.get(quantity, 2e-4), quantity
-
-
-@pytest.mark.slow
-def test_a_superposition_gives_them_too(sheet):
-    part, times, solved = sheet
-    hit = ao.simulate(ao.full(part, SITE), BALL, LAW, DURATION, tol=1e-5)
-    worst = errors(part, hit, times, solved)
-    assert max(worst.values()) < 1e-3
-
-
-@pytest.mark.slow
-def test_a_body_of_a_scene(sheet):
-    part, times, solved = sheet
-    scene = ao.Scene(
-        {"part": ao.extract(part, {"tip": SITE}, 24), "ball": BALL},
-        [ao.Contact("part:tip", "ball", LAW)],
-    )
-    hit = scene.run(DURATION, tol=1e-5)
-    worst = errors(part, hit, times, solved, body="part")
-    assert worst["stress"] < 2e-4
-    assert worst["acceleration"] < 1.5e-2
-    at = hit.at(times)["part"]
-    for quantity in ("displacement", "velocity", "acceleration", "stress"):
-        one = ao.probe(part, hit, POINTS[1], quantity, times)
-        other = ao.probe(part, at, POINTS[1], quantity)
-        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
-    with pytest.raises(ao.InputError, match="its own times"):
-        ao.probe(part, hit.bodies["part"], POINTS[1], times=times)
 
 
 @pytest.mark.parametrize("kind", ["history", "scene"])
@@ -237,49 +208,6 @@ def test_von_mises_of_a_beam_is_that_of_its_worst_fibre(outline):
     assert stress == pytest.approx(bent if outline else 0.0, rel=2e-2, abs=1e-6 * bent)
 
 
-def test_section_forces_of_a_plane_beam():
-    """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
-    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
-    part = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
-    hit = quiet_load(ao.extract(part, ao.Site((0.8, 0.0), (0, 1)), 6), 5.0)
-    N, V, M = ao.probe(part, hit, (0.3, 0.0), "section_forces")[-1]
-    np.testing.assert_allclose([V, M], [5.0, 5.0 * 0.5], rtol=1e-5)
-    assert abs(N) < 1e-6
-    fibre = ao.probe(part, hit, (0.3, 0.0), "stress", fibre=(0.01, 0.0))[-1]
-    np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*patch")
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_a_stiffener_takes_its_share_of_the_moment(cell):
-    """A T section under a slow force: plane sections stay plane, N of the rib by statics."""
-    length, width, force, x = 1.0, 0.05, 5.0, 0.3
-    mesh = grouped(rectangle((24, 2), length, width, cell), lambda at: np.isclose(at[1], width / 2))
-    part = ao.Structure(
-        mesh, {"sheet": SHEET, "rib": RIB}, [ao.Support(lambda at: np.isclose(at[0], 0))]
-    )
-    end = length - 0.05
-    site = ao.Site((end, width / 2, 0), (0, 0, 1), radius=0.02)
-    hit = quiet_load(ao.extract(part, site, 8), force)
-    rib, E = RIB.section, RIB.E
-    areas, centres = np.array([width * 0.004, rib.A]), np.array([0.0, RIB.offset])
-    own = np.array([width * 0.004**3 / 12, rib.I])
-    middle = areas @ centres / areas.sum()
-    bend = force * (end - x) / (E * (own.sum() + areas @ (centres - middle) ** 2))
-
-    def probed(quantity, **options):
-        return ao.probe(part, hit, (x, width / 2, 0), quantity, stiffener="rib", **options)[-1]
-
-    forces = probed("section_forces")
-    N = E * rib.A * bend * (centres[1] - middle)
-    np.testing.assert_allclose(abs(forces[[0, 5]]), [N, E * rib.I * bend], rtol=2e-2)
-    above = probed("stress", fibre=(0.015, 0.0), axes="local")[0, 0]
-    assert abs(above) == pytest.approx(E * bend * (centres[1] + 0.015 - middle), rel=2e-2)
-    with pytest.raises(ao.InputError, match=r"no stiffener.*'rib'"):
-        ao.probe(part, hit, (x, 0, 0), "stress", stiffener="ribs")
-
-
 def quiet_load(model, force):
     """The model in static equilibrium under a force at its site."""
     scene = ao.Scene(
@@ -311,45 +239,3 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         seen = ao.probe(joined, hits[1], there, quantity, times, part="block")
         expected = own @ R.T if own.ndim == 2 else R @ own @ R.T
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
-
-
-@pytest.mark.parametrize(("other", "word"), [({"E": 210e9}, "stiff"), ({"rho": 2750.0}, "heavy")])
-def test_a_part_of_the_same_mesh_is_told_from_that_of_the_run(other, word):
-    def bar(E=70e9, rho=2700.0):
-        beam = ao.Beam(E, 0.3, rho, ao.Section.rectangle(0.01, 0.01))
-        return ao.Structure(parts.line(0.2, 8), beam, [ao.Support("left")])
-
-    hit = quiet_load(ao.extract(bar(), ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
-    assert ao.probe(bar(), hit, (0.1, 0.0)).any()
-    with pytest.raises(ao.InputError, match=word):
-        ao.probe(bar(**other), hit, (0.1, 0.0))
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
-def test_what_cannot_be_probed_is_refused(sheet):
-    part = sheet[0]
-    hit = ao.simulate(ao.extract(part, SITE, 4), BALL, LAW, 1e-4)
-    point = (0.1, 0.02)
-    for arguments, message in (
-        ({"quantity": "strayn"}, "strayn"),
-        ({"quantity": "section_forces"}, "a solid has no section forces"),
-        ({"quantity": "stress", "surface": "left"}, "surface"),
-        ({"quantity": "stress", "surface": (0, 0, 0)}, "zero vector"),
-        ({"quantity": "stress", "axes": "mine"}, "axes"),
-    ):
-        with pytest.raises(ao.InputError, match=message):
-            ao.probe(part, hit, point, **arguments)
-    np.testing.assert_array_equal(
-        ao.probe(part, hit, point, [1e-5, 2e-5]), ao.probe(part, hit, point, times=[1e-5, 2e-5])
-    )
-    plate = ao.Structure(
-        parts.plate((2, 2), (0.3, 0.2)), ao.Laminate([PLY, PLY.rotated(90)]), [ao.Support("left")]
-    )
-    model = ao.extract(plate, ao.Site((0.3, 0.1, 0), (0, 0, 1), radius=0.1), 4)
-    struck = ao.simulate(model, BALL, ao.Linear(1e6), 1e-4)
-    with pytest.raises(ao.InputError, match="layer must be below 2"):
-        ao.probe(plate, struck, (0.1, 0.1), "stress", layer=2)
-
-
-PLY = ao.Layer(E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3.5e9, rho=1600.0, thickness=1e-3)

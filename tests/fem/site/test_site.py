@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
+from antiosc.fem.site.sites import located, tell
+from antiosc.fem.structure.structure import on_mesh
 from marks import FREE_ON_PURPOSE
+from parts import STEEL, box
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -70,34 +73,6 @@ def test_displacement_of_any_point_in_any_direction(cell, order):
         expected = field(x[:, None])[:, 0] @ d / np.linalg.norm(d)
         assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-12)
         assert at(structure, point, 7 * d) @ u == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_displacement_of_any_point_in_the_plane(cell):
-    structure = ao.Structure(parts.plate(cell=cell), PLANE)
-    u = field_of(structure, quadratic)
-    for point in [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]:
-        expected = quadratic(np.array([*point, 0.0])[:, None])[:2, 0] @ [0.6, -0.8]
-        assert at(structure, point, (0.6, -0.8)) @ u == pytest.approx(expected, rel=1e-12)
-        assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cell", parts.CELLS)
-def test_curved_cells(tmp_path, cell):
-    """On cells of order 2 a linear field is exact at every point of the bent cube."""
-    space = cell in ("tetrahedron", "hexahedron")
-    path = parts.gmsh_cube(tmp_path / "cube.msh", cell, 2, bent=True)
-    structure = ao.Structure(ao.read_mesh(path), SOLID if space else PLANE)
-    u = field_of(structure, linear)
-    d = np.array([0.6, 0.0, 0.8]) if space else np.array([0.6, 0.8, 0.0])
-    straight = np.random.default_rng(1).uniform(0, 1, (20, 3))
-    straight[::4, 0] = 1.0  # some on a face
-    straight[::5, 1] = 0.5  # some between cells
-    straight[:, 2] *= space
-    for point in (parts.bend if space else parts.bend_plane)(straight):
-        expected = linear(point[:, None])[:, 0] @ d
-        assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.sample
@@ -194,77 +169,7 @@ def test_a_point_above_a_plane_part_is_off_it():
         at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
 
 
-@pytest.mark.sample(-1)
-@pytest.mark.parametrize(
-    "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
-)
-def test_the_nearest_point_is_the_nearest(part):
-    """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
-    mesh = ao.read_mesh(
-        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
-        size=None if part != "bracket" else 0.01,
-    )
-    nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    rng = np.random.default_rng(5)
-    X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
-    if mesh.cell == "quadrilateral":
-        X = rng.uniform(0, 1, (40, 2))
-    cmap = compat.coordinate_map(mesh.dolfinx)
-    samples = np.concatenate([
-        cmap.push_forward(X, np.ascontiguousarray(n[:, : mesh.gdim])) for n in nodes
-    ])  # fmt: skip
-    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
-    points = rng.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (25, 3))
-    points[:, mesh.gdim :] = 0
-    spacing = np.ptp(nodes, axis=1).max()
-    for point in points:
-        place = surface.closest(mesh, point)
-        assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
-        brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
-        assert place.distance <= brute + 1e-9
-        assert place.distance >= brute - spacing
-        again = cmap.push_forward(
-            place.X.reshape(1, -1), np.ascontiguousarray(nodes[place.cell][:, : mesh.gdim])
-        )[0]
-        np.testing.assert_allclose(again, place.x[: mesh.gdim], atol=1e-9)
-
-
 # --- A patch --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-@pytest.mark.slow
-def test_a_patch_averages_with_hertz_weights(cell):
-    """Exact for a translation; the centre's value for a linear field; a²/5 for x²."""
-    mesh = parts.box((20, 20, 2), (0.1, 0.1, 0.02), cell)
-    structure = ao.Structure(mesh, SOLID)
-    p, d = np.array([0.053, 0.048, 0.02]), np.array([0.48, 0.6, 0.64])
-    a = 0.02
-    result = functional(structure, ao.Site(p, d, radius=a))
-    ones = field_of(structure, lambda x: np.outer(d, np.ones(x.shape[1])))
-    assert result.b @ ones == pytest.approx(1.0, rel=1e-13)
-    u = field_of(structure, linear)
-    assert result.b @ u == pytest.approx(linear(p[:, None])[:, 0] @ d, rel=1e-4)
-    # ∫ w x² dS / ∫ w dS = a²/5 with w = √(1 − r²/a²)
-    square = field_of(structure, lambda x: np.outer(d, (x[0] - p[0]) ** 2))
-    assert result.b @ square == pytest.approx(a**2 / 5, rel=5e-3)
-    # The load lies on the face alone, not on the back nor the inside.
-    below = field_of(structure, lambda x: np.outer(d, x[2] < 0.0199))
-    assert abs(result.b @ below) < 1e-12
-    cosine = d[2]
-    assert result.local_compliance == pytest.approx(SOLID.half_space_compliance(cosine) / a)
-    np.testing.assert_allclose(result.point, p)
-
-
-def test_a_patch_on_a_plane_part_lies_on_its_edge():
-    structure = ao.Structure(parts.plate((40, 8), (0.2, 0.04)), PLANE)
-    a = 0.012
-    result = functional(structure, ao.Site((0.103, 0.04), (0, -1), radius=a))
-    down = field_of(structure, lambda x: np.array([0 * x[0], -1 + 0 * x[0], 0 * x[0]]))
-    assert result.b @ down == pytest.approx(1.0, rel=1e-13)
-    square = field_of(structure, lambda x: np.array([0 * x[0], -((x[0] - 0.103) ** 2), 0 * x[0]]))
-    assert result.b @ square == pytest.approx(a**2 / 4, rel=1e-2)  # along a line
-    assert result.local_compliance == 0.0
 
 
 @pytest.mark.slow
@@ -317,3 +222,60 @@ def test_dof_and_vector_sites():
         functional(structure, ao.Site(dof=675))
     with pytest.raises(ao.InputError, match=r"vector must have shape \(675\)"):
         functional(structure, ao.Site(vector=np.ones(3)))
+
+
+# --- What is told of patches: which site of several, its numbers, and from where on ---------------
+
+
+@pytest.fixture(scope="module")
+def part():
+    return on_mesh(ao.Structure(box((2, 1, 1), (0.2, 0.1, 0.1)), ao.Solid(**STEEL), order=1))
+
+
+def told(part, **facts) -> list[str]:
+    """The warnings of three sites with patches that are sound but for these facts."""
+    points = np.tile([0.1, 0.05, 0.1], (3, 1))
+    places = located(part, points, np.tile([0.0, 0.0, -1.0], (3, 1)), np.full(3, 0.04))
+    sound = {"size": 0.01, "share": 1.0, "moving": 1.0, "local": 1e-9, "radii": 0.04}
+    arrays = {name: np.full(3, value) for name, value in sound.items()}
+    arrays |= {name: np.array(values) for name, values in facts.items()}
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        tell(part, replace(places, **arrays))
+    return [str(one.message) for one in found]
+
+
+def test_the_worst_of_the_doubtful_patches_is_told(part):
+    (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
+    assert "the site at 2 of 3 sites measure 0.06 m, more than the radius 0.045" in text
+    (text,) = told(part, share=[0.89, 1.0, 0.5])
+    assert "cuts the patch at 2 of 3 sites: only 50% of its load area" in text
+    (text,) = told(part, moving=[1.0, 0.89, 0.25])
+    assert "supports fix 75% of the patch at 2 of 3 sites" in text
+    (text,) = told(part, radii=[np.nan, 0.04, 0.04])
+    assert "the element there measures 0.17 m" in text
+
+
+def test_a_sheet_is_told_whose_cells_are_far_larger_than_the_radius():
+    """Thick sheets become some per cent too stiff; of thin ones bending hides it: not told."""
+    site = ao.Site((0.07, 0.08, 0.0), (0, 0, -1), radius=5e-4)
+    stiffness = {}
+    for thickness, size, count in ((16e-3, 4e-3, 0), (16e-3, 0.04, 1), (2e-3, 0.04, 0)):
+        mesh = ao.box_mesh((0.2, 0.2), size=0.04, refine=[(site.point, size)])
+        plate = ao.Structure(mesh, ao.Shell(**STEEL, thickness=thickness), [ao.Support("rim")])
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            stiffness[thickness, size] = ao.extract(plate, site, n=5).k0
+        assert len(found) == count
+        assert all("8 times the radius 0.0005" in str(one.message) for one in found)
+    assert 0.02 < stiffness[16e-3, 0.04] / stiffness[16e-3, 4e-3] - 1 < 0.15
+
+
+def test_a_blow_along_the_surface_is_told(part):
+    points = np.tile([0.1, 0.05, 0.1], (2, 1))
+    directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
+    places = located(part, points, directions, np.full(2, 0.04))
+    with pytest.warns(ao.AccuracyWarning, match="1 of 2 sites lies along .*, 2.6°") as all_:
+        tell(part, replace(places, size=np.full(2, 0.01)))
+    assert len(all_) == 1
+    assert "against the normal (0, 0, 1)" in str(all_[0].message)

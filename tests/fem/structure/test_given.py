@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -119,14 +117,6 @@ def test_a_coupling_by_penalty_is_right_or_refused(penalty, free):
 # -- what is no stiffness, no mass
 
 
-@pytest.mark.parametrize("entry", [0.0, 1.001 * -STIFF])
-def test_unsymmetric_below_a_penalty(entry):
-    K = chain()
-    K[0, 0], K[4, 5] = 1e30, entry
-    with refused(r"K must be symmetric .* entries \(4, 5\) and \(5, 4\) differ"):
-        ao.Structure.from_matrices(K, np.eye(N))
-
-
 def test_indefinite_matrices():
     with refused(r"K must be positive semidefinite; its entry \(0, 1\) = 2 exceeds"):
         ao.Structure.from_matrices([[1.0, -2.0], [-2.0, 1.0]], np.eye(2))
@@ -174,45 +164,6 @@ def petsc(A: np.ndarray, kind: str = "aij") -> PETSc.Mat:
             matrix.setValue(int(i), int(j), A[i, j])
     matrix.assemble()
     return matrix
-
-
-def doubled(A: np.ndarray) -> scipy.sparse.coo_matrix:
-    """Every entry stored as two halves."""
-    i, j = np.nonzero(A)
-    values = np.tile(A[i, j] / 2, 2)
-    return scipy.sparse.coo_matrix((values, (np.tile(i, 2), np.tile(j, 2))), shape=A.shape)
-
-
-def with_zeros(A: np.ndarray) -> scipy.sparse.csr_matrix:
-    """Every zero stored."""
-    n = len(A)
-    return scipy.sparse.csr_matrix(
-        (A.ravel(), np.tile(np.arange(n), n), n * np.arange(n + 1)), shape=A.shape
-    )
-
-
-FORMS = {
-    "list": np.ndarray.tolist,
-    "int": lambda A: A.astype(int),
-    "float32": lambda A: A.astype(np.float32),
-    "long double": lambda A: A.astype(np.longdouble),
-    "object": lambda A: np.array([[Fraction(int(a)) for a in row] for row in A]),
-    "np.matrix": np.asmatrix,
-    "duplicates": doubled,
-    "stored zeros": with_zeros,
-    **{name: getattr(scipy.sparse, f"{name}_matrix") for name in ("coo", "csc", "dia", "dok")},
-    "sparse array": scipy.sparse.csr_array,
-    **{f"PETSc {kind}": lambda A, kind=kind: petsc(A, kind) for kind in ("aij", "sbaij", "dense")},
-}
-
-
-@pytest.mark.sample
-@pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")
-@pytest.mark.parametrize("name", FORMS)
-def test_every_form_of_a_matrix(name):
-    K, M = chain(), np.eye(N)
-    structure = ao.Structure.from_matrices(FORMS[name](K), FORMS[name](M))
-    check(ao.extract(structure, ao.Site(dof=N - 1)), K, 1e-9)
 
 
 @pytest.mark.parametrize("method", ["krylov", "modes"])

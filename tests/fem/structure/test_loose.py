@@ -14,7 +14,6 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.platform import compat
 
 pytestmark = pytest.mark.fem
 
@@ -77,24 +76,6 @@ def test_a_box(supports, words):
     assert told(box(), SOLID, supports) == words
 
 
-@pytest.mark.sample
-@pytest.mark.parametrize(
-    ("held", "words"),
-    [
-        (("x", "y"), "rotation about z through (0, 0, 0) m"),
-        ("y", "translation along x and rotation about z through (0, 0, 0) m"),
-        (("y", "rz"), "translation along x"),
-        ("all", ""),
-    ],
-)
-def test_a_beam_in_a_plane(held, words):
-    x = np.column_stack([np.linspace(0, 1, 5), np.zeros(5)])
-    cells = np.column_stack([np.arange(4), np.arange(1, 5)])
-    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "interval", 1))
-    beam = ao.Beam(70e9, 0.3, 2700.0, ao.Section.rectangle(0.01, 0.02))
-    assert told(mesh, beam, [ao.Support(at(x=0.0), held)]) == words
-
-
 BODY = ao.Solid(70e9, 0.33, 2700.0)
 
 
@@ -102,27 +83,9 @@ def fixed(**where) -> np.ndarray:
     return ao.Structure(parts.box(), BODY, [ao.Support(**where)]).fixed
 
 
-def by_function(where) -> np.ndarray:
-    return ao.Structure(parts.box(), BODY, [ao.Support(where)]).fixed
-
-
 @pytest.fixture(scope="module")
 def x() -> np.ndarray:
     return parts.box().dolfinx.geometry.x
-
-
-@pytest.mark.slow
-def test_regions_select_what_functions_of_coordinates_do(x):
-    low, high = x.min(axis=0), x.max(axis=0)
-    middle = (low + high) / 2
-    radius = 0.4 * float(np.linalg.norm(high - low))
-    ball = by_function(lambda p: np.linalg.norm(p - low[:, None], axis=0) <= radius)
-    np.testing.assert_array_equal(fixed(near=(low, radius)), ball)
-    box = by_function(lambda p: (p <= middle[:, None] + 1e-12).all(axis=0))
-    np.testing.assert_array_equal(fixed(box=(low, middle)), box)
-    plane = by_function(lambda p: np.isclose(p[0], low[0]))
-    np.testing.assert_array_equal(fixed(plane=(low, (-3, 0, 0))), plane)
-    assert 0 < len(plane) < len(box)
 
 
 def test_what_lies_outside_by_a_millionth_belongs_to_it(x):

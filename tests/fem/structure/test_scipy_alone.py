@@ -88,38 +88,6 @@ def test_sparse_modes_are_those_of_lapack(free, direct):
 # -- what is no stiffness
 
 
-@DIRECT
-@pytest.mark.parametrize("size", [6, 700])
-def test_an_indefinite_stiffness_is_refused(size, direct):
-    """Its diagonal is positive and its entries are small: only the inertia tells."""
-    K, M = chain(size)
-    lowest = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
-    with pytest.raises(ao.InputError, match="K must be positive semidefinite"):
-        scipy_structure(K - (lowest[0] + lowest[1]) / 2 * M, M)
-
-
-@DIRECT
-def test_loose_bodies_are_counted(direct):
-    K, M = chain(6, free=True)
-    K, M = (scipy.sparse.block_diag(3 * [one]).tocsr() for one in (K, M))
-    assert scipy_structure(K, M).rigid_modes.shape[1] == 3
-
-
-@DIRECT
-def test_factors_of_matrices_that_are_not_positive_definite(direct):
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        A = rng.standard_normal((12, 12))
-        A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
-        values = np.linalg.eigvalsh(A)
-        if values[0] > 1e-6:
-            X = linalg.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
-            np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
-        else:
-            with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-                linalg.factorize(scipy.sparse.csr_matrix(A))
-
-
 # -- without the packages, and on other systems
 
 
