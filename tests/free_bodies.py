@@ -102,3 +102,13 @@ def site_vectors(site: ao.Site) -> tuple[np.ndarray, np.ndarray]:
     point[: len(site.point)] = site.point
     d[: len(site.direction)] = site.direction
     return point, d / np.linalg.norm(d)
+
+
+def effective_mass(structure: ao.Structure, site: ao.Site) -> float:
+    """1/(1/m + (r×d)·I⁻¹(r×d)): the mass that a blow at the site feels."""
+    point, d = site_vectors(site)
+    centre, inertia = centre_and_inertia(structure)
+    lever = np.cross(point - centre, d)
+    if structure.mesh.gdim == 2:
+        return 1 / (1 / structure.mass + lever[2] ** 2 / inertia[2, 2])
+    return 1 / (1 / structure.mass + lever @ np.linalg.solve(inertia, lever))

@@ -10,10 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Largest relative error of the reference.
+REFERENCE = 1e-10
+#: Decimal digits where extended precision is not enough.
+DIGITS = 60
 
 
 def loose_bodies(
@@ -76,6 +82,31 @@ def more_loads(rng: np.random.Generator, K: Array, b: Array, p: int) -> Array:
         if new.any():
             B = np.column_stack([B, new])
     return B
+
+
+def exact_stiffness(
+    K: Array, M: Array, b: Array, omega: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Z = 1/(b'(K - omega^2 M)^-1 b) (W,) with a relative error of at most REFERENCE.
+
+    Elimination with pivoting gives the y of a matrix changed by E, |E| <= n eps |K - omega^2 M|,
+    and E changes b'y by y'Ey (Higham, Accuracy and Stability of Numerical Algorithms, ch. 9).
+    """
+    y = _deflections(K, M, b[:, None], omega)[:, :, 0]
+    H, far = y @ b, np.abs(y)
+    size = np.abs(K) + np.abs(omega**2)[:, None, None] * M
+    energy = np.einsum("wi,wij,wj->w", far, size, far) + far @ np.abs(b)
+    doubt = len(b) * np.finfo(np.longdouble).eps * energy / np.abs(H)
+    for w in np.flatnonzero(doubt > REFERENCE):
+        H[w] = _with_many_digits(K, M, b, omega[w])
+    return np.asarray(1 / H, dtype=complex)
+
+
+def _with_many_digits(K: Array, M: Array, b: Array, omega: complex) -> complex:
+    with mpmath.workdps(DIGITS):
+        k, m, load = (mpmath.matrix(a.tolist()) for a in (K, M, b))
+        y = mpmath.lu_solve(k - mpmath.mpc(omega) ** 2 * m, load)
+        return complex(mpmath.fdot(load, y))
 
 
 def exact_receptances(

@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from paths import MESHES
+
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
@@ -226,3 +228,99 @@ def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
     options = {"direction": (0, 0, -1), "radius": 0.025, "accuracy": 1e9}
     found = ao.impact_map(steel, points, ball, law, 4e-4, **options)
     assert found.doubtful.tolist() == [False, True]
+
+
+@pytest.mark.slow
+def test_free_body():
+    free = block(supported=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = ao.impact_map(free, "top", n=14, modes=25)
+    assert np.all(result.models.k0 == 0)
+    for i in (0, 7, 20):
+        direct = ao.extract(free, at(free, "top", i), n=40)
+        error = stiffness_error(
+            result.model(i).dynamic_stiffness,
+            direct.dynamic_stiffness,
+            result.band,
+            direct.omega[0],
+        )
+        assert error <= 1.02 * result.error[i]
+        assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
+    """Force and moments of the load, and so m_CR of a free block, do not depend on the mesh."""
+    site = ao.Site((0.071, 0.037, SIZE[2]), (0.3, -0.2, -1.0), radius=0.012)
+    found = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the patch is not resolved, which does not matter here
+        for n in ((3, 2, 1), (5, 3, 2), (7, 6, 2)):
+            for cell in ("hexahedron", "tetrahedron"):
+                part = block(n, supported=False, cell=cell)
+                found.append(ao.extract(part, site, n=0).m_st)
+    np.testing.assert_allclose(found, found[0], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_curved_patch_carries_a_unit_force():
+    mesh = ao.read_mesh(MESHES / "bracket.msh")
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
+    ground = surface(part, "eye")
+    along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))
+    found = located(part, ground.points, along, np.full(len(along), 4e-3))
+    # b'u of a unit translation along z is 1, and its first moment is the patch's centre
+    z = np.zeros(found.loads.shape[0])
+    z[2::3] = 1.0
+    np.testing.assert_allclose(found.loads.T @ z, 1.0, rtol=1e-12)
+    assert (found.share > 0.99).sum() > 30
+
+
+@pytest.mark.slow
+def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
+    shell = sheet()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(shell, direction=(0, 0, -1))
+        inner = np.flatnonzero(
+            (np.abs(result.points[:, 1] - 0.03) < 0.02) & (result.points[:, 0] < 0.19)
+        )
+        for i in inner[::3]:
+            direct = ao.extract(
+                shell, ao.Site(result.points[i], (0, 0, -1), radius=result.radius[i])
+            )
+            assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    assert set(result.radius[inner]) == {4e-3, 8e-3}
+
+
+def test_the_half_space_is_that_of_the_material_at_the_site():
+    groups = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "steel": (3, lambda x: x[0] < SIZE[0] / 2 + 1e-9),
+        "light": (3, lambda x: x[0] > SIZE[0] / 2 - 1e-9),
+        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
+    }
+    mesh = parts.box((4, 4, 2), SIZE, groups=groups)
+    materials = {"steel": ao.Solid(**parts.STEEL), "light": ao.Solid(**parts.ALUMINIUM)}
+    part = ao.Structure(mesh, materials, [ao.Support("left")])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(part, "end", radius=0.01)
+    expected = materials["light"].half_space_compliance(1.0) / 0.01
+    np.testing.assert_allclose(result.local_compliance, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_given_points_of_a_sheet(cell):
+    shell = sheet(cell)
+    points = [(0.053, 0.021), (0.147, 0.034), (0.081, 0.042)]
+    result = ao.impact_map(shell, points, direction=(0, 0, -1), accuracy=1e9)
+    np.testing.assert_allclose(result.points[:, :2], points, atol=1e-12)
+    for i, point in enumerate(points):
+        direct = ao.extract(shell, ao.Site((*point, 0), (0, 0, -1)))
+        assert result.model(i).radius == direct.radius
+        assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    with pytest.raises(ao.InputError, match=r"1 of 4 points lie off the structure, one at \(0"):
+        ao.impact_map(shell, [*[(*p, 0) for p in points], (0.05, 0.03, 1e-3)], direction=(0, 0, -1))

@@ -203,3 +203,13 @@ def test_a_file_of_another_kind_is_not_overwritten(tmp_path):
         with pytest.raises(ao.InputError, match="name a new file"):
             ao.monte_carlo(lambda v: v, speeds, 5, store=tmp_path / "mine.csv")
         assert (tmp_path / "mine.csv").read_text() == text
+
+
+def test_an_index_of_many_values_needs_no_order():
+    """Half of the variance is the value's, which has nothing to do with its number."""
+    rng = np.random.default_rng(5)
+    heights = rng.permutation(np.linspace(0.0, 1.0, 200))
+    inputs = {"height": heights, "x": ao.uniform(0.0, 1.0)}
+    found = ao.monte_carlo(lambda height, x: height + x, inputs, 2000).sensitivity()
+    assert found.quantity == "value"
+    assert found.first == pytest.approx([0.5, 0.5], abs=0.05)

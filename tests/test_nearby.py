@@ -141,3 +141,24 @@ def two_halves(gmsh, path):
     finally:
         gmsh.finalize()
     return path
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the compliance under a point load")
+def test_plates_of_other_lengths():
+    """Nodes move with the length, and the site with them."""
+    pytest.importorskip("dolfinx")
+    from parts import plate
+
+    def build(length):
+        material = ao.Solid(E=70e9, nu=0.3, rho=2700.0, plane="stress", thickness=0.01)
+        return ao.Structure(plate((4, 2), (length, 0.1)), material, [ao.Support("left")], order=1)
+
+    def site(length):
+        return ao.Site((length, 0.1), (0, -1))
+
+    models = ao.nearby(build, site, {"length": (0.24, 0.36)}, n=10)
+    true, found = ao.extract(build(0.31), site(0.31), n=10), models(length=0.31)
+    assert found.k0 == pytest.approx(true.k0, rel=1e-3)
+    assert peak(found) == pytest.approx(peak(true), rel=1e-3)

@@ -174,3 +174,34 @@ def test_the_transform_of_a_signal_that_begins_and_ends_with_jumps():
             exact = ends[0] - ends[1]
         assert value == pytest.approx(exact, rel=1e-4)
     assert found.amplitude[0] == pytest.approx(1.05, rel=1e-9)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("even", [True, False])
+def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
+    """Against integrations with the acceleration that is constant in each step."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0, 2e-3, 41) if even else np.cumsum([0, *rng.choice([1e-5, 4e-5], 60)])
+    v = np.cumsum(rng.standard_normal(t.size))
+    v[-1] = v[0] = 3.0
+    steps = np.repeat(np.diff(v) / np.diff(t), 2)
+    edges = np.sort([*t[:-1], *(t[1:] - 1e-12)])
+    edges[0], edges = 0.0, np.append(edges, t[-1])
+    for f in (300.0, 2000.0):
+        exact = integrated(edges, np.append(steps, 0.0), f, 10.0)
+        found = ao.srs(t, v, [f], signal="velocity")
+        assert found.positive[0] == pytest.approx(exact[0], rel=3e-3)
+        assert found.negative[0] == pytest.approx(exact[1], rel=3e-3)
+
+
+def test_srs_of_a_step_overshoots_by_its_damping():
+    """Absolute acceleration 1 + exp(−ζπ/√(1−ζ²)) cos … of a base that starts suddenly: Q large."""
+    t = np.linspace(0, 1, 1001)
+    found = ao.srs(t, np.ones_like(t), [5.0], Q=1e5)
+    assert found.positive[0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_the_force_of_an_impact_has_its_impulse_at_zero():
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
+    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 1e-3)
+    assert ao.spectrum(hit.time, hit.force).amplitude[0] == pytest.approx(hit.impulse, rel=1e-3)

@@ -64,3 +64,8 @@ def test_what_is_no_tensor_is_refused(bad):
     for function in (ao.von_mises, ao.principal):
         with pytest.raises(ao.InputError, match=r"symmetric|\.\.\., 3, 3"):
             function(bad)
+
+
+def test_principal_values_come_largest_first():
+    t = turned(np.diag([3.0, -1.0, 2.0]))
+    np.testing.assert_allclose(ao.principal((t + t.T) / 2), [3, 2, -1], atol=1e-12)

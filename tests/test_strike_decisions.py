@@ -97,3 +97,30 @@ def test_the_next_number_follows_from_the_fall_of_the_error(
     few = ao.AntiOscillators(m0=0.1, k0=1e5, m=[1.0], omega=[1.0])
     none = answer(budget(truncation=error), n=1, raw=SimpleNamespace(model=few))
     assert striking.next_n(none, lambda *_: None, TOL, 1.0) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "goal"),
+    [
+        (budget(0.05), 0.8 * 0.01 / 0.05),
+        (budget(0.04, time=0.002, patch=0.001), 0.8 * 0.007 / 0.04),
+        # the truncation counts up to a fifth of the tolerance
+        (budget(0.04, truncation=0.001), (0.008 - 0.001) / 0.04),
+        (budget(0.04, truncation=0.5), (0.008 - 0.002) / 0.04),
+        # bars of a mesh that is not resolved fall by their factor too: (2 - 1)/(3 - 1)
+        (budget(0.05, safety=3.0), 0.8 * 0.01 / (0.05 / 2)),
+        # a mesh that is nearly good enough gets finer by a fifth at least
+        (budget(0.009), 0.8),
+    ],
+)
+def test_the_next_mesh_has_the_error_that_is_left(step: Any, given: Any, goal: float) -> None:
+    """Of order 1 the error falls as the size squared, and so do sizes for the goal."""
+    ratio, told = step(answer(given))
+    np.testing.assert_allclose(ratio, np.sqrt(goal), rtol=1e-6)
+    assert told == ""
+
+
+def test_later_meshes_aim_lower_and_none_grows_more_than_eightfold(step: Any) -> None:
+    for meshes, goal in ((1, 0.4), (2, 0.24), (3, 0.144), (4, 1 / 8)):
+        ratio, _ = step(answer(budget(0.02)), meshes=meshes)
+        np.testing.assert_allclose(ratio**2, goal, rtol=1e-6)

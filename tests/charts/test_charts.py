@@ -10,6 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
+from antiosc.results import pictures
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -128,3 +129,41 @@ def test_a_picture_that_cannot_be_drawn(tmp_path, monkeypatch, settings, told):
         with pytest.raises(ao.InputError, match=told):
             charts.save_figure(figure, tmp_path / "picture.svg")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_picture_of_a_body_is_at_its_own_largest_motion():
+    model, striker = case_two(3)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-3)
+    largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
+    assert np.argmax(largest[0]) != np.argmax(largest[1])
+    for body, expected in zip(("structure", "impactor"), largest, strict=True):
+        assert np.array_equal(pictures._motion(hit, body), expected)
+
+
+def test_each_contact_is_shaded():
+    hit = impact(8e-3)
+    (shades,) = plotting.plot_motion(hit).collections
+    found = [path.get_extents() for path in shades.get_paths()]
+    expected = [(1e3 * start, 1e3 * end) for start, end in hit.contacts]
+    assert len(expected) > 1
+    np.testing.assert_allclose([(box.xmin, box.xmax) for box in found], expected)
+
+
+@pytest.mark.slow
+def test_histories_and_models_plot_themselves(tmp_path):
+    hit, model = impact(), case_two(3)[0]
+    for one, name in ((hit, "hit.png"), (model, "model.svg")):
+        assert one.plot(tmp_path / name) == tmp_path / name
+        assert (tmp_path / name).stat().st_size > 3000
+        assert len(one.plot().axes) == 2
+    assert plt.get_fignums() == [1, 2]  # a figure that is only written is no pyplot figure
+    with pytest.raises(ao.InputError, match="picture"):
+        hit.plot(tmp_path / "hit.txt")
+    with pytest.raises(ao.InputError, match="no anti-oscillator"):
+        model.truncated(0).plot()
+    # poles and zeros of Z are resolved: each antiresonance is a local maximum of the curve
+    line = model.plot().axes[0].lines[0]
+    at, value = line.get_xdata(), line.get_ydata()
+    for omega in model.omega:
+        near = np.abs(at - omega / (2 * np.pi)) < 0.02 * omega / (2 * np.pi)
+        assert value[near].max() > 30 * np.median(value)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from antiosc import plotting
+from antiosc.base import surfaces
 from antiosc.base.surfaces import Deformed, deformed_figure
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -92,3 +93,25 @@ def test_a_deformed_part_stays_in_its_box(whole: bool) -> None:
     assert bar.get_ylim()[1] == pytest.approx(6 if whole else 1.5, abs=0.2)
     still = Deformed.of(points, np.arange(4)[None], 0 * moved, 0.0)
     np.testing.assert_array_equal(still.moved, points)
+
+
+def test_faces_are_shaded_by_the_angle_to_the_light() -> None:
+    """Faces across the axes: the colour of the value times what a light from LIGHT leaves."""
+    flat = np.add([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [2.0, 5.0, 3.0])
+    corners = np.stack([flat, flat[:, [2, 0, 1]], flat[:, [1, 2, 0]]])
+    value = np.array([1.0, 2.0, 4.0])
+    figure, axes, _, _ = surfaces.space(flat, shown=False)
+    scale = surfaces.colour_scale(value)
+    assert (scale.norm.vmin, scale.norm.vmax) == (1, 4)
+    surfaces.draw_faces(figure, axes, corners, value, "what (N)", scale, dark=0.5)
+    (drawn,) = axes.collections
+    colours = scale.to_rgba(value)
+    across = [np.cross(c[1] - c[0], c[2] - c[0]) for c in corners]  # of length 1
+    shade = 0.5 + 0.5 * np.abs(np.array(across) @ surfaces.LIGHT)
+    expected = colours.copy()
+    expected[:, :3] *= shade[:, None]
+    np.testing.assert_allclose(drawn._facecolor3d, expected)
+    np.testing.assert_allclose(drawn._edgecolor3d, expected)
+    assert np.all(drawn.get_linewidth() > 0)
+    assert figure.axes[1].get_ylabel() == "what (N)"
+    assert np.linalg.norm(surfaces.LIGHT) == pytest.approx(1, abs=0.02)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -11,7 +13,7 @@ from antiosc.closed_form import (
     free_free,
     pinned_pinned,
 )
-from antiosc.closed_form.beams import wave_roots
+from antiosc.closed_form.beams import even_odd, wave_roots
 from antiosc.closed_form.plates import SHEAR, SupportedPlate
 from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
@@ -124,3 +126,32 @@ def test_shear_beam_limit():
         errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
     assert errors[-1] < 1e-5
     np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
+
+
+def test_printed_alpha_is_wrong_and_its_correction_right():
+    """Short waves: E/rho and k'G/rho are speeds that cannot depend on the section's size."""
+    i = np.array([20000.0])
+    alpha = THICK.rhoI / (THICK.rhoA * THICK.length**2)
+    assert alpha == pytest.approx(8e-6 / 1e-2 / 0.3**2)
+    bar, shear = math.sqrt(70e9 / 2700), math.sqrt(5 / 6 * 70e9 / 2.6 / 2700)
+    speed = hinged_roots(THICK, i, alpha)[:, 0] * THICK.length / (i[0] * np.pi)
+    np.testing.assert_allclose(np.sort(speed), [shear, bar], rtol=1e-6)
+    printed = (8e-6 / 1e-2) ** 2 / 0.3**2
+    speed = hinged_roots(THICK, i, printed)[:, 0] * THICK.length / (i[0] * np.pi)
+    assert speed.max() > 10 * bar
+    # The library's own spectra have these asymptotes.
+    top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
+    within = top[-1] * THICK.length / np.pi
+    assert within / bar + within / shear == pytest.approx(200, rel=0.02)
+
+
+@pytest.mark.parametrize("mu", [-900.0, -3.0, -1e-9, 0.0, 1e-9, 2.0, 400.0])
+@pytest.mark.parametrize("x", [-0.5, -0.2, 0.0, 0.3, 0.5])
+def test_even_and_odd_waves(mu: float, x: float) -> None:
+    """cosh(λx) and sinh(λx)/λ, where they grow both over cosh(λ/2)."""
+    root = np.sqrt(complex(mu))
+    cosh, sinh = np.cosh(root * x), (np.sinh(root * x) / root if mu else x)
+    over = np.cosh(root * 0.5) if mu > 0 else 1.0
+    found = even_odd(np.array([mu]), x, 0.5)
+    assert found[0] == pytest.approx((cosh / over).real, rel=1e-6)
+    assert found[1] == pytest.approx((sinh / over).real, rel=1e-6, abs=1e-12)

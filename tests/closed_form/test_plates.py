@@ -258,3 +258,42 @@ def test_zener_limits():
     work = 2 * quad(lambda s: 1.5 * np.sqrt(s * max(1 - 0.8 * s**2.5, 0.0)), 0, top)[0]
     assert (1 - zener.restitution(1e-4)) / 1e-4 == pytest.approx(work, rel=1e-3)
     assert zener.restitution(3.0) > 0
+
+
+def test_the_compliance_scales_and_falls_with_poissons_ratio():
+    one = plate_patch(E, NU, H)
+    assert plate_patch(2 * E, NU, 3 * H).local_compliance == pytest.approx(
+        one.local_compliance / 6, rel=1e-12
+    )
+    values = [plate_patch(1.0, nu, 1.0).local_compliance for nu in (0.05, 0.2, 0.35, 0.49)]
+    assert values == sorted(values, reverse=True)
+    assert values[-1] > 0
+
+
+def test_observable_frequencies_are_counted():
+    # at the centre only odd m and n move the point; (1, 3) and (3, 1) are one
+    seen = SQUARE.observable(0.5, 0.5, 4)
+    assert seen.modes.tolist() == [1, 2, 1, 2]
+    assert seen.omega[1] / seen.omega[0] == pytest.approx(5)
+    # below (1, 5): 2·(1,2) (2,2) 2·(2,3) 2·(1,4) 2·(2,4) 2·(3,4): six unobservable frequencies
+    assert seen.unobservable == 6
+    everywhere = SQUARE.observable(0.35, 0.3, 4)
+    assert everywhere.modes.tolist() == [1, 2, 1, 2]
+    assert everywhere.unobservable == 0
+
+
+@pytest.mark.slow
+def test_mindlin_compliance_grows_as_the_logarithm_of_the_radius():
+    thick = SupportedPlate(70e9, 0.3, 2700.0, 0.1, 1.0, 1.0)
+    wide, narrow = (thick.mindlin_compliance(0.5, 0.5, r, 2000) for r in (0.01, 0.005))
+    per_ln = 1 / (2 * np.pi * 5 / 6 * 70e9 / 2.6 * 0.1)
+    assert (narrow - wide) / (per_ln * np.log(2)) == pytest.approx(1, abs=0.05)
+
+
+def test_zener_parameter_is_free_of_units():
+    lam = zener.inelasticity(0.01, 2.0, 1e9, 50.0, 8.0)
+    # mass × 1000 (kg → g), length × 100 (m → cm): N m^-3/2 → 10⁵ · 10^-3
+    scaled = zener.inelasticity(10.0, 200.0, 1e9 * 1e5 * 1e-3, 50.0 * 1e7, 8.0 * 0.1)
+    assert scaled == pytest.approx(lam, rel=1e-12)
+    with pytest.raises(InputError, match="mass must be > 0"):
+        zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0)

@@ -10,7 +10,7 @@ import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
 from antiosc.simulation.histories.energy import replay
 from law_formulas import permanent, virgin
-from laws import LAWS, laws
+from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution
 
 
@@ -293,3 +293,71 @@ def test_a_damping_factor_of_single_precision_is_a_number_like_others():
 def test_force_beyond_the_table():
     with pytest.raises(ao.AccuracyError, match="last point"):
         ao.simulate(rigid(1.0), ao.RigidMass(1.0, 30.0), LAWS["table"], 1e-2)
+
+
+def test_table_passes_through_its_points():
+    law = LAWS["table"]
+    fresh = law.touch(1.0)
+    assert [law.force(x, 0, fresh) for x in LOADING_DEPTHS] == pytest.approx(LOADING)
+    state = law.advance(LOADING_DEPTHS[-1], 0.0, fresh)
+    assert [law.force(x, 0, state) for x in UNLOADING_DEPTHS] == pytest.approx(UNLOADING)
+
+
+def test_compliance_taken_out_of_hertz():
+    k, c = 1e9, 2e-8
+    law = ao.Hertz(k, compliance=c)
+    F = 0.5 * law.valid_force
+    assert law.force((F / k) ** (2 / 3) - c * F, 0.0, ()) == pytest.approx(F)
+    limit = (2 / (3 * c)) ** 3 / k**2
+    assert law.valid_force == pytest.approx(0.343 * limit)
+
+
+def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
+    """Compliance c in the structure and subtracted from the contact: the same as in neither."""
+    k, c, stiff = 1e9, 2e-8, 1e7
+    soft = 1 / (1 / stiff + c)
+    with_patch = ao.AntiOscillators(m0=0, k0=soft, m=[], omega=[], local_compliance=c, radius=1e-3)
+    without = ao.AntiOscillators(m0=0, k0=stiff, m=[], omega=[])
+    striker = ao.RigidMass(0.01, 0.2)
+    a = ao.simulate(with_patch, striker, ao.Hertz(k), 2e-3, tol=1e-5)
+    b = ao.simulate(without, striker, ao.Hertz(k), 2e-3, tol=1e-5)
+    assert a.peak_force == pytest.approx(b.peak_force, rel=1e-4)
+    assert a.contact_time == pytest.approx(b.contact_time, rel=1e-4)
+    assert "was subtracted" in a.message
+    twice = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3)
+    assert twice.peak_force < 0.98 * a.peak_force
+    assert "stays in" in twice.message
+
+
+@pytest.mark.parametrize(
+    ("law", "lasting"),
+    [
+        (ao.TanSun(1e9, 1e-5, slope=0.3), lambda deepest: 0.3 * (deepest - 1e-5)),
+        (ao.YangSun(1e9, 1e-5), lambda deepest: deepest - 1e-5**0.4 * deepest**0.6),
+    ],
+    ids=["tan-sun", "yang-sun"],
+)
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+def test_permanent_indentation_of_a_laminate_takes_energy(law, lasting, speed):
+    """A mass on a rigid body: m v²/2 = (2/5) F δm loads, F (δm - δp)/(7/2) comes back."""
+    mass = 0.1
+    deepest = (1.25 * mass * speed**2 / 1e9) ** 0.4
+    assert deepest > 1e-5
+    back = (1 - lasting(deepest) / deepest) * 5 / 7
+    hit = ao.simulate(rigid(1e9), ao.RigidMass(mass, speed), law, 2e-3, tol=1e-5)
+    assert hit.indentation.max() == pytest.approx(deepest, rel=1e-4)
+    assert hit.restitution == pytest.approx(np.sqrt(back), rel=1e-3)
+
+
+def test_equal_crossed_cylinders_are_a_sphere():
+    law = ao.Hertz.from_radii((0.01, np.inf), 2e11, 0.3, (0.01, np.inf), 2e11, 0.3, angle=90)
+    ball = ao.Hertz.from_radii(0.01, 2e11, 0.3, np.inf, 2e11, 0.3)
+    assert law.stiffness == pytest.approx(ball.stiffness)
+
+
+def test_angle_between_the_principal_planes():
+    one = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=0)
+    other = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (np.inf, 0.02), angle=90)
+    assert one.stiffness == pytest.approx(other.stiffness)
+    between = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=45)
+    assert between.stiffness != pytest.approx(one.stiffness, rel=1e-4)

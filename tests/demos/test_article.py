@@ -152,3 +152,14 @@ def test_figures_and_page(demos, case1, case2, tmp_path):
     article.files.write_text(tmp_path / "page.md", sections)
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == sections
     assert not list(tmp_path.glob(".*"))
+
+
+def test_half_period_estimates_the_duration(case1, case2):
+    assert case1["lasted"]["exact"] / case1["half_period"] == pytest.approx(1, abs=0.12)
+    assert case2["lasted"]["exact"] / case2["half_period"] == pytest.approx(1, abs=0.05)
+
+
+def test_duration_of_case1_read_from_the_displacement(case1):
+    """The last contact ends well before the tip is seen to leave: 14.4 ms in the article."""
+    assert case1["lasted"]["exact"] == pytest.approx(13.27e-3, abs=0.02e-3)
+    assert case1["leaves_1mm"] == pytest.approx(14.4e-3, abs=0.1e-3)

@@ -62,3 +62,18 @@ class TestItSeesFaults:
         law = replace(ao.Hertz(1.0), compliance=1.0)
         assert fuzz.expected(ao.AccuracyError("the peak force"), {"contact": law})
         assert not fuzz.expected(ao.AccuracyError("the peak force"), {"contact": ao.Hertz(1.0)})
+
+
+def test_every_law_and_impactor_is_drawn():
+    scenes = [fuzz.draw(np.random.default_rng(i)) for i in range(300)]
+    assert len({type(s["contact"]) for s in scenes}) == 12
+    kinds = {type(s["impactor"]) for s in scenes}
+    assert kinds == {ao.RigidMass, ao.Sphere, ao.Obstacle, ao.Impactor, ao.AntiOscillators}
+    ratios = [
+        s["impactor"].mass / s["model"].m_st
+        for s in scenes
+        if isinstance(s["impactor"], ao.RigidMass)
+    ]
+    assert min(ratios) < 1e-5
+    assert max(ratios) > 1e5
+    assert {0.0} < {s["model"].m0 for s in scenes}

@@ -56,3 +56,8 @@ class TestItSeesFaults:
     def test_energy(self, hit: ao.SceneHistory) -> None:
         hit.run.states[5:, 1] *= 1.01  # in the midst of the contact
         assert "gained" in fuzz.check(replace(hit))[0]  # nothing kept from before
+
+
+def test_a_bound_that_is_not_met_closely_leaves_the_step_as_long_as_its_response() -> None:
+    """Scene 48 cannot find the end of a piece closely enough in its first step, of 15 ps."""
+    assert fuzz.momentum_error(fuzz.draw(48).run(fuzz.DURATION)) < 1e-12

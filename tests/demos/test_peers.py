@@ -11,6 +11,16 @@ import pytest
 import antiosc as ao
 from paths import BENCHMARKS
 
+PRINTED = """
+
+ statistics for slave set SBALL, master set SPART and time  0.2000000E-05
+
+   total surface force (fx,fy,fz) and moment about the origin (mx,my,mz)
+
+    0.000000E+00  3.000000E+00 -8.810663E+00  5.032654E-01 -5.093917E-01  0.000000E+00
+"""
+
+
 pytestmark = pytest.mark.fem
 
 
@@ -79,3 +89,10 @@ def test_the_bracket_is_struck_along_its_normal(bodies, decks, tmp_path):
     one, other = (ao.extract(p, site, n=2) for p in (part, same))
     assert one.m_st == pytest.approx(other.m_st, rel=0.05)
     assert one.k0 == pytest.approx(other.k0, rel=0.05)
+
+
+def test_the_printed_force_is_read(decks, tmp_path):
+    (tmp_path / "job.dat").write_text(PRINTED, encoding="ascii")
+    t, force = decks.forces(tmp_path / "job.dat", np.array([0.0, 0.6, 0.8]))
+    assert t.tolist() == [0.0, 2e-6]
+    assert force == pytest.approx([0.0, 0.8 * 8.810663 - 1.8])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mpi import one_and_several
 from paths import demo
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -194,3 +195,18 @@ def test_beams_beside_solid_bars(tmp_path):
     assert max(true for true, _ in pairs) > 0.03
     assert found["compliance"] < -0.5
     assert "30 of 30" in page.read_text()
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_the_same(tmp_path: Path) -> None:
+    script = """
+    import contextlib, io, json, sys
+    from pathlib import Path
+    from paths import demo
+    with contextlib.redirect_stdout(io.StringIO()):
+        numbers = demo("machine_guard").main(**json.loads(sys.argv[1]), out=Path(sys.argv[2]))
+    names = "mass", "k0", "first", "peak_force", "impulse"
+    print(json.dumps([[row[name] for name in names] for row in numbers.values()]))
+    """
+    one, two = one_and_several(script, json.dumps(SMALL["machine_guard"]), str(tmp_path))
+    np.testing.assert_allclose(two, one, rtol=1e-5)

@@ -20,6 +20,17 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from scenes import finely
 
+NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
+
+
+MODELS = {
+    "krylov": lambda part: ao.extract(part, SITE, n=6),
+    "modes": lambda part: ao.extract(part, SITE, n=6, method="modes"),
+    "corrected": lambda part: ao.superposition(part, SITE, 4, static_correction=True),
+    "full": lambda part: ao.full(part, SITE),
+}
+
+
 pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
@@ -191,3 +202,78 @@ def test_names_that_make_no_series(tmp_path, hit):
         with pytest.raises(ao.InputError, match=says):
             ao.write_series(structure, history, tmp_path / name, [0.0])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("kind", [*MODELS, "plain"])
+@pytest.mark.parametrize("role", ["structure", "impactor"])
+def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
+    """The site in the field moves as the history says: the static correction included."""
+    structure = sheet()
+    model = ao.superposition(structure, SITE, 4) if kind == "plain" else MODELS[kind](structure)
+    law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
+    b = functional(structure, SITE).b
+    if role == "structure":
+        history = ao.simulate(model, ball, law, DURATION)
+        site = history.displacement
+    else:  # measured along the impact, against the direction of the model's own site
+        body = ao.AntiOscillators(m0=0.1, k0=0.0, m=[], omega=[])
+        history = ao.simulate(body, ao.Impactor(model), law, DURATION, initial_velocity=1.0)
+        site = -history.impactor_displacement
+    found = history.field(history.time, role)
+    assert np.abs(site).max() > 1e-6
+    np.testing.assert_allclose(found @ b, site, atol=1e-9 * np.abs(site).max())
+    corner = (0.2, 0.06)
+    moved = ao.probe(structure, history, corner, body=role)
+    dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components["y"])
+    dof = dofs[np.argmin(np.linalg.norm(x[:, :2] - corner, axis=1))]
+    np.testing.assert_allclose(moved[:, 1], found[:, dof], atol=1e-12 * np.abs(found).max())
+    ao.write_series(structure, history, tmp_path / "series.pvd", [DURATION], body=role)
+    frame = meshio.read(tmp_path / "series_0000.vtu")
+    node = np.argmin(np.linalg.norm(frame.points[:, :2] - corner, axis=1))
+    written = frame.point_data["displacement"][node, :2]
+    np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("kind", MODELS)
+def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
+    """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
+    structure = sheet()
+    body = MODELS[kind](structure).modal()
+    b, force = functional(structure, SITE).b, 3.0
+    free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+    still = np.zeros_like(b)
+    still[free] = np.linalg.solve(csr(structure.K)[free][:, free].toarray(), b[free] * force)
+    at_rest = body.field(body.coordinates(body.b * force / body.omega**2, force))
+    np.testing.assert_allclose(at_rest, still, atol=1e-8 * np.abs(still).max())
+
+
+@pytest.mark.filterwarnings("ignore:the compliance under a point load")
+def test_a_probe_is_the_field_at_a_point(hit):
+    structure, history = hit
+    times = np.linspace(0, DURATION, 7)
+    field = history.field(times)
+    for point in [(0.2, 0.06), (0.0731, 0.0312), (0.1, 0.03)]:
+        moved = ao.probe(structure, history, point, times)
+        assert moved.shape == (7, 2)
+        for axis in (0, 1):
+            weights = functional(structure, ao.Site(point, np.eye(2)[axis], radius=None)).b
+            np.testing.assert_allclose(moved[:, axis], field @ weights, rtol=1e-10, atol=1e-18)
+    everywhere = ao.probe(structure, history, (0.2, 0.06))
+    assert everywhere.shape == (len(history.time), 2)
+    assert np.abs(everywhere[:, 1]).max() > 1e-6
+    assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
+
+
+def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
+    structure, history = hit
+    for k, name in enumerate(2 * NAMES):
+        listing = ao.write_series(structure, history, tmp_path / name, [0.0, (1 + k) * 1e-6])
+        assert listing == tmp_path / f"{name}.pvd"
+    assert len(list(tmp_path.iterdir())) == 3 * len(NAMES)
+    for k, name in enumerate(NAMES):
+        frames = ElementTree.parse(tmp_path / f"{name}.pvd").getroot().findall(".//DataSet")
+        assert [f.get("file") for f in frames] == [f"{name}_{i:04d}.vtu" for i in range(2)]
+        assert float(frames[1].get("timestep")) == pytest.approx((1 + len(NAMES) + k) * 1e-6)
+        assert all((tmp_path / f.get("file")).is_file() for f in frames)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse
+from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem import structure
@@ -310,3 +312,57 @@ def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
     again = ao.Structure.from_files("reduced.pch", "reduced.pch")
     read = ao.extract(again, ao.Site(node=20, dof="z"), n=3)
     assert read.k0 == pytest.approx(found["model"].k0, rel=1e-9)
+
+
+@pytest.mark.parametrize("coordinates", [False, True])
+def test_several_sites_at_nodes(coordinates):
+    """k0 and Z of two sites, a node's dof and a slanted direction, are those of the matrices."""
+    given = LABELS
+    if coordinates:
+        given = np.column_stack([LABELS, 0.01 * LABELS[:, :1], 0 * LABELS])
+    part = ao.Structure.from_matrices(K, M, map=given, backend="scipy")
+    sites = {"a": ao.Site(node=20, dof="z"), "b": ao.Site(node=40, direction=(1, 1, 0))}
+    model = ao.extract(part, sites, n=12, tol=1e-14)
+    B = np.column_stack([unit(5), (unit(9) + unit(10)) / np.sqrt(2)])
+    np.testing.assert_allclose(model.k0, np.linalg.inv(B.T @ np.linalg.solve(K, B)), rtol=1e-9)
+    Z = np.linalg.inv(B.T @ np.linalg.solve(K - 250.0**2 * M, B))
+    np.testing.assert_allclose(model.dynamic_stiffness(250.0), Z, rtol=1e-7)
+    assert bool(model.info["points"]) == coordinates
+
+
+def test_nodes_below_the_surface_take_no_load():
+    from antiosc.fem.site import functional
+
+    K, M, table = plate(9)
+    table = np.vstack([table, table])
+    table[81:, 0] += 81
+    table[81:, 4] = -0.05
+    K, M = (scipy.sparse.block_diag([A, A]) for A in (K, M))
+    part = ao.Structure.from_matrices(K, M, map=table)
+    top = functional(part, ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.2)).b
+    bottom = functional(part, ao.Site((0.5, 0.5, -0.05), (0, 0, 1), radius=0.2)).b
+    assert top[81:].any() == bottom[:81].any() == False  # noqa: E712
+    np.testing.assert_allclose(-top[:81], bottom[81:])
+
+
+def test_matrices_on_a_shaken_ground():
+    """With the participation of docs/howto/shaking.md the tip moves as all 50 dofs by DOP853."""
+    K = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], shape=(50, 50)).tolil()
+    K[49, 49] = 1e6
+    M = scipy.sparse.diags(np.full(50, 0.02)).tocsr()
+    chain = ao.extract(ao.Structure.from_matrices(K.tocsr(), M), ao.Site(dof=49), n=30)
+    along = chain.shapes.T @ (M @ np.ones(50))
+    chain = replace(chain, participation=[along[0] - along[1:].sum(), *along[1:]])
+    t = np.linspace(0, 0.1, 1001)
+    ground = 10.0 * np.sin(300.0 * t)
+    stop = ao.Contact("chain", "stop", ao.Hertz(1e8), gap=1.0)
+    scene = ao.Scene({"chain": chain, "stop": ao.Obstacle()}, [stop], base=ao.Base(t, ground))
+    found = scene.run(0.1).at(t)["chain"].displacement()
+    squares, V = np.linalg.eigh(K.toarray() / 0.02)
+
+    def rate(time, y):
+        return np.append(y[50:], -squares * y[:50] - V.sum(axis=0) * np.interp(time, t, ground))
+
+    exact = solve_ivp(rate, (0, 0.1), np.zeros(100), "DOP853", t, rtol=1e-9, atol=1e-12)
+    tip = V[49] @ exact.y[:50]
+    assert np.abs(found - tip).max() < 1e-5 * np.abs(tip).max()

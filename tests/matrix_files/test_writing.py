@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io.matrices import read_pair
+from antiosc.io.matrices import fortran, read_pair
+from antiosc_decks import matrices as dmig
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(
@@ -88,3 +89,19 @@ def test_rigid_motions_that_hardly_move_the_sites_are_dofs_of_their_own():
 def test_numbers_that_do_not_fit(arguments, says):
     with pytest.raises(ao.InputError, match=says):
         ONE.to_matrices(**arguments)
+
+
+def test_a_free_model_and_a_massless_site():
+    free = ao.AntiOscillators(m0=0.0, k0=0.0, m=[2.0, 1.0], omega=[100.0, 200.0])
+    own = free.to_matrices()
+    np.testing.assert_allclose(
+        condensed(own.K, own.M, 1).ravel(), free.dynamic_stiffness(OMEGA), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(("low", "high", "off"), [(-9, 0, 6e-12), (0, 9, 6e-14)])
+def test_numbers_in_sixteen_characters_keep_12_to_15_digits(rng, low, high, off):
+    for value in rng.choice([-1.0, 1.0], 400) * 10 ** rng.uniform(low, high, 400):
+        text = dmig._large(float(value))
+        assert len(text) <= 16
+        assert float(fortran(text.encode())) == pytest.approx(value, rel=off, abs=0)

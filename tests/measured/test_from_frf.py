@@ -11,6 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc.models.body import ModelInfo
 from antiosc.studies.measured import anti_oscillators
+from antiosc.studies.measured.fit import Measured, refined
 from antiosc.studies.measured.frf import Modes, Tail
 
 F = np.linspace(8.0, 4000.0, 500)
@@ -258,3 +259,23 @@ def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
     model = ao.from_frf(ao.FRF(f, H, "accelerance"), damping="viscous")
     assert model.k0 == pytest.approx(1e6, rel=0.02)
     assert model.m_st < 0.2
+
+
+def test_gauss_newton_meets_the_noise():
+    """At the true body chi^2 is one, and refining it stays there."""
+    tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:, :1] ** 2, np.full(2, 0.5))
+    true = Modes(OMEGA, ZETA, B[:, :1], tail, np.array([[1e-9**0.5]]))
+    H = noisy(part()[:, 0, 0])
+    data = Measured(W, H[:, None], [(0, 0)], 1, np.abs(H[:, None]) * 0.01, 0)
+    _, _, chi2 = refined(data, 1 / data.sigma, true, 20)
+    assert chi2 == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.filterwarnings("error::antiosc.AntioscWarning")
+def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
+    none = Tail(np.zeros(0), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
+    body = Modes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
+    made = anti_oscillators(body, (), ModelInfo())
+    assert max(made.damping.ratio) == pytest.approx(0.3)
+    made.save(tmp_path / "fit.npz")
+    assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping

@@ -214,3 +214,13 @@ def test_shift_and_scale_come_back(hit, tmp_path):
 def test_what_is_no_measured_force(hit, measured):
     with pytest.raises(ao.InputError):
         ao.compare(hit, measured)
+
+
+def test_noise_is_what_is_left(hit):
+    t = np.linspace(0.0, 2.5e-3, 1001)
+    noise = 0.02 * hit.peak_force * np.random.default_rng(0).standard_normal(t.size)
+    found = ao.compare(hit, (t, hit.force_at(t) + noise))
+    assert (
+        pytest.approx(np.sqrt(np.sum(noise**2) / np.sum(hit.force_at(t) ** 2)), rel=0.1) == found.L2
+    )
+    assert abs(found.shift) < 2e-6

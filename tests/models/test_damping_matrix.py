@@ -118,3 +118,21 @@ def test_the_soil_cone_is_static_as_the_half_space_and_radiates():
     cone = ao.soil_cone(r, G, 0.25, rho)
     exact = 1 / (cone.stiffness - 300 * w**2 + 1j * w * cone.damping)
     np.testing.assert_allclose(model.modal().receptance(w), exact, rtol=1e-9)
+
+
+def test_truncated_models_and_all_others_are_passive():
+    rng = np.random.default_rng(2)
+    for _ in range(15):
+        model = drawn(rng)
+        for n in range(model.n + 1):
+            H = model.truncated(n).modal().receptance(OMEGA)
+            assert (H.imag <= 1e-12 * np.abs(H)).all()  # Re Z/(i omega) >= 0
+
+
+def test_repeated_frequencies_stay_apart():
+    """Two equal anti-oscillators with different damping are not merged into one."""
+    C = np.diag([0.1, 0.2, 0.0, 0.3])
+    model = ao.AntiOscillators(
+        m0=1.0, k0=2.0, m=[1.0, 2.0, 2.0], omega=[1.0, 1.0, 3.0], damping=ao.DampingMatrix(C)
+    )
+    np.testing.assert_allclose(model.modal().receptance(OMEGA), direct(model, OMEGA), rtol=1e-8)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.closed_form import UniformBeam, pinned_pinned
+import antiosc as ao
+from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
+from antiosc.models import free_modes
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import at_sites, error_bound, from_free_modes
+from antiosc.models.motion import with_rigid
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 
@@ -79,3 +82,76 @@ def test_bound_holds_and_falls(rng, rigid):
     assert np.all(np.array(errors) < np.array(bounds))
     assert np.all(np.diff(bounds) < 0)
     assert bounds[-1] < 2e-2
+
+
+@pytest.mark.slow
+def test_free_beam_off_centre():
+    struck = free_free(BEAM, 0.3)
+    free = struck.modes(60, static_correction=True).modal()
+    assert free.omega[0] == 0
+    shift = 0.1 * free.omega[free.omega > 0][0] ** 2
+    H = np.sum(free.b**2 / (free.omega**2 + shift)) + free.r
+    model = from_free_modes(free.omega, free.b, H, shift=shift)
+    exact = struck.anti_oscillators(8)
+    assert model.k0 == 0
+    assert model.m_st == pytest.approx(struck.static_mass, rel=1e-6)
+    np.testing.assert_allclose(model.omega[:8], exact.omega, rtol=1e-4)
+    np.testing.assert_allclose(model.m[:8], exact.m, rtol=2e-3)
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+def test_many_sites_are_many_times_one(rng, method, monkeypatch):
+    monkeypatch.setattr("antiosc.models.free_modes.SITES_AT_ONCE", 3)
+    omega, *_ = structure(rng, 15)
+    b = rng.uniform(-1, 1, (8, 15))
+    b[4, ::2] = 0.0  # a site that half the modes cannot move: it has fewer anti-oscillators
+    C, G = 1.2 * (b**2 @ omega**-2.0), b**2 @ omega**-4.0 * 1.0001
+    models = at_sites(omega, b, C, G, 10, method=method)
+    for i in range(8):
+        one = from_free_modes(omega, b[i], C[i], G[i], 10, method=method)
+        same = models.model(i)
+        np.testing.assert_allclose(same.omega, one.omega, rtol=1e-12)
+        np.testing.assert_allclose(same.m, one.m, rtol=1e-10)
+        at = np.array([30.0, 700.0]) * (1 + 0.01j)
+        np.testing.assert_allclose(
+            models.dynamic_stiffness(at)[i], one.dynamic_stiffness(at), rtol=1e-12
+        )
+    assert models.model(4).n < 10
+    assert np.all(models.m[4, models.model(4).n :] == 0)
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0])
+def test_band_of_an_impact(speed):
+    ball, law = ao.RigidMass(mass=0.1, velocity=speed), ao.Hertz(1e9)
+    # Hertz's contact time against a wall: 2.9432 delta/v, delta = (5 m v^2/4 k)^(2/5)
+    duration = 2.9432 * (1.25 * 0.1 * speed**2 / 1e9) ** 0.4 / speed
+    assert ao.impact_band(ball, law) == pytest.approx(3 * np.pi / duration, rel=0.15)
+
+
+def test_modes_left_out_lie_above_the_last(rng):
+    """Compliance r and inertia s of them: s is at most r over the last frequency squared."""
+    omega, b, C, G, _ = structure(rng, 8)
+    for more, heavier, expected in ((0.3, 0.1, 0.1), (0.3, 5.0, 0.3), (0.3, -0.1, 0.0)):
+        least = C / omega[-1] ** 2
+        given = np.array([C * (1 + more)]), np.array([G + heavier * least])
+        r, s = free_modes.residual(omega, b[None], *given, 0.0)
+        assert r[0] == pytest.approx(more * C, rel=1e-6, abs=0)
+        assert s[0] == pytest.approx(expected * least, rel=1e-6, abs=1e-9 * least)
+
+
+def test_a_rigid_motion_beside_the_elastic_ones(rng):
+    """H = H_elastic - a²/ω²; the shapes are those of the static mode and the motion together."""
+    elastic = ao.AntiOscillators(m0=0.05, k0=2e5, m=[0.3, 0.1], omega=[700.0, 2500.0])
+    a = 1.3
+    m0, m, omega, residual, psi = with_rigid(2e5, 0.05, elastic.m, elastic.omega, a)
+    whole = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
+    at = np.linspace(20, 4e3, 30) * (1 + 0.01j)
+    H = 1 / elastic.dynamic_stiffness(at) - a**2 / at**2
+    np.testing.assert_allclose(whole.dynamic_stiffness(at) * H, 1, rtol=1e-9)
+    # r moves the site by a, phi_st by 1, the psi_i not at all
+    site = np.array([a, 1.0, 0, 0])
+    np.testing.assert_allclose(site @ np.column_stack((residual, psi)), [1, 0, 0, 0], atol=1e-12)
+    mass = np.diag([1.0, elastic.m_st, *elastic.m])
+    mass[1, 2:] = mass[2:, 1] = elastic.m
+    shapes = np.column_stack((residual, psi))
+    np.testing.assert_allclose(shapes.T @ mass @ shapes, np.diag([m0, *m]), rtol=0, atol=1e-12)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.models import driving_point as bands
+from antiosc.models.reduced_modes import MODEL_SHIFT, _lowest
 from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
@@ -197,3 +198,115 @@ def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
     np.testing.assert_allclose(model.m_st, by_hand(K, M, B).m_st, rtol=1e-10)
     at_rest = receptance(K, M, B, np.array([0j]))[0].real
     np.testing.assert_allclose(model.site_modes().receptance(0.0), at_rest, rtol=1e-9)
+
+
+def test_a_share_at_sites_is_the_radius_of_the_change():
+    k0, m0, P, poles = sites()
+    poles[1], P[1] = 0.0, 0.0
+    found = bands.shares_at_sites(k0, m0, P, poles)
+    for i in (0, 2, 3):
+        x = np.array(poles[i] * (1 + 0.01j) ** 2)
+        keep = np.arange(len(poles)) != i
+        keep[1] = False
+        Z = bands.stiffness_at_sites(x, k0, m0, P[[0, 2, 3]], poles[[0, 2, 3]])
+        without = bands.stiffness_at_sites(x, k0, m0 + np.outer(P[i], P[i]), P[keep], poles[keep])
+        radius = np.abs(np.linalg.eigvals(np.linalg.solve(Z, without - Z))).max()
+        assert found[i] == pytest.approx(radius, rel=1e-8)
+    assert found[1] == 0
+
+
+def test_the_lowest_frequency_at_sites_is_an_eigenvalue():
+    k0 = np.diag([8e4, 3e4])
+    m_st = np.diag([2.0, 3.0])
+    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([1e6])) == pytest.approx(100)
+    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([2.5e3])) == pytest.approx(50)
+    assert bands.lowest_frequency_at_sites(0 * k0, m_st, np.array([])) == np.inf
+    # one site slides: its stiffness is rounding
+    k0 = np.diag([8e4, 1e-9])
+    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([])) == pytest.approx(200)
+
+
+def test_free_modes_are_orthonormal_in_the_shapes(rng):
+    K, M = loose_chains((9,), 0, rng)
+    B = rng.standard_normal((9, 2))
+    model = by_hand(K, M, B)
+    free = model.site_modes()
+    modes = free.field(free.shape.T)  # one mode after the other
+    np.testing.assert_allclose(modes @ M @ modes.T, np.eye(9), atol=1e-9)
+    stiffness = modes @ K @ modes.T
+    np.testing.assert_allclose(stiffness, np.diag(free.omega**2), atol=1e-9 * free.omega[-1] ** 2)
+    np.testing.assert_allclose(modes @ B, free.b, atol=1e-9)
+
+
+def test_massless_sites_have_a_residual_compliance(rng):
+    K, M = loose_chains((8,), 1, rng)
+    full = by_hand(K, M, rng.standard_normal((8, 2)))
+    m0 = full.m0 - full.m0  # exactly nothing
+    model = ao.AntiOscillators(m0=m0, k0=full.k0, P=full.P, omega=full.omega, sites=["a", "b"])
+    free = model.site_modes()
+    assert free.omega.size == 6
+    assert np.linalg.eigvalsh(free.r)[0] > 0
+    product = model.dynamic_stiffness(OMEGA) @ free.receptance(OMEGA)
+    np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
+
+
+def test_low_modes_survive_a_light_site():
+    # 1e-9 kg at the sites of a structure of 1 kg: the mass form would lose the first frequency
+    P = np.array([[0.6, 0.2], [0.3, -0.4]])
+    k0 = np.array([[3e4, -1e4], [-1e4, 2e4]])
+    low = []
+    for m0 in (1e-9, 1e-14, 0.0):
+        model = ao.AntiOscillators(
+            m0=m0 * np.eye(2), k0=k0, P=P, omega=[100.0, 1e5], sites=["a", "b"]
+        )
+        low.append(model.site_modes().omega[0])
+    np.testing.assert_allclose(low, low[-1], rtol=1e-8)
+
+
+def test_one_site_with_a_name_is_the_model_of_one_site():
+    plain = ao.AntiOscillators(m0=0.1, k0=2e5, m=[0.3, 0.05], omega=[900.0, 4e3])
+    named = ao.AntiOscillators(
+        m0=[[0.1]], k0=[[2e5]], P=[np.sqrt([0.3, 0.05])], omega=[900.0, 4e3], sites=["tip"]
+    )
+    Z = named.dynamic_stiffness(OMEGA)
+    np.testing.assert_allclose(Z[:, 0, 0], plain.dynamic_stiffness(OMEGA), rtol=1e-13)
+    np.testing.assert_allclose(named.site_modes().omega, plain.modal().omega, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(named.site_modes().b[:, 0]), plain.modal().b, rtol=1e-11)
+    np.testing.assert_allclose(named.m[:, 0, 0], plain.m)
+    np.testing.assert_allclose(named.k[:, 0, 0], plain.k)
+
+
+def test_sites_that_follow_others():
+    """Three sites, the third midway between the first two, on a beam that is rigid there."""
+    model = ao.AntiOscillators(
+        m0=[[2.0, 0.5], [0.5, 1.0]], k0=np.diag([1e5, 3e5]), P=[[0.4], [0.7]], omega=[500.0],
+        sites=["left", "right", "middle"], dependence=[[1, 0], [0, 1], [0.5, 0.5]],
+    )  # fmt: skip
+    H = model.site_modes().receptance(OMEGA)
+    both = np.linalg.inv(model.dynamic_stiffness(OMEGA))
+    np.testing.assert_allclose(H[:, :2, :2], both, rtol=1e-9)
+    np.testing.assert_allclose(H[:, 2, 2], both.sum(axis=(1, 2)) / 4, rtol=1e-9)
+
+
+def test_a_damped_receptance_is_that_of_the_matrices(rng):
+    """[K + iω C - ω² M]⁻¹ with the modal damping C, and the residual compliance beside."""
+    omega, decay = np.array([0.0, 40.0, 90.0]), np.array([2.0, 5.0, 0.0])
+    b, r = rng.standard_normal((3, 2)), np.diag([1e-6, 3e-6])
+    body = ao.SiteModes(omega, b, ["a", "b"], r=r, decay=decay)
+    for w in (3.0, 55.0):
+        dynamic = np.diag(omega**2 + 2j * w * decay - w**2)
+        expected = b.T @ np.linalg.inv(dynamic) @ b + r
+        np.testing.assert_allclose(body.receptance(w), expected, rtol=1e-12)
+        one = ao.ModalBody(omega, b[:, 0], r=1e-6, decay=decay)
+        np.testing.assert_allclose(one.receptance(w), expected[0, 0], rtol=1e-12)
+    # what is pushed goes on by itself more and more slowly: the phase lags
+    assert np.all(body.receptance(np.array([39.0]))[0].diagonal().imag < 0)
+
+
+@pytest.mark.parametrize("highest", [1e2, 1e8, 1e12])
+def test_the_shift_is_of_the_size_of_the_lowest_elastic_mode(highest):
+    """Two masses on a spring, beside a stiff oscillator: omega^2 = 2 k/m, whatever is above."""
+    K = np.zeros((3, 3))
+    K[:2, :2], K[2, 2] = [[3.0, -3.0], [-3.0, 3.0]], highest
+    rigid = np.array([[1.0], [1.0], [0.0]]) / np.sqrt(2)
+    assert _lowest(K, np.eye(3), rigid) == pytest.approx(MODEL_SHIFT * 6.0, rel=1e-3)

@@ -100,3 +100,12 @@ def test_a_misfit_counts_beside_the_error():
     small = found.truncated(2)
     np.testing.assert_array_equal(small.strain_misfit, work[:3, :3])
     np.testing.assert_array_equal(small.strain_error, given.strain_error[:3, :3])
+
+
+def test_all_masses_stay_and_everything_gets_softer():
+    given = model()
+    new = given.corrected()
+    assert new.m0 == pytest.approx(given.m0, rel=1e-12)
+    assert new.k0 < given.k0
+    assert np.all(new.omega < given.omega)
+    assert new.strain_error is None

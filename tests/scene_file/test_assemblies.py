@@ -5,11 +5,17 @@ from __future__ import annotations
 import re
 import tomllib
 
+import numpy as np
 import pytest
 
 from antiosc.app.scene_file.schema import schema
+from antiosc.base.texts import engineering
 from paths import MESHES
 from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written
+
+#: What a report shows of a map.
+MAPPED = ("peak force", "contact time", "k0")
+
 
 pytestmark = pytest.mark.fem
 
@@ -151,3 +157,33 @@ def test_sound_scenes_keep_the_schema_and_wrong_ones_break_it():
     }.items():
         assert old in BEAM
         assert violations(tomllib.loads(BEAM.replace(old, new)), rule)
+
+
+@pytest.mark.slow
+def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
+    """`antiosc map` tells the hardest blow on each part; `run` the motion of "second:right"."""
+    pytest.importorskip("dolfinx")
+    several = '[map]\nwhere = ["first", "second"]\ndirection = [0, 0, -1]\nn = 3\nmodes = 8\n'
+    end = '[probes.end]\npoint = "second:right"\n[probes.middle]'
+    path = written(tmp_path, BARS.replace("[probes.middle]", several + end))
+    assert antiosc("map", path, "--out", tmp_path, "--report", tmp_path / "map.html") == 0
+    told = capsys.readouterr().out
+    table = (tmp_path / "map.csv").read_text().splitlines()
+    names = [row.split(",")[0] for row in table[1:]]
+    assert table[0].startswith("surface,x (m),")
+    force = table[0].split(",").index("peak_force (N)")
+    for name in ("first", "second"):
+        forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
+        hardest = engineering(max(forces), "N", 4)
+        assert f"{names.count(name)} sites, at most {hardest} at (" in told
+    page = (tmp_path / "map.html").read_text()
+    assert "at most" in page
+    assert re.findall("<h3>(.*?)</h3>", page) == [f"Map: {name}" for name in MAPPED]
+    assert numbers(tmp_path)["map"]["surface"] == names
+    assert antiosc("run", path, "--out", tmp_path) == 0
+    end = np.loadtxt(tmp_path / "probes.csv", delimiter=",", skiprows=1)[:, :4]
+    struck = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    own = struck[next(name for name in struck.dtype.names if name.startswith("displacement"))]
+    assert np.diff(end[:, 0]).max() <= 1.001e-3 * end[-1, 0]  # flights too
+    end = end[np.isin(end[:, 0], struck["time_s"])]
+    np.testing.assert_allclose(-end[:, 3], own, atol=1e-6 * np.abs(own).max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from scene_files import BEAM, antiosc, numbers, objects, table, written
+from scene_files import BEAM, BRACKET, HIT, antiosc, numbers, objects, table, written
 
 SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
 LAW = 'contact.stiffness = {kind = "lognormal", mean = 5e8, variation = 0.2}\n'
@@ -76,3 +76,21 @@ def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
     assert held in told
     line = len(BEAM.splitlines()) + 1
     assert any(f":{line + k}:" in told for k in (0, 1))
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_materials_and_points_are_drawn(tmp_path):
+    material = 'material.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
+    scene = f"{BRACKET}[extract]\nn = 8\n{HIT}[monte_carlo]\nn = 12\n"
+    many = objects(written(tmp_path, scene + material), "monte-carlo").sample
+    E = many.inputs["material.E"]
+    stiff = BRACKET.replace("E = 70e9", f"E = {E[0]:.17g}")
+    alone = written(tmp_path, f"{stiff}[extract]\nn = 8\n{HIT}", "alone.toml")
+    hit = objects(alone).history
+    assert many.values["peak_force"][0] == pytest.approx(hit.peak_force, rel=2e-3)
+    point = "point = {where = [[0.0, 0.02, 0.02], [0.0, 0.04, 0.02]], direction = [1, 0, 0],"
+    point += " radius = 6e-3, n = 8}\n"
+    many = objects(written(tmp_path, scene + point), "monte-carlo").sample
+    assert set(many.inputs["point"]) == {0, 1}
+    assert len(set(many.values["peak_force"])) == 2

@@ -15,7 +15,10 @@ from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from paths import MESHES
 from scene_files import (
     BEAM,
+    BRACKET,
+    HIT,
     PROBE,
+    SCENES,
     STRIKE,
     SWEEP,
     antiosc,
@@ -298,3 +301,36 @@ def test_a_sweep_of_impactors_has_the_law_of_each(tmp_path, E):
     single = scene.replace("E = 70e9", f"E = {E}").replace("radius = 0.01", "radius = 0.02")
     own = objects(written(tmp_path, single, "single.toml")).history
     assert own.peak_force == pytest.approx(batch.peak_force[1], rel=2e-3)
+
+
+def test_the_program_is_the_api_as_users_write_it(tmp_path):
+    hit = objects(written(tmp_path, BEAM)).history
+    part = ao.Structure.from_files(
+        f"{SCENES}/beam_K.mtx", f"{SCENES}/beam_M.mtx", map=f"{SCENES}/beam_nodes.txt"
+    )
+    model = ao.extract(part, ao.Site(node=9, dof="z"), n=6)
+    own = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(5e8), 2e-3)
+    assert np.array_equal(hit.force, own.force)
+    # closed form: k0 = 48 E I / L³ of a simply supported beam at its middle
+    assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_sweep_of_materials_and_meshes(tmp_path):
+    lists = "[sweep]\nmaterial.E = [70e9, 210e9]\nmaterial.rho = [2700, 7850]\n"
+    batch = objects(written(tmp_path, BRACKET + HIT + lists), "sweep").batch
+    stiff = BRACKET.replace("E = 70e9", "E = 210e9").replace("rho = 2700", "rho = 7850")
+    hit = objects(written(tmp_path, stiff + HIT)).history
+    assert batch.peak_force[1] == pytest.approx(hit.peak_force, rel=2e-3)
+    assert batch.peak_force[0] < batch.peak_force[1]
+
+
+def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
+    first = written(tmp_path, BEAM + "[output]\nmodel = true\n")
+    assert antiosc("run", first, "--out", tmp_path / "out") == 0
+    start = BEAM.index("[impactor]")
+    again = written(tmp_path, '[model]\npath = "out/model.npz"\n' + BEAM[start:], "again.toml")
+    assert antiosc("run", again, "--out", tmp_path / "again") == 0
+    peaks = [numbers(tmp_path / name)["result"]["peak_force"] for name in ("out", "again")]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)

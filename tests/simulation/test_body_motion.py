@@ -7,8 +7,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.closed_form import free_free
-from antiosc.simulation.histories import amplitudes, forces_of
+from antiosc.simulation.histories import amplitudes, forces_of, peak_deflections
 from marks import TURNS_FAR
+from scenes import finely
 from struck_beams import THICK
 
 pytestmark = TURNS_FAR
@@ -89,3 +90,71 @@ def test_a_row_of_masses_takes_what_a_dashpot_takes():
     zeta = np.sqrt(2e4 * 2e-3 / 1e3) / 2
     e = np.exp(-zeta * np.pi / np.sqrt(1 - zeta**2))
     assert ao.vibration_share(hit) == pytest.approx(1 - e**2, rel=2e-2)
+
+
+def test_gravity_as_a_vector_pulls_both_bodies_along_the_impact() -> None:
+    """Both fall alike, so that the blow is that without gravity; the wall of a held one is not."""
+    free = ao.AntiOscillators(m0=0.5, k0=0.0, m=[], omega=[], participation=[0.5],
+                              direction=(0, -1.0, 0))  # fmt: skip
+    runs = [
+        ao.simulate(free, ao.Impactor(BEAM, 2.0), LAW, 1e-3, gravity=pull, tol=1e-6, gap=1e-4)
+        for pull in (0.0, (3.0, 700.0, 5.0))
+    ]
+    np.testing.assert_allclose(runs[1].peak_force, runs[0].peak_force, rtol=1e-5)
+    np.testing.assert_allclose(runs[1].contacts, runs[0].contacts, rtol=1e-5)
+    # both are pulled along +y, against the direction of the impact
+    fall = runs[1].impactor_velocity[-1] - runs[0].impactor_velocity[-1]
+    assert fall == pytest.approx(-700.0 * 1e-3, rel=1e-4)
+    assert runs[1].velocity[-1] - runs[0].velocity[-1] == pytest.approx(fall, rel=1e-4)
+
+
+@pytest.mark.parametrize("m0", [0.02, 0.0])  # without it the site has a residual compliance
+def test_bodies_sum_to_the_energy_of_the_run(m0):
+    plate = ao.AntiOscillators(m0=m0, k0=2e6, m=[0.2, 0.1], omega=[3e3, 1.1e4])
+    hit = ao.simulate(plate, MASS, ao.Hertz(1e9), 2e-3)
+    assert (plate.modal().r > 0) == (m0 == 0)
+    own = [ao.body_energy(hit, name) for name in ("structure", "impactor")]
+    kinetic = sum(e.rigid + e.kinetic for e in own)
+    np.testing.assert_allclose(kinetic, hit.energy.kinetic, atol=1e-12)
+    np.testing.assert_allclose(sum(e.strain for e in own), hit.energy.strain, rtol=1e-9, atol=1e-15)
+    assert own[1].rigid[0] == pytest.approx(0.5 * 0.05 * 4)
+    np.testing.assert_array_equal(own[1].vibration, 0)
+    np.testing.assert_array_equal(own[0].rigid, 0)
+
+
+def test_step_and_pulse_on_one_oscillator():
+    body = ao.AntiOscillators(m0=2.0, k0=800.0, m=[], omega=[])  # 20 rad/s
+    step = np.array([0.0, 1.0]), np.array([8.0, 8.0])
+    # a short impulse I moves it to I/(m omega)
+    pulse = np.array([0.0, 1e-4, 2e-4]), np.array([0.0, 40.0, 0.0])
+    none = np.zeros(0), np.zeros(0)
+    peaks = peak_deflections([body] * 3, [step, pulse, none], 1.0)
+    np.testing.assert_allclose(peaks, [2 * 8.0 / 800.0, 4e-3 / 40.0, 0.0], rtol=1e-3)
+
+
+def test_the_peak_does_not_depend_on_how_long_the_body_swings_on():
+    body = ao.AntiOscillators(m0=2.0, k0=800.0, m=[], omega=[])  # 20 rad/s
+    pulse = np.array([0.0, 1e-4, 2e-4]), np.array([0.0, 40.0, 0.0])
+    for duration in (1.0, 199 * np.pi / 10):  # in periods of pi/10
+        peak = peak_deflections([body, ao.RigidMass(1.0)], [pulse] * 2, duration)[0]
+        assert peak == pytest.approx(4e-3 / 40.0, rel=4e-3)
+
+
+@pytest.mark.slow
+def test_bodies_of_different_size_are_histories(rng, monkeypatch):
+    monkeypatch.setattr("antiosc.simulation.histories.BODIES_AT_ONCE", 2)
+    ball, law = ao.RigidMass(mass=0.3, velocity=1.0), ao.Hertz(1e8)
+    bodies = [
+        ao.AntiOscillators(m0=0.0, k0=1e6, m=[0.4], omega=[900.0]),
+        ao.AntiOscillators(
+            m0=0.2, k0=0.0, m=rng.uniform(0.1, 1, 5), omega=rng.uniform(1e3, 9e3, 5)
+        ),
+        ao.AntiOscillators(
+            m0=0.1, k0=3e6, m=[0.2, 0.1], omega=[2e3, 5e3], damping=ao.Damping(ratio=0.02)
+        ),
+    ]
+    hits = [ao.simulate(body, ball, law, 0.02) for body in bodies]
+    forces = [finely(hit) for hit in hits]
+    peaks = peak_deflections(bodies, forces, 0.02)
+    for peak, hit, (times, _) in zip(peaks, hits, forces, strict=True):
+        assert peak == pytest.approx(hit.coordinates(times)[:, 0].max(), rel=1e-6)

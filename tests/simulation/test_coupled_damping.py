@@ -101,3 +101,34 @@ def test_what_does_not_take_such_damping_says_so(tmp_path):
     ):
         with pytest.raises(InputError, match="DampingMatrix"):
             call()
+
+
+@pytest.mark.parametrize("speed", [0.2, 2.0])
+def test_the_impulse_is_the_momentum_that_the_ball_loses(speed):
+    ball = ao.RigidMass(0.1, speed)
+    hit = ao.simulate(DAMPED, ball, LAW, END)
+    begin, end = hit.bodies["impactor"].velocity()[[0, -1]]
+    assert hit.impulse == pytest.approx(ball.mass * abs(begin - end), rel=1e-9)
+    assert ao.simulate_many(DAMPED, ball, LAW, END).impulse[0] == hit.impulse
+
+
+@pytest.mark.slow
+def test_force_motion_and_acceleration_are_those_of_all_states(exact):
+    hit = ao.simulate(DAMPED, BALL, LAW, END, tol=1e-6)
+    y = exact(hit.time)
+    force = LAW.stiffness * np.maximum(y[-2] - y[0], 0.0) ** 1.5
+    assert np.abs(hit.force - force).max() < 2e-8 * hit.peak_force
+    body = hit.bodies["structure"]
+    a = np.array([rates(t, s)[SIZE] for t, s in zip(hit.time, y.T, strict=True)])
+    for found, true in ((hit.displacement, y[0]), (body.velocity(), y[SIZE]),
+                        (body.acceleration(), a)):  # fmt: skip
+        assert np.abs(found - true).max() < 1e-6 * np.abs(true).max()
+    bare = ao.simulate(BARE, BALL, LAW, END)
+    assert abs(bare.impulse / hit.impulse - 1) > 5e-3
+
+
+def test_a_matrix_without_coupling_is_the_undamped_body():
+    still = replace(BARE, damping=ao.DampingMatrix(np.zeros((SIZE, SIZE))))
+    one, other = (ao.simulate(m, BALL, LAW, END, tol=1e-6) for m in (BARE, still))
+    assert one.impulse == pytest.approx(other.impulse, rel=1e-9)
+    assert np.abs(other.energy.dissipated).max() < 1e-9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.assembly import assemble, deepest
+from antiosc.simulation.assembly import assemble, deepest, stiffness_at
 from antiosc.simulation.two_bodies import pose
 from laws import laws
 
@@ -81,3 +81,13 @@ def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
     assert made.lasting == pytest.approx(np.min(3 * made.system.depth / pace))
     nothing = ao.Scene({"m": ao.RigidMass(1.0), "w": bodies["floor"]}, [ao.Contact("w", "m", law)])
     assert assemble(nothing, 0.32).lasting == 0.02
+
+
+@laws
+def test_the_stiffness_of_a_contact_is_that_of_the_steeper_branch(law: ao.ContactLaw) -> None:
+    for depth in DEPTHS:
+        state, h = law.touch(1.0), 1e-5 * depth
+        after = law.advance(depth, 0.0, state)
+        rise = (law.force(depth + h, 0, state) - law.force(depth - h, 0, state)) / (2 * h)
+        fall = (law.force(depth - h, 0, after) - law.force(depth - 3 * h, 0, after)) / (2 * h)
+        assert stiffness_at(law, depth, state) == pytest.approx(max(rise, fall), rel=2e-3)

@@ -175,3 +175,48 @@ def test_friction_acts_along_the_slip() -> None:
     assert slides.sum() > 20
     assert (np.abs(across) <= 1e-6 * np.hypot(*slip.T) * size)[slides].all()
     assert (np.sum(slip * along, axis=1) >= 0)[slides].all()
+
+
+@pytest.mark.parametrize("psi", [6.0, 9.0])
+def test_gross_sliding(psi: float) -> None:
+    """In a hundred steps."""
+    hit = struck(psi, ao.Hertz(1e9))
+    assert hit.run.steps < 100
+    assert rebound(hit) == pytest.approx(psi - 4 * CHI, abs=1e-4 * KAPPA / MU)
+
+
+@pytest.mark.parametrize(
+    ("psi", "most"), [(0.25, 0.2), (0.6, 0.29), (1.0, 0.2), (1.5, 0.08), (2.5, 0.08), (4.5, 0.08)]
+)
+def test_difference_to_partial_slip(psi: float, most: float) -> None:
+    """A single spring of constant stiffness in series with a slider; the bounds are documented."""
+    assert rebound(struck(psi, ao.Hertz(1e9))) == pytest.approx(partial_slip(psi), abs=most)
+
+
+def test_the_stiffness_of_the_law_does_not_change_the_rebound() -> None:
+    """Spheres under Hertz's law are similar: psi_2 depends on psi_1 alone."""
+    soft = rebound(struck(0.6, ao.Hertz(1e9)))
+    for stiffness in (1.7e9, 4e9, 2.3e10):
+        assert rebound(struck(0.6, ao.Hertz(stiffness))) == pytest.approx(soft, abs=1e-3)
+
+
+def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
+    """Over Hertz's contact: B(3/5, 1/2)/B(2/5, 1/2) = 0.754 of that at the deepest point."""
+    deepest = (1.25 * MASS / 1e9) ** 0.4
+    mean = 1.5e9 * np.sqrt(deepest) * KAPPA * beta(0.6, 0.5) / beta(0.4, 0.5)
+    hit = struck(1.0, ao.Hertz(1e9))
+    assert hit.assembly.system.slip[0, 1] == pytest.approx(mean, rel=0.02)
+    linear = struck(1.0, ao.Linear(1e7))
+    assert linear.assembly.system.slip[0, 1] == pytest.approx(1e7 * KAPPA, rel=1e-12)
+
+
+def test_gross_sliding_with_spin() -> None:
+    """The tangential impulse is mu (1 + e) times the normal one, along the sliding."""
+    hit = ball(5.0, 0.2, ao.Hertz(1e9)).run(2e-3)
+    P = hit.bodies["ball"].momentum
+    change = (P[-1] - P[0]) / 0.3
+    slide = np.array([5.0, 0.0]) + np.cross((3.0, 0, 5.0), (0, 0, -0.02))[:2]
+    slide /= np.linalg.norm(slide)
+    np.testing.assert_allclose(change[:2], -0.2 * 2 * slide, atol=1e-4)
+    assert change[2] == pytest.approx(2.0, abs=1e-4)
+    assert hit.energy.drift < 1e-3

@@ -16,6 +16,12 @@ from antiosc.simulation.march import engine
 from scenes import HERTZ, case_two, random_model
 
 
+@pytest.fixture(scope="module")
+def hit() -> ao.History:
+    model, striker = case_two(9)
+    return ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3)
+
+
 def test_later_impact_is_another_one():
     """A ball that falls back after a long flight: the main impact is the first."""
     body = ao.AntiOscillators(m0=1e9, k0=0, m=[], omega=[])
@@ -140,3 +146,63 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
     calls["simulate_many"] = partial(ao.simulate_many, *given)
     with pytest.raises(ao.OutOfMemoryError, match=r"ran out of memory \(Unable"):
         calls[run](1e-3)
+
+
+def test_coordinates_hold_the_site_first(hit):
+    lam = hit.coordinates(hit.time)
+    assert lam.shape == (hit.time.size, 10)
+    assert lam[:, 0] == pytest.approx(hit.displacement, abs=1e-15)
+    assert hit.coordinates(1e-3).shape == (10,)
+
+
+def test_massless_site_has_its_static_share():
+    """With m0 = 0 the site follows k0 l0 + sum k_i (l0 - l_i) = F at every time."""
+    rng = np.random.default_rng(0)
+    base = random_model(rng, 4)
+    model = ao.AntiOscillators(m0=0.0, k0=base.k0, m=base.m, omega=base.omega)
+    run = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 1e-3)
+    lam = run.coordinates(run.time)
+    held = model.k0 * lam[:, 0] + np.sum(model.k * (lam[:, :1] - lam[:, 1:]), axis=1)
+    assert held == pytest.approx(run.force, abs=1e-9 * run.peak_force)
+
+
+@pytest.mark.parametrize("method", ["exact", "conserving"])
+def test_a_massless_site_holds_the_energy_of_its_spring(method):
+    """On a spring without mass F²/2k0 is held; what the mass brings is always there in full."""
+    k0, mass, speed = 2e6, 0.3, 1.5
+    spring = ao.AntiOscillators(m0=0.0, k0=k0, m=[], omega=[])
+    hit = ao.simulate(
+        spring, ao.RigidMass(mass, speed), ao.Linear(3e6), 2e-3, tol=1e-5, method=method
+    )
+    np.testing.assert_allclose(hit.energy.strain, hit.force**2 / (2 * k0), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(hit.energy.total, mass * speed**2 / 2, rtol=1e-3)
+    # two springs in series: F = v √(k m)
+    series = 1 / (1 / k0 + 1 / 3e6)
+    assert hit.peak_force == pytest.approx(speed * np.sqrt(series * mass), rel=1e-4)
+
+
+@pytest.mark.parametrize("law", [ao.Hertz(1e8), ao.HuntCrossley(1e8, 0.5)], ids=["hertz", "damped"])
+def test_an_impact_of_two_bodies_too(monkeypatch, law):
+    def numbers() -> list[np.ndarray]:
+        hit = ao.simulate(case_two(6)[0], ao.RigidMass(0.2, 1.0), law, 4e-3)
+        energy = hit.energy
+        found = [hit.time, hit.displacement, hit.velocity, *hit.states(np.linspace(0, 4e-3, 91))]
+        found += [energy.kinetic, energy.strain, energy.gravity, energy.total]
+        return [*found, np.array([hit.impulse, hit.contact_time, len(hit.contacts)])]
+
+    wanted = numbers()
+    monkeypatch.setattr(engine, "STATES", 3000)
+    monkeypatch.setattr(states, "AT_ONCE", 50)
+    for one, other in zip(numbers(), wanted, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
+
+
+def test_field_is_the_model_s(hit):
+    model, striker = case_two(3)
+    shapes = np.random.default_rng(0).standard_normal((5, 4))
+    with_shapes = ao.AntiOscillators(model.m0, model.k0, model.m, model.omega, shapes=shapes)
+    run = ao.simulate(with_shapes, striker, ao.Hertz(HERTZ), 1e-3)
+    assert run.field(5e-4) == pytest.approx(with_shapes.field(run.coordinates(5e-4)))
+    assert run.field([1e-4, 5e-4]).shape == (2, 5)
+    with pytest.raises(ao.InputError, match="has no shapes"):
+        hit.field(1e-3)

@@ -13,6 +13,9 @@ from antiosc.simulation.histories.energy import gained
 from audited_scenes import SCENES, checked
 from march_audit import Motion, Steps
 
+SHARES = np.linspace(0, 1, 101)
+
+
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 #: Other laws of the same kind have the same ledgers.
@@ -147,3 +150,23 @@ def test_a_gain_of_energy_is_that_of_the_whole_balance(name: str) -> None:
     held = energy.kinetic + energy.strain + energy.contact
     expected = float(np.max(energy.total - energy.total[0]) / held.max())
     assert gained(hit.assembly, run) == pytest.approx(expected, rel=0.02, abs=2e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_contacts_have_the_impulse_the_peak_and_the_times_of_their_force(name: str) -> None:
+    hit, steps = history(name)
+    start, slope, bend = steps.force
+    dense = np.stack([start + u * steps.h * (slope + u * steps.h * bend / 2) for u in SHARES])
+    area = np.sum(steps.h * (start + steps.h * (slope / 2 + steps.h * bend / 6)), axis=0)
+    for c, contact in enumerate(hit.assembly.scene.contacts):
+        found = hit[contact.a, contact.b]
+        assert found.impulse == pytest.approx(area[c], rel=1e-9, abs=1e-15)
+        assert found.peak_force == pytest.approx(max(dense[:, :, c].max(), 0.0), rel=1e-4)
+        law, middle = hit.assembly.laws[c], slice(1, None, 2)
+        closed = hit.run.force[middle, c] != 0 if law.has_memory else hit.run.depth[middle, c] > 0
+        times = np.reshape(found.contacts, (-1, 2))
+        assert np.ptp(times, axis=1).sum() == pytest.approx(steps.h[closed].sum())
+        spans = np.subtract.outer(times[:, 1], times[:, 0])  # the main impact is contacts in a row
+        assert found.contact_time in (spans if times.size else [0.0])
+        first, count = hit.assembly.system.tangents[c]
+        np.testing.assert_array_equal(found.friction, hit.run.force[:, first : first + count])

@@ -113,3 +113,10 @@ def test_what_touches_by_rounding_alone_is_no_contact() -> None:
     found = run(made.system, 5e-3, 1e-3, fine=made.lasting / 200, max_steps=100)
     assert found.answer == march.TOO_MANY_STEPS
     assert found.touches == 0
+
+
+def test_energy_held_without_mass_counts_as_given() -> None:
+    """A load at the start presses a site without mass against its contact, and then releases it."""
+    hit = random_scene(98).run(2e-4, tol=1e-2)
+    assert hit.status == 3  # it ends during contact
+    assert hit.energy.drift < 1e-4

@@ -15,6 +15,16 @@ from scenes import HERTZ, hertz_impact, random_model, rigid
 class TestObstacle:
     """The structure moves on a fixed obstacle."""
 
+    def test_free_body_bounces_back(self):
+        peak, time = hertz_impact(0.5, 3.0, HERTZ)
+        hit = ao.simulate(
+            rigid(0.5), ao.Obstacle(), ao.Hertz(HERTZ), 2 * time, initial_velocity=3.0, tol=1e-5
+        )
+        assert hit.peak_force == pytest.approx(peak, rel=1e-5)
+        assert hit.velocity[0] == pytest.approx(-3.0)
+        assert hit.velocity[-1] == pytest.approx(3.0, rel=1e-6)
+        assert np.all(hit.impactor_displacement == 0)
+
     def test_it_is_the_impactor_seen_from_itself(self, rng):
         """A structure on an obstacle = an impactor of the same model on a rigid structure."""
         model = random_model(rng, 3, supported=False)
@@ -29,6 +39,20 @@ class TestObstacle:
         assert a.peak_force == pytest.approx(b.peak_force, rel=1e-9)
         assert a.impulse == pytest.approx(b.impulse, rel=1e-9)
         assert a.displacement == pytest.approx(-b.impactor_displacement, abs=1e-12)
+
+    def test_article_case_one(self):
+        """The falling pinned-free beam, Article eq. (24)-(27): it is thrown back, k0 = 0."""
+        from antiosc.closed_form import pinned_free
+        from scenes import BEAM
+
+        model = pinned_free(BEAM).anti_oscillators(20)
+        hit = ao.simulate(
+            model, ao.Obstacle(), ao.Hertz(HERTZ), 30e-3, initial_velocity=3.0, step=2e-6
+        )
+        # the article: 14.4 ms, half the first anti-oscillator's period 15.2 ms
+        assert hit.contact_time == pytest.approx(14.4e-3, rel=0.1)
+        assert hit.displacement[0] == 0.0
+        assert hit.velocity[0] == pytest.approx(-3.0)
 
 
 class TestGravity:
@@ -47,6 +71,14 @@ class TestGravity:
         assert hit.restitution == pytest.approx(1.0, abs=1e-3)
         assert hit.energy.drift < 1e-3
 
+    def test_falling_together_nothing_touches(self):
+        body = ao.AntiOscillators(m0=0.5, k0=0, m=[], omega=[], participation=[0.5])
+        hit = ao.simulate(body, ao.RigidMass(0.1), ao.Hertz(1e9), 0.1, gravity=9.81, gap=1e-3)
+        assert hit.contacts == []
+        assert hit.peak_force == 0.0
+        assert hit.restitution is None
+        assert hit.displacement[-1] == pytest.approx(0.5 * 9.81 * 0.1**2)
+
     def test_rest_under_gravity_carries_the_weight(self):
         """Laid down without speed: the force swings about the weight, which is its mean."""
         m, k = 0.5, 1e6
@@ -58,6 +90,13 @@ class TestGravity:
         )
         assert hit.impulse / (10 * period) == pytest.approx(m * 9.81, rel=1e-4)
         assert hit.peak_force == pytest.approx(2 * m * 9.81, rel=1e-3)
+
+    def test_damped_rest_comes_to_rest(self):
+        m, k = 0.5, 1e6
+        omega = np.sqrt(k / m)
+        ground = ao.AntiOscillators(m0=m, k0=k, m=[], omega=[], damping=ao.Damping(0.2))
+        hit = ao.simulate(ground, ao.RigidMass(m), ao.Linear(1e8), 120 / omega, gravity=9.81)
+        assert hit.force[-1] == pytest.approx(m * 9.81, rel=0.02)
 
 
 class TestGrazingAndFlight:

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from direct import force_error, physical
-from scene_cases import CORNERS, plate, random_scene, stops
+from scene_cases import CORNERS, LAWS, plate, random_scene, rod_between_walls, stops
 from scenes import hertz_impact
 
 Array = NDArray[np.float64]
@@ -182,3 +182,111 @@ def test_random_scenes_end_with_their_energy() -> None:
             highest = np.max(energy.kinetic + energy.strain + energy.contact)
             assert np.max(energy.total - energy.total[0]) <= 1e-3 * highest, seed
     assert completed >= 0.98 * len(seeds)
+
+
+def test_gravity_pulls_along_the_axis_of_the_first_contact() -> None:
+    still = between({"m": ao.RigidMass(0.1)}, DOWN, gravity=(0.0, -9.81, 0.0)).run(1e-3)
+    assert still.bodies["m"].velocity()[-1] == pytest.approx(-9.81e-3)
+
+
+def test_plate_that_lands_flat_is_one_mass_on_four_springs() -> None:
+    scene, _ = plate(ao.Hertz(1e8), 0.0)
+    peak, lasts = hertz_impact(2.0, 1.0, 4e8)
+    hit = ao.Scene(scene.bodies, scene.contacts, motion=scene.motion).run(0.012)
+    each = hit["plate:a", "floor"]
+    assert 4 * each.peak_force == pytest.approx(peak, rel=1e-4)
+    assert each.contact_time == pytest.approx(lasts, rel=1e-5)
+    momentum = hit.bodies["plate"].momentum[-1]
+    np.testing.assert_allclose(momentum, [0, 0, 2.0], atol=1e-4)
+
+
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize("n", [1.0, 1.5])
+def test_rod_bounces_between_walls(n: float) -> None:
+    scene, K, M = rod_between_walls(n)
+    k = 1e8 if n == 1 else 1e10
+    rows = np.zeros((2, 12))
+    rows[0, 0], rows[1, 11] = -1, 1
+    inverse = np.linalg.inv(M)
+    gaps = np.array([1e-4, 2e-4])
+
+    def force(u: Array) -> Array:
+        return k * np.maximum(rows @ u - gaps, 0.0) ** n
+
+    def slope(t: float, y: Array) -> Array:
+        push = np.interp(t, [0, 1e-4, 2e-4], [0, -3e4, 0]) * np.ones(12) / 12
+        return np.concatenate((y[12:], inverse @ (push - K @ y[:12] - rows.T @ force(y[:12]))))
+
+    t = np.linspace(0, 1e-3, 3000)
+    s = solve_ivp(slope, (0, 1e-3), np.zeros(24), "DOP853", t, rtol=1e-9, atol=1e-12, max_step=4e-6)
+    hit = scene.run(1e-3)
+    assert hit.run.touches >= 2
+    assert force_error(hit, t, np.array([force(u) for u in s.y[:12].T])) < 1e-3
+    assert hit.energy.drift < 1e-4
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_every_law_gives_what_simulate_gives(law: ao.ContactLaw) -> None:
+    """`simulate` marches with another scheme and the laws' own methods."""
+    model = ao.AntiOscillators(m0=0.05, k0=1e5, m=[0.1, 0.05], omega=[2e3, 9e3])
+    mass = ao.RigidMass(0.3, 2.0)
+    one = ao.simulate(model, mass, law, 2e-3, tol=1e-4)
+    hit = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", law)]).run(2e-3, tol=1e-4)
+    assert hit["a", "b"].impulse == pytest.approx(one.impulse, rel=1e-4)
+    assert hit["a", "b"].peak_force == pytest.approx(one.peak_force, rel=1e-3)
+    assert hit.energy.drift < 1e-3
+
+
+def test_residual_compliance_is_a_spring_in_series() -> None:
+    """A mass on a site without inertia: half a sine with 1/k = 1/k_contact + r."""
+    site = ao.SiteModes([1e3], [[0.0]], ("tip",), r=[[2e-6]])
+    bodies = {"site": site, "m": ao.RigidMass(0.5, 2.0)}
+    hit = ao.Scene(bodies, [ao.Contact("site:tip", "m", ao.Linear(1e6))]).run(0.01, tol=1e-4)
+    k = 1 / (1e-6 + 2e-6)
+    contact = hit["site:tip", "m"]
+    assert contact.peak_force == pytest.approx(2.0 * np.sqrt(0.5 * k), rel=1e-5)
+    assert contact.contact_time == pytest.approx(np.pi * np.sqrt(0.5 / k), rel=1e-5)
+    pressed = 2e-6 * contact.force  # along the push
+    np.testing.assert_allclose(hit.bodies["site"].displacement("tip"), pressed, atol=1e-12)
+    assert hit.energy.drift < 1e-4
+
+
+def test_flight_under_gravity_and_spin() -> None:
+    box = ao.RigidBody(2.0, (1e-2, 2e-2, 3e-2), {"foot": ((0.1, 0, -0.05), UP)})
+    contact = ao.Contact("box:foot", "floor", ao.Linear(1e5), gap=1.0)
+    start = ao.Motion(velocity=(1.0, 0, 2.0), spin=(0, 0.5, 0.0))
+    scene = ao.Scene(
+        {"box": box, "floor": ao.Obstacle()},
+        [contact],
+        gravity=(0, 0, -9.81),
+        motion={"box": start},
+    )
+    hit = scene.run(0.1)
+    t = hit.time
+    u = hit.bodies["box"].displacement("foot")
+    np.testing.assert_allclose(u, (2.0 - 0.5 * 0.1) * t - 9.81 / 2 * t**2, atol=1e-12)
+    assert hit["box:foot", "floor"].contacts == []
+
+
+def test_preload_rests_until_something_moves() -> None:
+    scene, _ = plate(ao.Hertz(1e8), 0.0)
+    rest = ao.Scene(scene.bodies, scene.contacts, gravity=scene.gravity, preload=True)
+    hit = rest.run(0.01)
+    force = hit["plate:a", "floor"].force
+    np.testing.assert_allclose(force, 2.0 * 9.81 / 4, rtol=1e-8)
+    assert hit["plate:a", "floor"].contacts == [(0.0, 0.01)]
+
+
+def test_preload_of_a_site_without_mass() -> None:
+    """A load on a massless spring, which no mode feels: the contact takes its share of it."""
+    compliance, stiffness, load = 1e-4, 3e4, -50.0
+    body = ao.SiteModes(omega=[300.0], b=[[0.0]], sites=["tip"], r=[[compliance]])
+    scene = ao.Scene(
+        {"part": body, "stop": ao.Obstacle()},
+        [ao.Contact("part:tip", "stop", ao.Linear(stiffness))],
+        loads=[ao.Load("part:tip", [0.0, 1.0], [load, load])],
+        preload=True,
+    )
+    force = scene.run(0.01)["part:tip", "stop"].force
+    share = stiffness * compliance / (1 + stiffness * compliance)
+    np.testing.assert_allclose(force, -share * load, rtol=1e-8)

@@ -10,6 +10,28 @@ import antiosc as ao
 from antiosc.closed_form import UniformBeam, free_free
 from scenes import hertz_impact
 
+
+def contact_steps(hit: ao.SceneHistory, contact: ao.ContactHistory) -> float:
+    """Steps of the march in the longest contact."""
+    ends = hit.time[::2]
+    return max(float(np.sum((ends > a) & (ends <= b))) for a, b in contact.contacts)
+
+
+def colliding_boxes(friction: float) -> ao.Scene:
+    """Two boxes that tumble into each other at two corners, one after the other."""
+    points = {"a": (0.03, 0.02, 0.01), "b": (0.03, -0.02, 0.01)}
+    left = {name: (point, (-1.0, 0, 0)) for name, point in points.items()}
+    right = {name: (point, (1.0, 0, 0)) for name, point in points.items()}
+    one = ao.RigidBody(0.4, (2e-4, 3e-4, 4e-4), left)
+    two = ao.RigidBody(0.7, (3e-4, 2e-4, 5e-4), right, centre=(0.06, 0, 0.005))
+    contacts = [
+        ao.Contact("one:a", "two:a", ao.Hertz(1e8), friction=friction),
+        ao.Contact("one:b", "two:b", ao.Hertz(1e8), gap=1e-4, friction=friction),
+    ]
+    start = ao.Motion(velocity=(2.0, 0.5, 0), spin=(1.0, 2.0, 3.0))
+    return ao.Scene({"one": one, "two": two}, contacts, motion={"one": start})
+
+
 Array = NDArray[np.float64]
 BAR = UniformBeam.euler_bernoulli(E=70e9, rho=2700.0, area=2e-4, inertia=1.7e-9, length=0.6)
 MASS = 2700.0 * 2e-4 * 0.6
@@ -134,3 +156,47 @@ def test_bodies_of_one_coordinate_fall_along_the_line_of_their_contact() -> None
     assert hit.bodies["two"].velocity("a")[-1] == pytest.approx(0.01 * (2.0 + 0.5 * 4.0))
     with pytest.raises(ao.InputError, match="pushed along several directions: give gravity"):
         ao.Scene(bodies, contacts, gravity=-9.81).run(0.01)
+
+
+@pytest.mark.parametrize("n", [1, 12])
+def test_elastic_bar_lands_on_its_end(n: int) -> None:
+    """The floor's impulse is all that the bar gains, along the contact and about any point."""
+    model = free_free(BAR, 0.0).anti_oscillators(n)
+    contact = ao.Contact("bar", "floor", ao.Hertz(2e9))
+    start = ao.Motion(velocity=(0, -1.0, 0), spin=(0, 0, 1.5))
+    scene = ao.Scene({"bar": model, "floor": ao.Obstacle()}, [contact], motion={"bar": start})
+    hit = scene.run(2e-3)
+    one, bar = hit["bar", "floor"], hit.bodies["bar"]
+    assert one.peak_force > 100
+    P, about = bar.momentum, bar.angular_momentum((0.0, 0, 0))
+    np.testing.assert_allclose(P[-1] - P[0], [0, one.impulse, 0], atol=1e-10 * one.impulse)
+    np.testing.assert_allclose(about, np.broadcast_to(about[0], about.shape), atol=1e-10)
+    assert contact_steps(hit, one) < 130
+    assert hit.energy.drift < 1e-4
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_boxes_that_collide_at_two_points(friction: float) -> None:
+    hit = colliding_boxes(friction).run(3e-3)
+    P = sum(body.momentum for body in hit.bodies.values())
+    L = sum(body.angular_momentum() for body in hit.bodies.values())
+    np.testing.assert_allclose(P, np.broadcast_to(P[0], P.shape), atol=1e-10 * np.abs(P).max())
+    np.testing.assert_allclose(L, np.broadcast_to(L[0], L.shape), atol=1e-10 * np.abs(L).max())
+    for pair in (("one:a", "two:a"), ("one:b", "two:b")):
+        assert hit[pair].peak_force > 10
+        assert contact_steps(hit, hit[pair]) < 130
+    assert hit.energy.drift < 1e-4
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) -> None:
+    """A box falls through a floor that is named on its wrong side; of the first is told."""
+    box = ao.RigidBody(0.5, (1e-3,) * 3, {"foot": ((0, 0, 0), (0, 0, up))})
+    bodies = {"box": box, "floor": ao.Obstacle()}
+    motion = {"box": ao.Motion(velocity=(0, 0, -1.0))}
+    for ends, pushed in ((("box:foot", "floor"), up), (("floor", "box:foot"), -up)):
+        hit = ao.Scene(bodies, [ao.Contact(*ends, ao.Hertz(1e8))], motion=motion).run(3e-3)
+        told = "pushes 'box:foot' against the direction of its site" in hit.message
+        assert told == (ends[0] == "floor" and pushed < 0)
+        assert hit[ends].impulse == pytest.approx(1.0 if pushed > 0 else 0.0, rel=1e-3)
+        assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)

@@ -10,10 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
+from antiosc.base import march
 from antiosc.simulation.assembly import assemble
+from antiosc.simulation.march import engine
 from antiosc.simulation.march.engine import run
 from antiosc.simulation.states import forces, located
 from direct import beam, force_error, free_modes, physical
+from march_builds import built
 
 Array = NDArray[np.float64]
 EI, RHO_A, LENGTH = 20.0, 0.8, 0.5  # a strip of aluminium, 30 mm x 6 mm and half as stiff
@@ -179,3 +182,21 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
     gained = np.log2(errors[0] / errors[-1])
     assert gained / 4 > 1.7
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("posed", SCENES)
+def test_sweeps_and_newtons_method_agree(
+    posed: Callable[[], Posed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, duration, _ = posed()
+    made = assemble(scene, duration)
+    runs = []
+    for library in (built(), built("SWEEPS=0")):
+        monkeypatch.setattr(march, "library", library)
+        monkeypatch.setattr(engine, "_kept", [])
+        runs.append(run(made.system, duration / 2, 1e-3, fine=made.lasting / 200))
+    a, b = runs
+    assert a.touches > 0
+    assert a.time.size == b.time.size
+    np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())

@@ -12,8 +12,11 @@ import pytest
 import antiosc as ao
 from antiosc.base import march
 from antiosc.simulation import reference, truncation
-from antiosc.simulation.error_budget import SAFETY_BEAM, Repeated, model_errors
+from antiosc.simulation.error_budget import SAFETY_BEAM, Repeated, _changed, model_errors
 from antiosc.simulation.march.engine import Run
+
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
+
 
 # -- shares of the element family
 
@@ -93,3 +96,18 @@ def test_refinement_ends_where_the_steps_are_too_many_or_all_runs_diverge() -> N
     runs = Runs()
     reference._converged(runs, 0.05, 0.05, settings(1e-9, 10**6, 1))
     assert runs.asked == [0.05]  # as many contacts as are allowed
+
+
+def test_models_are_changed_as_much_as_families_differ() -> None:
+    """Up to 6 % of frequency and 60 % of shape at a limit, 5 % at clamps, 0.8 of a compliance."""
+    facts = {"omega": 4e3, "clamps": 1.0, "compliance": 2e-8}
+    own = MODEL.modal()
+    softer, stiffer = _changed(MODEL, facts)
+    x = np.minimum(own.omega / 4e3, 1.0)
+    assert 0 < x.min() < x.max() == 1
+    for body, sign, r in ((softer, 1, 1.6e-8), (stiffer, -1, 0.0)):
+        found = body.modal()
+        np.testing.assert_allclose(found.omega, own.omega * (1 - sign * (0.06 * x + 0.05)))
+        np.testing.assert_allclose(found.b, own.b * (1 + sign * 0.6 * x))
+        assert found.r == pytest.approx(own.r + r)
+    assert (softer.local_compliance, stiffer.local_compliance) == (0.0, pytest.approx(1.6e-8))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -218,3 +219,20 @@ def test_the_hung_model_keeps_the_dampers():
     for count in (10, 20):
         chosen = ao.simulate(models[count], striker, law, 5e-3, tol=5e-3, n="auto")
         assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("apart", [(0.5, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
+def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
+    """Impacts of the two extremes that differ by given shares: twice that, at least."""
+    model = case_two(3)[0]
+
+    def run(one, tol):
+        share = np.zeros(3) if one is model else np.array(apart)
+        return SimpleNamespace(**dict(zip(QUANTITIES, 10.0 * (1 - share), strict=True)))
+
+    monkeypatch.setattr(truncation, "_checked", lambda found: found)
+    found = truncation_error(model, run, tol=1e-6)
+    errors = 2 * (np.array(apart) - 1e-6).clip(0)
+    expected = np.maximum(errors, errors.max() / 2)
+    assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)

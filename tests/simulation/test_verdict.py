@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from scenes import HERTZ, case_two, rigid
+from scenes import HERTZ, case_two, hertz_impact, rigid
 
+CUT = "The run ends during contact .* up to 0.0005 s"
 NOTHING = "nothing moves the bodies"
 LAWS = [
     ao.Hertz(1e8),
@@ -17,6 +18,31 @@ LAWS = [
     ao.HuntCrossley(1e8, 0.7),
     ao.Thornton(1e8, 1e-5),
 ]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize("method", ["exact", "newmark", "DOP853"])
+def test_a_run_that_ends_during_contact_says_so(law, method):
+    with pytest.warns(ao.AccuracyWarning, match=CUT):
+        hit = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), law, 5e-4, method, gap=1e-4)
+    assert hit.status == 3
+    assert hit.message.startswith("The run ends during contact")
+    # its figures are those so far
+    assert hit.restitution is None
+    assert hit.contact_time == pytest.approx(5e-4 - 1e-4, rel=1e-6)
+    assert hit.impulse == pytest.approx(1.0 - hit.impactor_velocity[-1], rel=1e-6)
+    assert hit.peak_force == hit.force[-1]
+
+
+def test_an_unreached_tolerance_beside_a_cut_is_said_too():
+    model, striker = case_two(9)
+    first = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3).contacts[0]
+    words = "tol = 1e-10.* The run ends during contact"
+    with pytest.warns(ao.AccuracyWarning, match=words):
+        hit = ao.simulate(
+            model, striker, ao.Hertz(HERTZ), 0.5 * sum(first), tol=1e-10, max_steps=5000
+        )
+    assert hit.status == 1
 
 
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=["together", "one by one"])
@@ -88,8 +114,34 @@ def test_one_impact_has_one_verdict_and_one_contact_time(law, duration, speed, s
         assert contact.contact_time > 1.1 * sum(end - start for start, end in hit.contacts[:3])
 
 
+def test_what_rests_all_along_does_not_cut_an_impact():
+    mass, law = ao.RigidMass(1.0), ao.Linear(1e6)
+    contacts = [ao.Contact("m", "floor", law)]
+    bodies = {"m": mass, "floor": ao.Obstacle()}
+    rest = ao.Scene(bodies, contacts, gravity=-9.81, preload=True).run(1e-3)
+    assert (rest.status, rest.message) == (0, "Completed.")
+    assert rest["m", "floor"].contact_time == pytest.approx(1e-3)
+
+
+def test_a_run_that_goes_as_asked_says_nothing():
+    _, time = hertz_impact(0.5, 1.0, 1e9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hit = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 2 * time)
+        ao.simulate_many(rigid(1.0), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 2 * time)
+    assert (hit.status, hit.message) == (0, "Completed.")
+
+
 class TestRestitution:
     """Newton's, of the rigid-body motions at the contact point."""
+
+    def test_against_a_supported_structure_it_is_the_rebound(self):
+        model, striker = case_two(9)
+        hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 12e-3)
+        w = hit.impactor_velocity
+        assert hit.restitution == pytest.approx(-w[-1] / w[0], rel=1e-9)
+        many = ao.simulate_many(model, striker, ao.Hertz(HERTZ), 12e-3)
+        assert many.restitution[0] == pytest.approx(hit.restitution, rel=1e-6)
 
     def test_of_two_free_bodies_it_is_that_of_their_mean_motions(self):
         """1 - e is the energy that their vibrations take: m_red v² (1 - e²)/2."""
@@ -111,6 +163,13 @@ class TestRestitution:
 
 class TestChoiceOfN:
     """The runs that choose n are made like the one that is asked for."""
+
+    @pytest.mark.slow
+    def test_a_massless_point_under_a_damped_law_is_left_to_the_exact_method(self):
+        model, striker = case_two(12)
+        law = ao.HuntCrossley(HERTZ, 0.7)
+        hit = ao.simulate(model, striker, law, 8e-3, "conserving", n="auto", tol=0.1, step=2e-5)
+        assert 0 < hit.model.n <= 12
 
     def test_the_runs_that_choose_n_do_not_warn(self):
         model, striker = case_two(12)
@@ -164,12 +223,3 @@ def test_bodies_that_still_approach_are_told():
     assert short.restitution < 0
     assert f"approach (restitution {short.restitution:.3g} < 0)" in short.summary()
     assert "lengthen the duration" in short.explanation
-
-
-def test_what_rests_all_along_does_not_cut_an_impact():
-    mass, law = ao.RigidMass(1.0), ao.Linear(1e6)
-    contacts = [ao.Contact("m", "floor", law)]
-    bodies = {"m": mass, "floor": ao.Obstacle()}
-    rest = ao.Scene(bodies, contacts, gravity=-9.81, preload=True).run(1e-3)
-    assert (rest.status, rest.message) == (0, "Completed.")
-    assert rest["m", "floor"].contact_time == pytest.approx(1e-3)

@@ -150,3 +150,39 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     b = null.T @ functional(free, site).b
     exact = 1 / (b @ np.linalg.solve(null.T @ K @ null, b))
     assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
+
+
+def test_equations_hold_what_lies_between_their_nodes(tmp_path):
+    """A bar without contraction whose end moves as one: EA/L, wherever it is struck."""
+    part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + FLAT)
+    assert part.mass == pytest.approx(2000, rel=1e-12)
+    for point in ((1, 0, L), (0.3, 0.8, L)):
+        assert k0(part, point) == pytest.approx(E * A / L, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turning", ["", ", ROT NODE=200"])
+def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
+    nodes = "*NODE\n100, .5, .5, 3.\n200, 0., 0., 0.\n"
+    rigid = f"*NSET, NSET=TOP\n9, 10, 11, 12\n*RIGID BODY, NSET=TOP, REF NODE=100{turning}\n"
+    part = read(tmp_path, column() + nodes + SOLID + MATERIAL + FOOT + rigid)
+    mesh = ao.read_mesh(tmp_path / "part.inp")
+    bare = ao.Structure(mesh, ao.Solid(E, 0.0, 1000.0), ao.Support(plane=((0, 0, 0), (0, 0, 1))))
+    joint = ao.Rigid("part:TOP", "reference")
+    by_hand = ao.assemble({"part": bare}, [joint], points={"reference": (0.5, 0.5, 3)})
+    for direction in ((1, 0, 0), (0, 0, 1), (1, 2, 3)):
+        site = (1, 0, L), direction
+        assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
+def test_springs_between_nodes_are_in_series(tmp_path, kind):
+    """From the top of the column to a node that is held: both carry."""
+    k = 4e8
+    tops = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
+    spring = f"CELAS2,60,{k},9,3,100,3"
+    if kind == "CBUSH":
+        spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
+    held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
+    assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)

@@ -125,3 +125,90 @@ def test_a_solid_by_its_stresses(tmp_path):
     material = ao.AnisotropicSolid(C, 1200.0, axes)
     by_hand = ao.Structure(part.mesh, material, [ao.Support(lambda x: x[2] < 1e-9)])
     assert omegas(part) == pytest.approx(omegas(by_hand), rel=1e-8)
+
+
+@pytest.mark.slow
+def test_offsets_count_toward_the_normal(tmp_path):
+    """A strip and a stiffener, both beside their nodes: their distance counts."""
+    bars = "".join(
+        f"CBAR,{100 + k},2,{2 * k + 1},{2 * k + 3},0.,0.,1.,,\n,,,0.,0.,{{0}},0.,0.,{{0}}\n"
+        for k in range(MANY)
+    )
+    more = f"PSHELL,1,1,{T},1,,1\nPBARL,2,1,,BAR\n,.01,.03\nMAT1,1,{E},,.3,7800.\n"
+    more += "SPC1,1,123456,1,2\n"
+    both = omegas(nastran(tmp_path, more + bars.format(0.03), ",,.01"))
+    beam = omegas(nastran(tmp_path, more + bars.format(0.02)))
+    other = omegas(nastran(tmp_path, more + bars.format(0.04)))
+    # bending of the stiffener across its plane is that of its line, wherever it lies
+    assert both[:3] == pytest.approx(beam[:3], rel=1e-3)
+    assert abs(other / beam - 1)[:3].max() > 0.1
+
+
+def test_a_sandwich_by_its_bending_ratio(tmp_path):
+    """PSHELL with 12I/T³, TS/T and MID3, against the faces and the core in layers."""
+    face, core, G, rho = 1e-3, 0.018, 8e7, 2700.0
+    t, height = 2 * face, core + face
+    D = 12 / t**3 * (2 * face * (height / 2) ** 2 + 2 * face**3 / 12)
+    layers = [
+        ao.Layer.isotropic(7e10, 0.3, rho, face),
+        ao.Layer(1e4, 1e4, 0.0, 1e4, G, G, 1e-3, core),
+        ao.Layer.isotropic(7e10, 0.3, rho, face),
+    ]
+    stack = ao.Laminate(layers)
+    share = stack.section.S[0, 0] / (G * t)
+    text = f"PSHELL,1,1,{t},1,{D},2,{share}\nMAT1,1,7.+10,,.3,{rho}\nMAT1,2,,{G},0.\n"
+    part = nastran(tmp_path, text + "SPC1,1,123456,1,2\n")
+    by_hand = ao.Structure(part.mesh, stack, [ao.Support(lambda x: x[0] < 1e-9)])
+    assert part.mass == pytest.approx(by_hand.mass, rel=1e-4)
+    assert omegas(part, 4) == pytest.approx(omegas(by_hand, 4), rel=2e-3)
+
+
+def test_each_element_has_its_own_direction(tmp_path):
+    """The angles of one property's elements, against one property for each angle."""
+    angles = [10.0 * k for k in range(MANY)]
+    ply = "MAT8,8,1.4+11,1.+10,.3,5.+9,5.+9,3.+9,1600.\nSPC1,1,123456,1,2\n"
+    grids = "".join(f"GRID,{n},,{x},{y},0.\n" for n, x, y in points())
+    found = []
+    for apart in (False, True):
+        cells = "".join(
+            f"CQUAD4,{k + 1},{k + 1 if apart else 1},{','.join(map(str, nodes))},{angle}\n"
+            for k, (nodes, angle) in enumerate(zip(quads(), angles, strict=True))
+        )
+        count = MANY if apart else 1
+        cells += "".join(f"PCOMPG,{k + 1},,,,,,,\n,1,8,.01,0.\n" for k in range(count))
+        path = tmp_path / "part.bdf"
+        path.write_text(grids + cells + ply)
+        found.append(omegas(ao.read_model(path)))
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_a_material_of_shells_by_its_stresses(tmp_path):
+    """MAT2 with the stresses of an isotropic sheet is MAT1."""
+    nu, rho = 0.3, 7800.0
+    a = E / (1 - nu**2)
+    spc = f"PSHELL,1,1,{T},1,,2\nMAT1,2,{E},,{nu}\nSPC1,1,123456,1,2\n"
+    own = f"MAT2,1,{a},{nu * a},0.,{a},0.,{E / (2 * (1 + nu))},{rho}\n"
+    first = nastran(tmp_path, spc + own)
+    second = nastran(tmp_path, spc.replace(",,2\n", ",,1\n") + f"MAT1,1,{E},,{nu},{rho}\n")
+    assert omegas(first) == pytest.approx(omegas(second), rel=1e-8)
+    with_plies = nastran(tmp_path, spc.replace("PSHELL,1,1", f"PCOMP,1\n,1,{T},0.\n$") + own)
+    assert omegas(with_plies) == pytest.approx(omegas(second), rel=1e-8)
+
+
+@pytest.mark.parametrize("joint", ["", f"CBUSH,{10**6},9,1,2,,,,0\nPBUSH,9,K,,,,,,1.\n"])
+def test_pieces_that_are_each_held_vibrate_by_themselves(tmp_path: Path, joint: str) -> None:
+    """Every frequency of a clamped strip stands twice beside a second one."""
+    given = "PSHELL,1,1,.02,1,,1\nMAT1,1,2.+11,,.3,7800.\nSPC1,1,123456,1,2\n" + joint
+    alone = omegas(nastran(tmp_path, given), 3)
+    more = "".join(f"GRID,{n + 100},,{x},{y},.5\n" for n, x, y in points())
+    more += "".join(
+        f"CQUAD4,{k + 100},1,{','.join(str(n + 100) for n in nodes)}\n"
+        for k, nodes in enumerate(quads(), 1)
+    )
+    both = nastran(tmp_path, given + more + "SPC1,1,123456,101,102\n")
+    assert omegas(both, 6)[::2] == pytest.approx(alone, rel=1e-7)
+    assert omegas(both, 6)[1::2] == pytest.approx(alone, rel=1e-7)
+    site = ao.Site(point=(LENGTH / 2, WIDTH / 2, 0.0), direction=(0, 0, 1), radius=0.03)
+    assert ao.extract(both, site, n=4).k0 == pytest.approx(
+        ao.extract(nastran(tmp_path, given), site, n=4).k0, rel=1e-9
+    )

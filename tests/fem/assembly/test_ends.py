@@ -9,12 +9,13 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import every_joint
+from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import Placement
+from antiosc.fem.structure import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet
@@ -22,6 +23,7 @@ from sheets import sheet
 pytestmark = pytest.mark.fem
 
 TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
+FRAME = every_joint.FRAME
 
 
 def whole(mesh: Mesh) -> Mesh:
@@ -51,6 +53,50 @@ def placed(*x: float) -> tuple[float, ...]:
     return tuple(TURNED.placed(np.array([x]))[0])
 
 
+#: Ends, their places, and which rotations they have: all, none, or all but those about an axis.
+ENDS = {
+    "point": ("hub", (3.0, 1.0, -2.0), "all"),
+    "face": ("block:x1", placed(1.0, 1.0, 1.5), "all"),
+    "volume": ("cut:all", (0.5, 1.0, 1.5), "all"),
+    "inside": (("block", placed(0.3, 0.7, 2.2)), placed(0.3, 0.7, 2.2), "none"),
+    "inside a tetrahedron": (("cut", (0.3, 0.7, 2.2)), (0.3, 0.7, 2.2), "none"),
+    "around a point": (("block", placed(0.9, 1.1, 3.0), 1.2), placed(0.9, 1.1, 3.0), "all"),
+    "around a point of a rod": (("rod", placed(0.4, 0.0, 0.0), 0.3), placed(0.4, 0.0, 0.0), "all"),
+    "end of a rod": ("rod:end", placed(1.0, 0.0, 0.0), "all"),
+    "a whole rod": ("rod:all", placed(0.5, 0.0, 0.0), "all"),
+    "on a rod": (("rod", placed(0.4, 0.0, 0.0)), placed(0.4, 0.0, 0.0), "all"),
+    "a shell": ("arc:all", None, "all"),
+    "two points of a shell": ("arc:two", None, "all"),
+    "two points of a block": ("block:two", None, "about a line"),
+    "node": ("ecu:2", placed(*FRAME[1]), "none"),
+    "node by its place": (("ecu", placed(*FRAME[2])), placed(*FRAME[2]), "none"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(ENDS))
+def test_an_end_sees_rigid_motions(layout, name):
+    end, place, has = ENDS[name]
+    found = motion(layout, end)
+    if place is not None:
+        np.testing.assert_allclose(found.point, place, atol=1e-12)
+    about = np.array([0.2, -0.7, 0.3])
+    rigid = rigid_motions(layout, about)
+    P = {"all": np.eye(3), "none": np.zeros((3, 3))}.get(has, found.rotation_space)
+    np.testing.assert_allclose(found.rotation_space, P, atol=1e-12)
+    if has == "about a line":
+        assert np.linalg.matrix_rank(P, 1e-6) == 2
+        np.testing.assert_allclose(P @ P, P, atol=1e-12)
+    for moved in (found, found.at(np.array([1.0, 5.0, 2.0]))):
+        arm = moved.point - about
+        if has == "all" or moved is found:
+            exact = np.hstack([np.eye(3), -skew(arm)])
+            np.testing.assert_allclose(moved.displacements @ rigid, exact, atol=1e-11)
+        turned = np.hstack([np.zeros((3, 3)), P])
+        np.testing.assert_allclose(moved.rotations @ rigid, turned, atol=1e-11)
+    assert [found.has(c) for c in ("x", "ry")] == [True, has == "all"]
+
+
 def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     """Nodes with rotations follow with them: six dofs, the beam's own mass and inertia."""
     rod = ao.Structure(whole(line((0, 0, 0), (0.6, 0, 0), 3)), BEAM)
@@ -65,10 +111,59 @@ def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     assert alone.dofs == 6
 
 
+def test_a_spin_about_a_row_of_nodes_is_fixed_where_no_node_shows_it():
+    """Two points of a solid that are rigid by themselves: five motions of the reference point."""
+    mesh = box((0, 0, 0), (1, 1, 1), (1, 1, 1))
+    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[:, 0]]
+    row = np.flatnonzero((x[:, 0] < 0.5) & (x[:, 2] < 0.5)).astype(np.int32)
+    mesh = Mesh(mesh.dolfinx, {**mesh.groups, "row": {0: row}}, mesh.name)
+    block = ao.Structure(mesh, SOLID, [ao.Support("z1")], order=1)
+    part = ao.assemble({"block": block}, [ao.Rigid("block:row")], {"block": TURNED})
+    assert part.dofs == 24 - 12 - 6 + 5
+    assert part.rigid_modes.shape[1] == 0
+
+
+RNG = np.random.default_rng(8)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 40.0])
+def test_a_placement_is_a_rigid_motion(scale):
+    axis = np.array([0.3, -0.5, 0.7])
+    place = Placement((1, 2, 3), tuple(scale * axis), 0.8, (0.1, 0.2, 0.3))
+    R = place.rotation
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1)
+    np.testing.assert_allclose(R @ axis, axis, atol=1e-15)
+    assert np.trace(R) == pytest.approx(1 + 2 * np.cos(0.8))
+    # by the right hand: the part of a × R a along the axis is positive
+    a = np.array([1.0, 0.0, 0.0])
+    assert np.cross(a, R @ a) @ axis > 0
+    x = RNG.normal(size=(5, 3))
+    np.testing.assert_allclose(place.own(place.placed(x)), x, atol=1e-14)
+    np.testing.assert_allclose(place.placed(np.array([[0.1, 0.2, 0.3]])), [[1.1, 2.2, 3.3]])
+    moved = place.placed(x)
+    np.testing.assert_allclose(np.diff(moved, axis=0), np.diff(x, axis=0) @ R.T, atol=1e-14)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3, -1])
+def test_quarter_turns_are_exact(turns):
+    R = Placement(axis=(0, 0, 2), angle=turns * np.pi / 2).rotation
+    assert set(np.unique(R)) <= {-1.0, 0.0, 1.0}
+    np.testing.assert_allclose(
+        R[:2, 0], [np.cos(turns * np.pi / 2), np.sin(turns * np.pi / 2)], atol=1e-15
+    )
+
+
 def test_degrees_are_not_taken_for_radians():
     with pytest.raises(ao.InputError, match=r"angle = -90 rad .* radians; .* give -1\.5708\."):
         Placement(angle=-90)
     assert Placement(angle=2 * np.pi).angle == 2 * np.pi
+
+
+def test_skew_is_the_cross_product():
+    a, b = RNG.normal(size=(2, 6, 3))
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b))
+    np.testing.assert_allclose(skew(a[0]) @ b[0], np.cross(a[0], b[0]))
 
 
 @pytest.mark.slow

@@ -104,3 +104,76 @@ def test_a_reference_point_is_struck_and_probed():
         ao.strain_gauge(part, hit, "tip", (1, 0, 0), 1e-3)
     with pytest.raises(InputError, match="'tip' has no surface: leave radius"):
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", ["displacement", "acceleration", "rotation", "stress"])
+@pytest.mark.parametrize(("point", "name"), [((0.03, 0.004, 0.018), "left"),
+                                             ((0.163, 0.017, 0.003), "right")])  # fmt: skip
+def test_a_probe_is_that_of_the_uncut_bar(quantity, point, name):
+    one, two = hits()
+    times = np.linspace(0, 1e-3, 9)
+    reference = ao.probe(uncut(), one, point, quantity, times)
+    found = ao.probe(cut(), two, point, quantity, times, part=name)
+    # the accuracy of both integrations
+    np.testing.assert_allclose(found, reference, rtol=0, atol=1e-4 * np.abs(reference).max())
+
+
+@pytest.mark.slow
+def test_a_turned_part_of_an_anisotropic_material_is_the_part():
+    """Its axes turn with it: model, motion, and stresses in global and in local axes."""
+    C = np.diag([10.0, 4.0, 3.0, 1.0, 1.5, 2.0]) * 1e9
+    C[0, 1] = C[1, 0] = 1e9
+    mesh = box((0, 0, 0), (0.1, 0.05, 0.05), (3, 2, 2))
+    alone = ao.Structure(mesh, ao.AnisotropicSolid(C, 1500.0), [ao.Support("x0")], order=1)
+    place = ao.Placement((1, 2, 3), (0.3, 0.5, -0.8), 1.1, (0.1, 0.2, 0))
+    placed, R = ao.assemble({"p": alone}, at={"p": place}), place.rotation
+    x, inside, direction = np.array([[0.1, 0.02, 0.05], [0.05, 0.021, 0.022], [0.2, 0.3, -1.0]])
+    y, there = place.placed(np.array([x, inside]))
+    found = []
+    for part, site, point in (
+        (alone, ao.Site(tuple(x), tuple(direction)), inside),
+        (placed, ao.Site(tuple(y), tuple(R @ direction), part="p"), there),
+    ):
+        model = ao.extract(part, site, n=4)
+        hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e5), 1e-2)
+        asked = ("displacement", "global"), ("stress", "global"), ("stress", "local")
+        values = [ao.probe(part, hit, point, q, [5e-4], axes=axes)[0] for q, axes in asked]
+        found.append((model, *values))
+    (own, u, stress, local), (model, moved, turned, same) = found
+    assert model.k0 == pytest.approx(own.k0, rel=1e-9)
+    assert model.omega == pytest.approx(own.omega, rel=1e-9)
+    assert moved == pytest.approx(R @ u, abs=1e-6 * np.abs(u).max())
+    assert turned == pytest.approx(R @ stress @ R.T, abs=1e-6 * np.abs(stress).max())
+    assert same == pytest.approx(local, abs=1e-6 * np.abs(stress).max())
+
+
+@pytest.mark.slow
+def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
+    """Groups of both parts, all their surfaces, and points: the models of single extractions."""
+    options = {"n": 4, "modes": 12}
+    where = ["right:y1", "left:z1"]
+    alone = [ao.impact_map(cut(), one, **options) for one in where]
+    impact = {"impactor": ao.RigidMass(0.05, 1.0), "contact": ao.Linear(1e6), "duration": 2e-4}
+    found = ao.impact_map(cut(), where, **impact, **options)
+    assert list(found.names) == [n for n, one in zip(where, alone, strict=True) for _ in one.points]
+    for name in ("points", "directions"):
+        reference = np.concatenate([getattr(one, name) for one in alone])
+        np.testing.assert_allclose(getattr(found, name), reference, atol=1e-12)
+    reference = np.concatenate([one.models.k0 for one in alone])
+    np.testing.assert_allclose(found.models.k0, reference, rtol=1e-9)
+    assert len(found.elements) == sum(len(one.elements) for one in alone)
+    assert {str(found.names[t[0]]) for t in found.elements} == set(where)
+    assert (found.names[found.elements] == found.names[found.elements[:, :1]]).all()
+    rows = found.summary().splitlines()
+    assert [row.split()[:2] for row in rows[1:]] == [
+        [name, f"{len(one)}"] for name, one in zip(where, alone, strict=True)
+    ]
+    for row, name in zip(rows[1:], where, strict=True):
+        assert f"{found.peak_force[found.names == name].max():.4g} N" in row
+    every = ao.impact_map(cut(), n=2, modes=6)
+    assert set(every.names) == {"left", "right"}
+    assert every.skipped == 9  # the clamped face, whose normals have no other part
+    read = meshio.read(every.write(tmp_path / "map.vtu"))
+    assert set(read.point_data["surface"]) == {0.0, 1.0}
+    assert every.plot(tmp_path / "map.png", "k0").stat().st_size > 5000

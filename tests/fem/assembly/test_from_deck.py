@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
+import scipy.sparse as sp
+
+from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.fem.site import functional
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from mpi import run_ranks
 from paths import DECKS
+
+
+def stiffness(structure: ao.Structure, site: ao.Site) -> float:
+    """1/(bᵀ K⁻¹ b) by SciPy's sparse LU of the assembled K."""
+    rows, columns, values = structure.K.getValuesCSR()
+    K = sp.csr_matrix((values, columns, rows))
+    b = functional(structure, site).b
+    return float(1 / (b @ sp.linalg.spsolve(K.tocsc(), b)))
+
+
+def model_of(folder: Path, text: str, **options) -> ao.Structure:
+    path = folder / "part.inp"
+    path.write_text(text)
+    return ao.read_model(path, **options)
+
+
+MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
+
 
 pytestmark = pytest.mark.fem
 
@@ -69,3 +94,85 @@ WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", "A"
 def test_wrong_arguments_are_named_before_a_deck_is_looked_for(tmp_path, option, value):
     with pytest.raises(ao.InputError, match=f"{option} must be"):
         ao.read_model(tmp_path / "part.inp", **{option: value})
+
+
+@pytest.mark.sample
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
+@pytest.mark.parametrize(
+    "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]
+)
+def test_frequencies_do_not_depend_on_the_unit_of_a_deck(tmp_path, deck):
+    """K and M both scale with force over length: in any unit K φ = ω²M φ is the same problem."""
+    path = DECKS / deck
+    if deck == "excentric":
+        path = tmp_path / "bar.bdf"
+        path.write_text(EXCENTRIC)
+    in_metres, in_inches = (ModeSolver(ao.read_model(path, unit=u)).lowest(4) for u in ("m", "in"))
+    np.testing.assert_allclose(in_inches.omega[:4], in_metres.omega[:4], rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_layered_deck_stacks_toward_the_normals_of_its_cells():
+    plate = ao.read_model(DECKS / "layers.inp")
+    ply = (140e9, 10e9, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.001)
+    core = ao.Layer.isotropic(1e9, 0.3, 100.0, 0.002)
+    layers = [ao.Layer(*ply), core, ao.Layer(*ply, angle=45)]
+    # normals are downward: from y, 30° about the orientation's own z
+    axis = (-np.sin(np.pi / 6), np.cos(np.pi / 6), 0)
+    by_hand = ao.Structure(
+        ao.read_mesh(DECKS / "layers.inp", gdim=3),
+        ao.Laminate(layers, axis, (0, 0, -1)),
+        [ao.Support(lambda x: np.isclose(x[0], 0))],
+    )
+    assert plate.mass == pytest.approx(2 * (2 * 1.6 + 0.2), rel=1e-12)
+    assert plate.dofs == by_hand.dofs
+    site = ao.Site((1.2, 0.5, 0), (0, 0, 1))
+    assert stiffness(plate, site) == pytest.approx(stiffness(by_hand, site), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tube.inp", "tube_mixed.inp"])
+def test_a_support_holds_what_lies_between_its_nodes(tmp_path, name):
+    text = (DECKS / name).read_text() + "*SOLID SECTION, ELSET=TUBE, MATERIAL=M\n" + MATERIAL
+    tube = model_of(tmp_path, text + "*BOUNDARY\nFOOT, PINNED\n")
+    by_hand = ao.Structure(
+        tube.mesh, ao.Solid(1e9, 0.3, 1000.0), [ao.Support(lambda x: np.isclose(x[1], 0))]
+    )
+    assert tube.dofs == by_hand.dofs
+    assert tube.mass == pytest.approx(1000 * np.pi / 8 * 3, rel=2e-4)
+
+
+@pytest.mark.slow
+def test_a_beam_deck_in_millimetres_is_the_beam_in_metres():
+    with pytest.warns(
+        ao.AntioscWarning, match=r"not taken: 1 \*CLOAD .line 35.*1 \*PLASTIC .*1 \*S"
+    ):
+        beam = ao.read_model(DECKS / "cantilever.inp", unit="mm")
+    E, G, L, b, h = 210e9, 210e9 / 2.6, 0.2, 0.01, 0.02
+    assert beam.mass == pytest.approx(7850 * L * b * h + 0.2, rel=1e-12)
+    A = b * h
+    for direction, width, height, spring in (((0, 1, 0), b, h, 0), ((0, 0, 1), h, b, 12500)):
+        tip = ao.Site((L, 0, 0), direction)
+        bending = width * height**3 / 12
+        exact = 1 / (L**3 / (3 * E * bending) + L / (5 / 6 * G * A)) + spring
+        assert stiffness(beam, tip) == pytest.approx(exact, rel=1e-9)
+        model = ao.extract(beam, tip, n=8)
+        assert model.k0 == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:the facets at the site")  # one cell is as wide as the block
+def test_a_solid_deck_has_its_materials_and_supports():
+    with pytest.warns(ao.AntioscWarning, match=r"not taken: 1 \*STEP"):
+        block = ao.read_model(DECKS / "block.inp", unit="mm")
+    assert block.mass == pytest.approx(1e-6 * (7800 + 2700), rel=1e-12)
+    mesh = ao.read_mesh(DECKS / "block.inp", unit="mm")
+    steel, alu = ao.Solid(210e9, 0.3, 7800.0), ao.Solid(70e9, 0.33, 2700.0)
+    supports = [
+        ao.Support(lambda x: np.isclose(x[2], 0)),
+        ao.Support(lambda x: np.isclose(x[0], 0), "x"),
+    ]
+    by_hand = ao.Structure(mesh, {"LOWER": steel, "UPPER": alu}, supports)
+    assert block.dofs == by_hand.dofs
+    site = ao.Site((0.01, 0.005, 0.015), (1, 0, 0), radius=5e-3)
+    assert stiffness(block, site) == pytest.approx(stiffness(by_hand, site), rel=1e-10)
+    assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)

@@ -146,3 +146,28 @@ def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():
     low, same, without = (eigenfrequencies(part, 3) for part in (own, joined, bare))
     assert low == pytest.approx(same, rel=1e-9)
     assert (low < 0.8 * without).any()
+
+
+def test_an_assembly_of_one_part_is_the_part():
+    """Without joints and supports; turned, it has the same inertia about its own axes."""
+    block = ao.Structure(box((0, 0, 0), (1, 2, 3), (1, 1, 1)), SOLID)
+    turned = ao.assemble({"block": block}, at={"block": ao.Placement(axis=(0, 0, 1), angle=0.5)})
+    assert turned.rigid_modes.shape[1] == 6
+    ours, own = (np.linalg.eigvalsh(s.rigid_inertia[0].matrix) for s in (turned, block))
+    assert ours == pytest.approx(own, rel=1e-9)
+    low, same = (eigenfrequencies(s, 9)[6:] for s in (turned, block))
+    assert low == pytest.approx(same, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_a_bolt_is_a_beam():
+    """A cantilever of which a piece is a Bolt: static stiffness exact, mass and low modes near."""
+    inner = ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP])
+    outer = ao.Structure(line((0.6, 0, 0), (1, 0, 0), 8), BEAM)
+    joined = ao.assemble(
+        {"inner": inner, "outer": outer}, [ao.Bolt("inner:end", "outer:start", BEAM)]
+    )
+    ours, theirs = ao.extract(joined, TIP, n=6), ao.extract(whole(), TIP, n=6)
+    assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
+    assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
+    assert ours.omega[:3] == pytest.approx(theirs.omega[:3], rel=1e-4)

@@ -189,3 +189,15 @@ def test_fv22_a_clamped_rhombic_plate_of_shells(tmp_path, kinds):
     np.testing.assert_allclose(
         frequencies(abaqus(tmp_path, grid, cells, more), 5), RHOMBIC, rtol=0.015
     )
+
+
+@pytest.mark.parametrize("kinds", ["w", "p", "hwp"])
+def test_fv32_a_tapered_membrane_of_solids(tmp_path, kinds):
+    """Thin solids whose lower side stays in its plane are in plane stress."""
+    grid = Grid(lambda x: np.array([10 * x[0], (x[1] - 0.5) * (5 - 4 * x[0]), 0.05 * x[2]]))
+    cells = solid(grid, (16, 8, 1), kinds)
+    more = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n*BOUNDARY\n"
+    more += "".join(f"{n},1,2\n" for n in grid.where(lambda x: x[0] < 1e-9))
+    more += "".join(f"{n},3,3\n" for n in grid.where(lambda x: x[2] < 1e-9))
+    found = frequencies(abaqus(tmp_path, grid, cells, more), 6)
+    np.testing.assert_allclose(found, MEMBRANE, rtol=3e-3)

@@ -6,10 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.sparse as sp
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+
+
+def omegas(part: ao.Structure, count: int = 8) -> np.ndarray:
+    """Lowest ω² of a supported structure, dense; M has zeros at fixed dofs."""
+    K, M = (
+        sp.csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()).toarray() for m in (part.K, part.M)
+    )
+    values = scipy.linalg.eigvalsh((M + M.T) / 2, (K + K.T) / 2)
+    return 1 / values[::-1][:count]
+
+
+INERTIA = "2.,.3,3.,-.2,.4,4."
+
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -74,3 +89,74 @@ def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
 
 
 # --- Rods -----------------------------------------------------------------------------------------
+
+
+def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
+    """∫ (L − x)²/EI + 1/kGA dx of A, I linear from the root to the tip."""
+    own = f"PBEAM,1,1,{A},{I},{I},,{2 * I},,\n,,,,,,,,,\n,NO,1.,{A / 2},{I / 4},{I / 4},,{I / 2}\n"
+    part = read(tmp_path, line(1, name="CBEAM") + own + "SPC1,1,123456,1\n")
+    x, w = np.polynomial.legendre.leggauss(40)
+    x, w = (x + 1) / 2 * L, w / 2 * L
+    shear = E / 2.6 * A * (1 - x / 2)
+    bending = w @ ((L - x) ** 2 / (E * I * (1 - 0.75 * x / L)) + 1 / shear)
+    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(1 / bending, rel=2e-3)
+    assert part.mass == pytest.approx(RHO * A * 0.75 * L, rel=1e-9)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("system", ["5", "-1"])
+def test_a_mass_in_a_system_of_its_own(tmp_path, system):
+    """Turned by 90° about z: x of the system is y, y is −x; −1 gives the place itself."""
+    root = line(2) + BAR + "SPC1,1,123456,1\n"
+    turned = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,0.,1.,0.\n"
+    plain = root + f"CONM2,9,3,,50.,.1,.2,.3,,\n,{INERTIA}\n"
+    own = "CONM2,9,3,5,50.,.2,-.1,.3,,\n,3.,-.3,2.,.4,.2,4.\n"
+    if system == "-1":
+        own = f"CONM2,9,3,-1,50.,2.1,.2,.3,,\n,{INERTIA}\n"
+    first, second = read(tmp_path, plain), read(tmp_path, root + turned + own)
+    assert omegas(first) == pytest.approx(omegas(second), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
+    """One direction of a node's own, askew to the axes: held there, the tip is a roller."""
+    system = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,.8,.6,0.\n"
+    text = line(2).replace(f"GRID,3,,{2 * L},0.,0.", f"GRID,3,,{2 * L},0.,0.,5")
+    held = "GRID,9,,2.,0.,0.\nSPC1,1,123456,1,9\n"
+    both = [
+        read(tmp_path, system + text + BAR + held + f"RBE2,8,9,{own},3\n")
+        for own in ("2", "13", "456")
+    ]
+    spc = [
+        read(tmp_path, system + text + BAR + f"SPC1,1,123456,1\nSPC1,1,{own},3\n")
+        for own in ("2", "13", "456")
+    ]
+    for first, second in zip(both, spc, strict=True):
+        for direction in ((0.3, 1, 0.2), (0, 0, 1)):
+            assert k0(first, (L, 0, 0), direction) == pytest.approx(
+                k0(second, (L, 0, 0), direction), rel=1e-8
+            )
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("orientation", [",,,", "0.,1.,0.,", ",,,5"])
+def test_a_bushing_between_nodes_apart_has_rigid_arms(tmp_path, orientation):
+    """CBUSH at a third of its line, against one between coincident nodes on arms by RBE2."""
+    free = orientation == ",,,"  # along the line alone
+    constants = "4.+6,,,2.+5" if free else "4.+6,3.+6,2.+6,2.+5,3.+5,1.+5"
+    grids = "GRID,9,,1.,.6,.3\nSPC1,1,123456,1,9\n"
+    turned = "CORD2R,5,,0.,0.,0.,.1,-.9,.2,\n,0.,.6,.3\n"
+    root = line(1) + BAR + grids + turned
+    own = f"CBUSH,7,7,2,9,{orientation},\n,.3333333333333\nPBUSH,7,K,{constants}\n"
+    between = "GRID,21,,1.,.2,.1\nGRID,22,,1.,.2,.1\nRBE2,31,2,123456,21\nRBE2,32,9,123456,22\n"
+    system = "5"
+    if orientation != ",,,5":
+        x = np.array([0, 0.6, 0.3])
+        z = np.cross(x, (1, 0, 0) if free else (0, 1, 0))
+        between += f"CORD2R,6,,0.,0.,0.,{z[0]},{z[1]},{z[2]},\n,{x[0]},{x[1]},{x[2]}\n"
+        system = "6"
+    arms = between + f"CBUSH,7,7,21,22,,,,{system}\nPBUSH,7,K,{constants}\n"
+    first, second = read(tmp_path, root + own), read(tmp_path, root + arms)
+    for direction in ((1, 0, 0), (0, 1, 0), (0.2, 0.3, 1)):
+        site = (L, 0, 0), direction
+        assert k0(first, *site) == pytest.approx(k0(second, *site), rel=1e-8)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from antiosc.results.fields import shapes_of
+from antiosc.simulation.histories import amplitudes
+
 pytest.importorskip("dolfinx")
 
 import scipy.sparse
@@ -109,3 +112,50 @@ def test_prescribed_values_of_constraints_that_overlap():
     np.testing.assert_allclose(C @ found.T.toarray(), 0, atol=1e-10)
     assert (found.T != same.T).nnz == 0
     assert same.particular is None
+
+
+def test_supports_on_both_sides_of_a_joint():
+    """The tied faces are held along their lower edge on either side: the balance holds still."""
+    held = [ao.Support("y0")]
+    a = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (3, 2, 2)), SOLID, held)
+    b = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (2, 1, 3)), SOLID, held)
+    part = ao.assemble({"a": a, "b": b}, [ao.Tie("a:x1", "b:x0")], at={"b": (0.05, 0, 0)})
+    hit, found = struck(part)
+    check_balance(found)
+    assert list(found.force) == ["a:y0", "b:y0"]
+    assert all(np.abs(f[:, 1]).max() > 0.1 * hit.peak_force for f in found.force.values())
+
+
+@pytest.mark.slow
+def test_a_turned_part_on_points_and_joints():
+    """A bar that stands askew, on a hinge to ground, a spider and a bushing to a held point."""
+    bar = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (6, 2, 2)), SOLID, order=1)
+    rod = ao.Structure(line((0, 0, 0), (0.05, 0, 0), 4), BEAM, [ao.Support("end")])
+    stiff = {c: 1e7 for c in ("x", "y", "z")}
+    turned = ao.Placement((0.0, 0.1, 0.0), (1, 1, 0), 0.7)
+    middle = turned.placed(np.array([[0.05, 0.01, 0.0]]))[0]
+    foot, head = (turned.placed(np.array([[x, 0.01, 0.01]]))[0] for x in (0.0, 0.1))
+    part = ao.assemble(
+        {"bar": bar, "rod": rod},
+        [
+            ao.Rigid("bar:x0", "foot"),
+            ao.Mean("bar:x1", "head"),
+            ao.Bushing("head", "wall", {**stiff, "rx": 1e3, "ry": 1e3, "rz": 1e3}),
+            ao.Ball(("bar", tuple(middle)), "rod:start"),
+        ],
+        at={"bar": turned, "rod": tuple(middle)},
+        points={"foot": tuple(foot), "head": tuple(head), "wall": tuple(head)},
+        supports=[ao.Support("foot", ("x", "y", "z")), ao.Support("wall")],
+        attached=[ao.PointMass("head", 0.02)],
+    )
+    point = turned.placed(np.array([[0.06, 0.02, 0.01]]))[0]
+    site = ao.Site(tuple(point), (0.1, -1, 0.2), part="bar")
+    hit, found = struck(part, site)
+    scale = check_balance(found)
+    assert list(found.force) == ["rod:end", "foot", "wall"]
+    np.testing.assert_allclose(found.centre["foot"], foot, atol=1e-12)
+    assert np.abs(found.moment["foot"]).max() < 1e-7 * np.abs(found.force["foot"]).max()
+    # the rate of the momentum by the forms of the parts and the masses, not by their matrices
+    rate = shapes_of(part, hit, "structure").T @ part.uniform_inertia(np.array([0.0, 0, 1]))
+    inertia = amplitudes(hit, hit.time, "structure", 2) @ rate
+    np.testing.assert_allclose(found.inertia[:, 2], inertia, atol=1e-8 * scale)

@@ -129,3 +129,36 @@ WRONG = [
 def test_what_is_no_superelement_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         ao.assemble({"plate": plate(), "ecu": make()}, [])
+
+
+def test_one_direction_is_joined_by_a_bushing_or_an_equation():
+    """A site with one direction is joined along it, as between two plates that slide."""
+    model = condensed(8, tangential=False)
+    with pytest.raises(InputError, match="'ecu:a' does not have all displacements"):
+        named(model)
+    at = {"ecu": LIFT}
+    joints = [
+        ao.Equation([(("plate", _above(name)), "z", 1.0), (f"ecu:{name}", "z", -1.0)])
+        for name in FEET
+    ]
+    part = ao.assemble({"plate": plate(), "ecu": model}, joints, at)
+    soft = ao.assemble(
+        {"plate": plate(), "ecu": model},
+        [ao.Bushing(("plate", _above(name)), f"ecu:{name}", {"z": 1e12}) for name in FEET],
+        at,
+    )
+    first, second = (ao.extract(one, CORNER, n=10).dynamic_stiffness(OMEGA) for one in (part, soft))
+    np.testing.assert_allclose(first, second, rtol=1e-4)
+    with pytest.raises(InputError, match="no component 'x'"):
+        ao.assemble(
+            {"plate": plate(), "ecu": model}, [ao.Equation([("ecu:a", "x", 1.0)]), *joints], at
+        )
+    with pytest.raises(InputError, match="acts on x, a displacement that 'ecu:a' does not have"):
+        ao.assemble(
+            {"plate": plate(), "ecu": model},
+            [ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), *joints],
+            at,
+        )
+    far = ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5})
+    with pytest.raises(InputError, match="acts on axial, a displacement that 'ecu:a' does not"):
+        ao.assemble({"plate": plate(), "ecu": model}, [far, *joints], at)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from antiosc.fem.assembly.assembled import rigid_motions
+from antiosc.fem.linalg.petsc_algebra import csr
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -130,3 +133,31 @@ def test_shell_edges_are_tied_with_their_rotations(second):
     ours, theirs = ao.extract(tied, site, n=14), ao.extract(whole, site, n=14)
     assert ours.k0 == pytest.approx(theirs.k0, rel=2e-3)
     assert ours.omega[:4] == pytest.approx(theirs.omega[:4], rel=3e-3)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_tie_keeps_mass_and_rigid_motions(turned):
+    """A free bar of two parts, the second one made elsewhere and brought to its place."""
+    left = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2), HEX), SOLID, order=1)
+    right = ao.Structure(box((1, 0, 0), (2, 1, 1), (1, 3, 3), TET), SOLID, order=1)
+    place = None
+    if turned:
+        right = ao.Structure(box((0, 0, 1), (1, 1, 2), (3, 3, 1), TET), SOLID, order=1)
+        place = {"right": ao.Placement(axis=(0, 1, 0), angle=np.pi / 2, shift=(0, 0, 1))}
+    bar = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:z0" if turned
+                      else "right:x0")], place)  # fmt: skip
+    assert bar.mass == pytest.approx(2 * 2700.0, rel=1e-12)
+    assert bar.rigid_modes.shape[1] == 6
+    inertia, _ = bar.rigid_inertia
+    assert inertia.point == pytest.approx([1.0, 0.5, 0.5], abs=1e-12)
+    along, across = 5400.0 / 6, 5400.0 * 5 / 12
+    exact = np.diag([5400.0, 5400.0, 5400.0, along, across, across])
+    assert inertia.matrix == pytest.approx(exact, abs=1e-9)
+    low = eigenfrequencies(bar, 7)
+    assert (low[:6] < 1e-5 * low[6]).all()
+    # rigid motions: no force beside the sizes of its terms, and the parts follow them exactly
+    K, exact = csr(bar.K), rigid_motions(bar.layout, inertia.point)
+    q = bar.eliminated.coordinates(exact)
+    assert (np.abs(K @ q) <= 1e-12 * (abs(K) @ np.abs(q)).max(axis=0)).all()
+    assert bar.T @ q == pytest.approx(exact, abs=1e-12)

@@ -9,16 +9,11 @@ pytest.importorskip("dolfinx")
 
 import scipy.linalg
 import scipy.sparse.linalg
-from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc import closed_form
-from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from parts import STEEL, box, line, plate
-from sheets import PLY
 
 pytestmark = pytest.mark.fem
 
@@ -72,10 +67,101 @@ def test_sections_by_their_definitions():
 # --- One element ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
+def test_linear_element_is_the_classical_one():
+    """One-point shear: 2-node Timoshenko element, e.g. Hughes, The FEM (1987), §5.4."""
+    L = 0.3
+    structure = ao.Structure(parts.line(L, 1), beam(), order=1)
+    order = [dofs_at(structure, p, [n])[0] for p in [(0, 0), (L, 0)] for n in ("x", "y", "rz")]
+    K, M = (csr(A)[order][:, order].toarray() for A in (structure.K, structure.M))
+    b = beam()
+    EA, GA, EI = b.E * FLAT.A, b.G * FLAT.A * FLAT.shear, b.E * FLAT.I
+    s = GA / L
+    expected = np.array([
+        [EA / L, 0, 0, -EA / L, 0, 0],
+        [0, s, s * L / 2, 0, -s, s * L / 2],
+        [0, s * L / 2, s * L**2 / 4 + EI / L, 0, -s * L / 2, s * L**2 / 4 - EI / L],
+        [-EA / L, 0, 0, EA / L, 0, 0],
+        [0, -s, -s * L / 2, 0, s, -s * L / 2],
+        [0, s * L / 2, s * L**2 / 4 - EI / L, 0, -s * L / 2, s * L**2 / 4 + EI / L],
+    ])  # fmt: skip
+    np.testing.assert_allclose(K, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    line = np.array([[2, 1], [1, 2]]) * L / 6
+    weights = np.diag([b.rho * FLAT.A] * 2 + [b.rho * FLAT.I])
+    np.testing.assert_allclose(M, np.kron(line, weights), rtol=0, atol=1e-14)
+
+
 # --- Mass and rigid motions -----------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_mass_and_rigid_motions_of_a_plane_frame(order):
+    mesh = parts.frame([(0, 0), (0.3, 1.0), (1.2, 0.8), (0.5, 0.4)], [(0, 1), (1, 2), (1, 3)], 3)
+    structure = ao.Structure(mesh, beam(), order=order)
+    check_free(structure, [np.hypot(0.3, 1.0), np.hypot(0.9, 0.2), np.hypot(0.2, 0.6)], 3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_mass_and_rigid_motions_of_a_space_frame(order):
+    points = [(0, 0, 0), (0.3, 0.1, 1.0), (1.2, 0.8, 0.9), (0.5, -0.4, 0.7), (0.3, 0.1, 2.0)]
+    members = [(0, 1), (1, 2), (1, 3), (1, 4), (3, 4)]
+    mesh = parts.frame(points, members, 2)
+    structure = ao.Structure(mesh, beam(orientation=(0.3, 1.0, 0.1)), order=order)
+    lengths = [np.linalg.norm(np.subtract(points[a], points[b])) for a, b in members]
+    check_free(structure, lengths, 6)
+
+
+def check_free(structure: ao.Structure, lengths, count: int) -> None:
+    mass = sum(lengths) * FLAT.A * parts.ALUMINIUM["rho"]
+    assert structure.mass == pytest.approx(mass, rel=1e-13)
+    K, M, R = csr(structure.K), csr(structure.M), structure.rigid_modes
+    assert R.shape[1] == count
+    np.testing.assert_allclose(R.T @ (M @ R), np.eye(count), atol=1e-11)
+    assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
+    # No other null vector: nothing is loose at the joints.
+    values = scipy.linalg.eigvalsh(K.toarray(), M.toarray())
+    assert values[count] > 1e-3 * structure.shift
+    assert abs(values[count - 1]) < 1e-6 * values[count]
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, 2, -2)])
+def test_a_straight_line_has_all_six_rigid_motions(direction):
+    """Along an axis too, where two coordinates are zero everywhere."""
+    L = 0.8
+    mesh = parts.line(L, 4, direction)
+    structure = ao.Structure(mesh, beam(ao.Section.circle(0.03)))
+    assert structure.rigid_modes.shape[1] == 6
+    R, M = structure.rigid_modes, csr(structure.M)
+    # spin about its own axis: the polar inertia rho (I + I) L
+    along = np.asarray(direction) / np.linalg.norm(direction)
+    spin = np.zeros(len(R))
+    for axis, name in enumerate(("rx", "ry", "rz")):
+        spin[compat.dof_coordinates(structure.form.space, structure.form.components[name])[0]] = (
+            along[axis]
+        )
+    section = structure.parts[0][0].section
+    polar = 2 * parts.ALUMINIUM["rho"] * section.I * L
+    assert spin @ (M @ spin) == pytest.approx(polar, rel=1e-12)
+    assert np.linalg.norm(spin - R @ (R.T @ (M @ spin))) < 1e-9 * np.linalg.norm(spin)
+
+
 # --- Statics --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 4])
+def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
+    """F L³/3EI + F L/κGA and M L/EI: cubic deflections, quadratic ones at two-point shear."""
+    L = 0.7
+    structure = ao.Structure(parts.line(L, n), beam(), [ao.Support("left")])
+    EI, GA = beam().E * FLAT.I, beam().G * FLAT.A * FLAT.shear
+    under_force = solve(structure, (L, 0), {"y": 1.0})
+    assert under_force["y"] == pytest.approx(L**3 / 3 / EI + L / GA, rel=1e-9)
+    assert under_force["rz"] == pytest.approx(L**2 / 2 / EI, rel=1e-9)
+    under_moment = solve(structure, (L, 0), {"rz": 1.0})
+    assert under_moment["rz"] == pytest.approx(L / EI, rel=1e-9)
+    assert solve(structure, (L, 0), {"x": 1.0})["x"] == pytest.approx(
+        L / beam().E / FLAT.A, rel=1e-10
+    )
 
 
 @pytest.mark.sample
@@ -109,159 +195,3 @@ def test_orientation_in_space(direction, order):
     np.testing.assert_allclose(
         turn, L / G / FLAT.torsion * t, rtol=1e-8, atol=1e-12 * np.abs(turn).max()
     )
-
-
-# --- Meshed beams against the closed forms: anti-oscillators, and the order at which they conve
-
-
-LENGTH = 1.0
-WIDTH = 0.0141421356237  # the article's case 2: 2 cm², 0.33 cm⁴
-SECTION = ao.Section.rectangle(WIDTH, WIDTH)
-BEAM = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=SECTION)
-EXACT = closed_form.UniformBeam.timoshenko(
-    E=67e9, nu=0.33, rho=2400.0, area=SECTION.A, inertia=SECTION.I, length=LENGTH
-)
-PIN, CLAMP = ("x", "y"), "all"
-# ends held, site, closed form
-CASES = {
-    "cantilever, tip": ([("left", CLAMP)], 1.0, closed_form.cantilever(EXACT)),
-    "pinned-pinned, mid-span": (
-        [("left", PIN), ("right", "y")], 0.5, closed_form.pinned_pinned(EXACT)
-    ),
-    "pinned-free, tip": ([("left", PIN)], 1.0, closed_form.pinned_free(EXACT)),
-    "free-free, at 0.3 L": ([], 0.3, closed_form.free_free(EXACT, 0.3)),
-}  # fmt: skip
-N = 5
-
-
-def meshed(name: str, elements: int, order: int, n: int = N) -> ao.AntiOscillators:
-    ends, site, _ = CASES[name]
-    supports = [ao.Support(*end) for end in ends]
-    structure = ao.Structure(parts.line(LENGTH, elements), BEAM, supports, order=order)
-    return ao.extract(structure, ao.Site((site * LENGTH, 0), (0, 1)), n=n, method="modes")
-
-
-def errors(model: ao.AntiOscillators, exact: ao.AntiOscillators) -> dict[str, np.ndarray]:
-    return {
-        "omega": np.abs(model.omega / exact.omega - 1),
-        "m": np.abs(model.m / exact.m - 1),
-    }
-
-
-@pytest.mark.parametrize(("order", "rate"), [(2, 4.0), (1, 2.0)])
-@pytest.mark.parametrize("name", CASES)
-@pytest.mark.slow
-def test_order_of_convergence(name, order, rate):
-    """h⁴ with quadratic elements and two-point shear, h² with linear ones and one-point shear."""
-    exact = CASES[name][2].anti_oscillators(N)
-    counts = np.array([20, 40, 80]) if order == 2 else np.array([40, 80, 160])
-    models = [meshed(name, int(count), order) for count in counts]
-    for quantity in ("omega", "m"):
-        found = np.array([errors(model, exact)[quantity] for model in models])
-        rates = np.log2(found[-2] / found[-1])[1:4]  # the first mode reaches rounding
-        assert rates.min() > rate - 0.25, (quantity, found)
-        if quantity == "omega":  # the masses of some sites converge faster
-            assert rates.max() < rate + 0.25, found
-
-
-def test_a_solid_bar_becomes_the_beam():
-    """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
-    L, h, t = 1.0, 0.1, 0.02
-    mesh = parts.plate((40, 4), (L, h))
-    solid = ao.Solid(E=67e9, nu=0.3, rho=2400.0, plane="stress", thickness=t)
-    structure = ao.Structure(mesh, solid, [ao.Support("left")])
-    with pytest.warns(AntioscWarning, match="point"):
-        model = ao.extract(structure, ao.Site((L, h / 2), (0, -1)), n=3, method="modes")
-    exact = closed_form.cantilever(
-        closed_form.UniformBeam.timoshenko(
-            E=67e9, nu=0.3, rho=2400.0, area=h * t, inertia=t * h**3 / 12, length=L
-        )
-    ).anti_oscillators(3)
-    np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
-    assert model.k0 == pytest.approx(exact.k0, rel=0.01)
-    assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
-
-
-def test_a_beam_beside_its_line_is_the_same_beam():
-    """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
-    section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05
-    beams = [
-        ao.Structure(
-            parts.line(L, 20, (1.0, 0.0, 0.0)),
-            ao.Beam(**parts.STEEL, section=section, orientation=(0, 0, 1), offset=offset),
-            [ao.Support("left")],
-        )
-        for offset in (0.0, e)
-    ]
-    plain, beside = (beam.natural_modes(6) for beam in beams)
-    np.testing.assert_allclose(beside.omega, plain.omega, rtol=1e-9)
-    np.testing.assert_allclose(beside.effective_mass, plain.effective_mass, atol=1e-9)
-    side = ao.Site((L, 0, 0), (0, 1, 0))
-    before, after = (1 / ao.extract(beam, side, 4).k0 for beam in beams)
-    G = parts.STEEL["E"] / (2 * (1 + parts.STEEL["nu"]))
-    assert after - before == pytest.approx(e**2 * L / (G * section.torsion), rel=1e-8)
-    model = ao.extract(beams[1], side, 4)
-    hit = ao.simulate(model, ao.RigidMass(1.0, 0.1), ao.Linear(1e4), 1e-3)
-    held = ao.reactions(beams[1], hit, side, [1e-3])
-    root = ao.probe(beams[1], hit, (0.0, 0, 0), "section_forces", [1e-3])[0]
-    assert root[2] == pytest.approx(held.total[0, 1], rel=0.02)
-
-
-# --- What element families tell of a part: its dimensions, its constants, its own indentation -----
-
-
-ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
-
-
-def arc() -> ao.Mesh:
-    """One line of order 2."""
-    x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0]])
-    mesh = compat.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), x, "interval", 2)
-    return ao.read_mesh(mesh)
-
-
-def test_local_indentation_is_that_of_a_half_space_or_none():
-    """Johnson's (3.41a) and (3.91a), weighted by the pressure; families without depth have none."""
-    E, nu = STEEL["E"], STEEL["nu"]
-    along, across = 0.6 * (1 - nu**2) / E, 0.3 * (2 - nu) * (1 + nu) / E
-    steel = ao.Solid(**STEEL)
-    for cosine in (0.0, 0.6, 1.0):
-        exact = cosine**2 * along + (1 - cosine**2) * across
-        assert steel.half_space_compliance(cosine) == pytest.approx(exact, rel=1e-12)
-    section = ao.Section.circle(0.01)
-    for other in (
-        ao.Solid(**STEEL, plane="strain"),
-        ao.Shell(**STEEL, thickness=0.01),
-        ao.Laminate([PLY]),
-        ao.Beam(**STEEL, section=section),
-        ao.Truss(**STEEL, area=1e-4),
-    ):
-        assert other.half_space_compliance(0.6) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("mesh", "material", "words"),
-    [
-        (lambda: line(1.0, 2), ao.Solid(**STEEL), "has interval cells in 2-D"),
-        (lambda: plate((1, 1)), ao.Truss(**STEEL, area=1e-4), "Truss needs a mesh of lines"),
-        (lambda: plate((1, 1)), ao.Beam(**STEEL, section=ROUND), "Beam needs a mesh of lines"),
-        (lambda: arc(), ao.Beam(**STEEL, section=ROUND), "Beam elements are straight"),
-        (lambda: arc(), ao.Truss(**STEEL, area=1e-4), "bars of a Truss are straight"),
-        (lambda: line(1.0, 2), ao.Shell(**STEEL, thickness=0.1), "Shell needs a mesh of triangles"),
-        (lambda: box((1, 1, 1)), ao.Laminate([PLY]), "Laminate needs a mesh of triangles"),
-        (lambda: plate((1, 1)), ao.AnisotropicSolid(np.eye(6) * 1e9, 1e3), "is for 3-D meshes"),
-        (
-            lambda: line(1.0, 2),
-            ao.Beam(**STEEL, section=OBLONG, orientation=(0, 1, 0), offset=0.1),
-            "offset applies to beams in space",
-        ),
-        (
-            lambda: line(1.0, 2, (1.0, 0, 0)),
-            ao.Beam(**STEEL, section=OBLONG),
-            "orientation",
-        ),
-    ],
-)  # fmt: skip
-def test_meshes_of_other_families_are_refused(mesh, material, words):
-    with pytest.raises(ao.InputError, match=words):
-        ao.Structure(mesh(), material)

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import compat
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -192,3 +195,53 @@ def test_a_homogeneous_section_has_five_sixths_of_its_shear_stiffness(angle):
     assert pytest.approx(Q * 4e-3**3 / 12, rel=1e-12, abs=1e-9) == section.D
     assert not section.B.any()
     assert section.I1 == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
+    """Mesh and axis rotated together; and the top of a stack listed from the other side."""
+    R = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
+    R *= np.linalg.det(R)
+    layers = unsymmetric(0.05)
+
+    def free(R, **laminate):
+        order = {"triangle": 1, "quadrilateral": 2}[cell]
+        mesh = sheet(3, lambda s, t: np.tensordot(R, [s, 0.8 * t, 0.3 * s**2], 1), cell, order)
+        part = ao.Structure(mesh, ao.Laminate(**laminate))
+        K, M = csr(part.K).toarray(), csr(part.M).toarray()
+        return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=(6, 11)))
+
+    here = free(np.eye(3), layers=layers)
+    there = free(R, layers=layers, axis=R[:, 0])
+    over = [p.rotated(-p.angle) for p in layers[::-1]]
+    assert there == pytest.approx(here, rel=1e-8)
+    assert free(np.eye(3), layers=over, top=(0, 0, -1)) == pytest.approx(here, rel=1e-8)
+    assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_laminate_and_shell_by_group():
+    """A step from metal to the same metal in layers, and to a lighter one."""
+    mesh = rectangle((4, 2), 2.0, 1.0)
+    middle = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)[:, 0]
+    groups = {
+        name: {2: np.flatnonzero(mask).astype(np.int32)}
+        for name, mask in (("left", middle < 1), ("right", middle > 1))
+    }
+    mesh = Mesh(mesh.dolfinx, groups, "the step")
+    metal = ao.Shell(E, NU, RHO, 0.02)
+    layered = ao.Laminate([ao.Layer.isotropic(E, NU, RHO, 0.01)] * 2)
+    whole = ao.Structure(mesh, metal)
+    assert max(differ(ao.Structure(mesh, {"left": metal, "right": layered}), whole)) < 1e-12
+    mixed = ao.Structure(mesh, {"left": metal, "right": ao.Laminate(stack([0, 30], 0.01))})
+    assert mixed.mass == pytest.approx(RHO * 0.02 + PLY.rho * 0.01, rel=1e-12)
+    assert "Laminate and Shell" in mixed.describe()
+    assert mixed.dimensions == pytest.approx((2, 1, 0.01))
+    site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
+    assert ao.extract(mixed, site, n=2).radius == pytest.approx(0.01)
+    with pytest.raises(InputError, match="Solid"):
+        ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
+    sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
+    with pytest.raises(InputError, match="dimensions"):
+        ao.advise(ao.Structure(mesh, layered), sphere)

@@ -32,6 +32,24 @@ from sheets import (
     sheet,
 )
 
+
+def fluegge(m, n, R, L, t):
+    """Lowest frequency of a cylinder between diaphragms, m half waves by n waves (Love–Timoshenko).
+
+    The cubic of A. W. Leissa, Vibration of Shells (1973), eq. (2.35) with u, v, w as sin and cos.
+    """
+    lam, k = m * np.pi * R / L, t**2 / (12 * R**2)
+    uu = lam**2 + (1 - NU) / 2 * n**2
+    uv = (1 + NU) / 2 * lam * n
+    uw = NU * lam
+    vv = (1 - NU) / 2 * lam**2 + n**2 + k * (2 * (1 - NU) * lam**2 + n**2)
+    vw = n + k * n * (n**2 + (2 - NU) * lam**2)
+    ww = 1 + k * (lam**2 + n**2) ** 2
+    matrix = np.array([[uu, uv, uw], [uv, vv, vw], [uw, vw, ww]])
+    value = np.linalg.eigvalsh(matrix)[0]
+    return np.sqrt(value * E / (RHO * (1 - NU**2))) / R
+
+
 pytestmark = pytest.mark.fem
 
 # --- plates -----------------------------------------------------------------------------------
@@ -226,3 +244,22 @@ def test_a_stiff_plate_a_cantilever_and_a_free_plate_are_not():
     assert abs(hit.displacement).max() > 5 * 1.5e-3
     assert "deflects" not in hit.message
     assert "deflects" not in struck(model_of(1.5e-3)).message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cell", "order"), [("triangle", 2), ("quadrilateral", 2)])
+def test_cylinder_between_diaphragms(cell, order):
+    """A quarter cylinder panel, its straight edges held as nodal lines of n = 2, 4, …"""
+    R, L, t = 1.0, 1.0, 0.005
+    angle = np.pi / 2
+    mesh = sheet(
+        (8, 16), lambda s, v: (L * s, R * np.sin(angle * v), R * np.cos(angle * v)), cell, order
+    )
+    held = [
+        ao.Support(edges(0), ("y", "z", "rx")),
+        ao.Support(at(1, 0.0), ("x", "z", "ry")),  # sin(nθ) vanishes: w, u and the axial rotation's
+        ao.Support(at(2, 0.0), ("x", "y", "rz")),  # companions
+    ]
+    structure = ao.Structure(mesh, ao.Shell(E, NU, RHO, t), held)
+    exact = np.sort([fluegge(m, n, R, L, t) for m in (1, 2) for n in (2, 4, 6, 8, 10, 12)])[:4]
+    assert frequencies(structure, 4) == pytest.approx(exact, rel=5e-3)

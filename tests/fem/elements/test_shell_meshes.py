@@ -7,6 +7,8 @@ import pytest
 import scipy.linalg
 import scipy.sparse.linalg
 
+from sheets import SIMPLE
+
 pytest.importorskip("dolfinx")
 
 
@@ -30,6 +32,16 @@ from sheets import (
     plate,
     sheet,
 )
+
+
+def thin_plate_graded_to(point, cell, n=28):
+    def graded(s, centre):
+        side = np.where(s < 0.5, centre, 1 - centre)
+        return centre + np.sign(s - 0.5) * side * np.abs(2 * s - 1) ** 1.5
+
+    mesh = sheet(n, lambda s, t: (graded(s, point[0]), graded(t, point[1]), 0 * s), cell)
+    return ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-3), SIMPLE)
+
 
 pytestmark = pytest.mark.fem
 SHELLS = [(cell, order) for cell in CELLS for order in (1, 2)]
@@ -138,3 +150,38 @@ def test_patch_compliance_is_mindlins(n, radius):
     exact = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0).mindlin_compliance(0.45, 0.4, radius, 400)
     found = compliance(plate(n, 0.1), ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=radius))
     assert found == pytest.approx(exact, rel=2e-3)
+
+
+def test_the_weights_of_a_patch_are_its_motion():
+    """bᵀu of constant, linear and quadratic deflections, exactly."""
+    structure = plate(6, 0.02, supports=[])
+    radius = 0.13
+    b = functional(structure, ao.Site((0.5, 0.45, 0), (0, 0, 2), radius=radius)).b
+    assert b @ interpolated(structure, lambda x: {"z": 1.0}) == pytest.approx(1, rel=1e-12)
+    assert b @ interpolated(structure, lambda x: {"z": x[:, 0]}) == pytest.approx(0.5, rel=1e-12)
+    # the mean of x² over √(1 − r²/a²): a²/5
+    square = b @ interpolated(structure, lambda x: {"z": (x[:, 0] - 0.5) ** 2})
+    assert square == pytest.approx(radius**2 / 5, rel=1e-9)
+    assert b @ interpolated(structure, lambda x: {"x": 1.0, "rx": 5.0}) == pytest.approx(
+        0, abs=1e-12
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("point", "cell"), [((0.35, 0.3), "triangle"), ((0.5, 0.5), "quadrilateral")]
+)
+def test_thin_plate_anti_oscillators_are_kirchhoffs(point, cell):
+    """t/L = 1e-3: k0, m_st, and the first five frequencies and masses within 0.5 %.
+
+    The mesh is graded: under a point force the bending moments grow as ln r, so a uniform mesh
+    converges with h² only.
+    """
+
+    structure = thin_plate_graded_to(point, cell)
+    exact = SupportedPlate(E, NU, RHO, 1e-3, 1.0, 1.0).anti_oscillators(*point, 5)
+    model = ao.extract(structure, ao.Site((*point, 0), (0, 0, 1)), n=5, method="modes", tol=1e-4)
+    assert model.k0 == pytest.approx(exact.k0, rel=5e-3)
+    assert model.m_st == pytest.approx(exact.m_st, rel=5e-3)
+    assert model.omega == pytest.approx(exact.omega, rel=5e-3)
+    assert model.m == pytest.approx(exact.m, rel=5e-3)

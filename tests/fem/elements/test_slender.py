@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
+
 pytest.importorskip("dolfinx")
 
 
@@ -93,3 +96,34 @@ def test_a_beam_that_is_rigid_in_shear(side, axis, held):
     )
     exact = closed_form.cantilever(beam) if held else closed_form.free_free(beam, 1.0)
     compare(model, exact.anti_oscillators(3), 1e-5)
+
+
+def test_springs_and_masses_on_a_slender_beam():
+    """k0 = 1/(L³/3EI + L/κGA) + k, exact also where the spring is far below K's rounding."""
+    section = ao.Section.rectangle(1e-5, 1e-5)
+    beam = ao.Beam(**parts.STEEL, section=section)
+    alone = 1 / (1 / (3 * beam.E * section.I) + 1 / (beam.G * section.A * section.shear))
+    structure = ao.Structure(
+        parts.line(1.0, 400), beam, [ao.Support("left")],
+        attached=[ao.Spring("right", {"y": 2 * alone}), ao.PointMass("right", 1e-3)],
+    )  # fmt: skip
+    model = ao.extract(structure, ao.Site((1.0, 0), (0, 1)), n=4)
+    assert model.k0 == pytest.approx(3 * alone, rel=1e-9)
+
+
+def test_products_by_strains_are_those_of_the_entries():
+    """On a stocky frame with a spring, where the entries have lost nothing yet."""
+    section = ao.Section.rectangle(0.02, 0.03)
+    beam = ao.Beam(**parts.STEEL, section=section, orientation=(1, 1, 1), offset=0.01)
+    mesh = parts.frame(
+        [(0, 0, 0), (0, 0.5, 0.1), (0.4, 0.5, 0)], [(0, 1), (1, 2)], 5,
+        groups={"foot": (0, lambda x: np.isclose(x[1], 0)), "tip": (0, lambda x: x[0] > 0.39)},
+    )  # fmt: skip
+    structure = ao.Structure(
+        mesh, beam, [ao.Support("foot")], attached=[ao.Spring("tip", {"z": 1e6, "rx": 1e3})]
+    )
+    x = np.random.default_rng(0).standard_normal((structure.K.getLocalSize()[0], 5))
+    entries = csr(structure.K) @ x
+    for k in (1, 5):  # one by one, and as a block
+        product = multiply(structure.K, x[:, :k])
+        assert np.abs(product - entries[:, :k]).max() < 1e-12 * np.abs(entries).max()

@@ -14,6 +14,41 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from marks import FREE_ON_PURPOSE
 
+
+def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
+    return ao.extract(part, ao.Site(point, direction), n=3).k0
+
+
+def half_space_patch(E: float, nu: float, direction: np.ndarray) -> float:
+    """Compliance × radius of a patch by quadrature of Boussinesq's and Cerruti's point solutions.
+
+    Weights √(1 − r²/a²) of load and displacement; a = 1. With P(s) the autocorrelation of the
+    normalised weight, the compliance is ∫ P(s) u(s) d²s, and u ~ 1/s times a function of the
+    angle: ∫ P(s) ds over s, times the mean over the angle.
+    """
+    G = E / 2 / (1 + nu)
+    normal, tangential = direction[2], np.hypot(*direction[:2])
+    # Johnson, Contact Mechanics, (3.18), (3.75): u_z = (1 - ν) F/(2πGs), u_x = F/(2πGs)
+    # (1 - ν + ν cos²)
+    angle = (np.arange(64) + 0.5) * np.pi / 32
+    along = np.mean((1 - nu) + nu * np.cos(angle) ** 2)
+    shape = normal**2 * (1 - nu) + tangential**2 * along  # the coupling normal–tangential is odd
+    # ∫ P(s) ds · 2π/(2πG), with P by its Fourier transform W(k)², W(k) = 3 j1(k)/k: on a line
+    # through the origin ∫0^∞ P ds = (1/2π)∫ W² dk (central slice, and ∫ over the half line).
+    k = (np.arange(400_000) + 0.5) * 2.5e-3
+    j1_over_k = (np.sin(k) / k - np.cos(k)) / k**2
+    area = np.sum((3 * j1_over_k) ** 2) * 2.5e-3 / (2 * np.pi)
+    return shape * area / G
+
+
+DECK = (
+    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,2\n6,1,0,2\n7,1,1,2\n8,0,1,2\n"
+    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+    "*BOUNDARY\n1,1,3\n2,2,3\n3,3\n4,3\n*EQUATION\n2\n6,3,1.,5,3,-1.\n2\n7,3,1.,5,3,-1.\n"
+    "2\n8,3,1.,5,3,-1.\n*DENSITY\n500.\n"
+)
+
+
 pytestmark = [
     pytest.mark.fem,
     FREE_ON_PURPOSE,
@@ -164,3 +199,95 @@ def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     own = np.linalg.inv(material.voigt)
     modulus = WOOD["E"][-along % 3]
     assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_plane_states_in_tension(plane):
+    """A strip pulled at its end stretches by F L/(E' A), with E' = E or E/(1 − ν²)."""
+    L, h, t = 0.2, 0.06, 0.004
+    mesh = parts.plate((6, 3), (L, h), "triangle")
+    solid = ao.Solid(**parts.STEEL, plane=plane, thickness=t)
+    held = [
+        ao.Support("left", "x"),
+        ao.Support(lambda x: np.isclose(x[0], 0) & np.isclose(x[1], 0), "y"),
+    ]
+    structure = ao.Structure(mesh, solid, held)
+    modulus = solid.E if plane == "stress" else solid.E / (1 - solid.nu**2)
+    contraction = solid.nu if plane == "stress" else solid.nu / (1 - solid.nu)
+    strain = 1e-3
+    u = nodal(structure, lambda x: strain * np.array([x[0], -contraction * x[1]]))
+    force = csr(structure.K) @ u
+    dofs, x = compat.dof_coordinates(structure.form.space, (0,))
+    pulled = np.zeros(len(u), dtype=bool)
+    pulled[dofs] = np.isclose(x[:, 0], L)
+    assert force[pulled].sum() == pytest.approx(modulus * strain * h * t, rel=1e-12)
+    rest = ~pulled
+    rest[structure.fixed] = False
+    assert np.abs(force[rest]).max() < 1e-11 * np.abs(force).max()
+
+
+def test_several_materials_by_group():
+    """Two bars in a row: the compliance is the sum, the mass too."""
+    L, b, h = 0.2, 0.05, 0.04
+    halves = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "soft": (3, lambda x: x[0] <= L / 2 + 1e-9),
+        "stiff": (3, lambda x: x[0] >= L / 2 - 1e-9),
+    }
+    mesh = parts.box((4, 2, 2), (L, b, h), groups=halves)
+    soft = ao.Solid(E=3e9, nu=0.0, rho=1200.0)
+    stiff = ao.Solid(E=200e9, nu=0.0, rho=8000.0)
+    structure = ao.Structure(mesh, {"soft": soft, "stiff": stiff}, [ao.Support("left", "x")])
+    assert structure.mass == pytest.approx(b * h * L / 2 * (1200 + 8000), rel=1e-13)
+    strains = np.array([1 / soft.E, 1 / stiff.E]) / (b * h)  # under 1 N
+    u = nodal(structure, lambda x: np.array([
+        strains[0] * np.minimum(x[0], L / 2) + strains[1] * np.maximum(x[0] - L / 2, 0),
+        0 * x[0], 0 * x[0],
+    ]))  # fmt: skip
+    force = csr(structure.K) @ u
+    dofs, x = compat.dof_coordinates(structure.form.space, (0,))
+    pulled = np.zeros(len(u), dtype=bool)
+    pulled[dofs] = np.isclose(x[:, 0], L)
+    assert force[pulled].sum() == pytest.approx(1.0, rel=1e-12)
+    rest = ~pulled
+    rest[structure.fixed] = False
+    assert np.abs(force[rest]).max() < 1e-11
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize("degrees", [0, 30, 60, 90])
+def test_half_space_compliance_along_any_direction(nu, degrees):
+    solid = ao.Solid(E=2.0, nu=nu, rho=1.0)
+    t = np.radians(degrees)
+    direction = np.array([np.sin(t) * 0.6, np.sin(t) * 0.8, np.cos(t)])
+    expected = half_space_patch(2.0, nu, direction)
+    assert solid.half_space_compliance(np.cos(t)) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_an_isotropic_matrix_is_a_solid_in_any_axes():
+    mesh = parts.box()
+    plain = ao.Structure(mesh, ao.Solid(E, NU, RHO), ao.Support("left"))
+    tip = mesh.dolfinx.geometry.x.max(axis=0)
+    G = E / (2 * (1 + NU))
+    made = ao.AnisotropicSolid.orthotropic((E,) * 3, (NU,) * 3, (G,) * 3, RHO, turn(0.7)[:2])
+    np.testing.assert_allclose(made.voigt, ao.Solid(E, NU, RHO).voigt, atol=1e-4 * E * 1e-8)
+    other = ao.Structure(mesh, made, ao.Support("left"))
+    assert k0(other, tip) == pytest.approx(k0(plain, tip), rel=1e-9)
+    assert other.mass == pytest.approx(plain.mass, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("oriented", [False, True])
+def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
+    """Upright, direction 3 carries; with an *ORIENTATION direction 1."""
+    constants = "*ELASTIC,TYPE=ENGINEERING CONSTANTS\n12E9,.9E9,.5E9,.4,.42,.45,.8E9,.75E9\n.07E9\n"
+    section = "*SOLID SECTION,ELSET=ALL,MATERIAL=W" + (",ORIENTATION=UP" if oriented else "")
+    up = "*ORIENTATION,NAME=UP\n0,0,1,1,0,0\n"
+    text = DECK.replace("*DENSITY", f"{up}{section}\n*MATERIAL,NAME=W\n{constants}*DENSITY")
+    path = tmp_path / "wood.inp"
+    path.write_text(text)
+    part = ao.read_model(path)
+    assert part.mass == pytest.approx(1000, rel=1e-12)
+    stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
+    assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)

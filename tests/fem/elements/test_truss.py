@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 pytest.importorskip("dolfinx")
 
@@ -14,6 +15,22 @@ import dolfinx
 import antiosc as ao
 import parts
 from antiosc.fem.platform import compat
+
+
+def by_hand() -> tuple[np.ndarray, np.ndarray]:
+    """K and M of the ten-bar truss, the four fixed dofs last."""
+    K, M = np.zeros((12, 12)), np.zeros((12, 12))
+    for pair, thick in zip(BARS, SECOND, strict=True):
+        area = AREAS[int(thick)]
+        along = np.diff(POINTS[pair], axis=0)[0]
+        length = np.linalg.norm(along)
+        row = np.zeros((6, 2))
+        row[pair] = np.outer([-1, 1], along / length)
+        K += E * area / length * np.outer(row, row)
+        for node in pair:
+            M[[2 * node, 2 * node + 1], [2 * node, 2 * node + 1]] += RHO * area * length / 2
+    return K, M
+
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -100,3 +117,15 @@ def test_seventy_two_bars_have_the_frequencies_of_nastran(tmp_path):
     part = ao.read_model(path, unit="in")
     assert part.dofs == 48
     np.testing.assert_allclose(ao.natural_modes(part, 10).omega, NASTRAN, rtol=3e-7)
+
+
+def test_stiffness_masses_and_frequencies_are_those_by_hand(truss):
+    K, M = (matrix[:8, :8] for matrix in by_hand())
+    assert truss.dofs == 8
+    assert truss.mass == pytest.approx(np.trace(by_hand()[1]) / 2, rel=1e-12)
+    exact = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
+    np.testing.assert_allclose(ao.natural_modes(truss, 8).omega, exact, rtol=1e-10)
+    model = ao.extract(truss, ao.Site(tuple(POINTS[1]), (0.6, -0.8)), n=3)
+    b = np.zeros(8)
+    b[2:4] = 0.6, -0.8
+    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(K, b)), rel=1e-10)

@@ -95,3 +95,28 @@ def test_frames_and_changes_of_section_have_no_figure():
     site = ao.Site((0.09, 0), (0, -1))
     found = budget(named(mesh, halves), {"thin": beam, "thick": thick}, site, held)
     assert any("several sections" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_height_and_width_are_those_along_and_across_the_impact():
+    """A beam in space lying on its side is the plane beam with its sides exchanged."""
+    facts = []
+    upright = ao.Section.rectangle(width=0.01, height=0.02)
+    for section, orientation in ((BAR, (0, 1, 0)), (upright, (0, 0, 1))):
+        material = ao.Beam(**STEEL, section=section, orientation=orientation)
+        mesh = line(0.3, 20, (1.0, 0.0, 0.0))
+        part = ao.Structure(mesh, material, HELD)
+        site = ao.Site((0.15, 0, 0), (0, -1, 0))
+        facts.append(ao.extract(part, site, n=10, error="estimate").info["model"])
+    plane = ao.Structure(line(0.3, 20), ao.Beam(**STEEL, section=BAR), HELD)
+    site = ao.Site((0.15, 0), (0, -1))
+    facts.append(ao.extract(plane, site, n=10, error="estimate").info["model"])
+    assert facts[0] == pytest.approx(facts[2], rel=1e-9)
+    assert facts[1] == pytest.approx(facts[2], rel=1e-9)
+    skew = ao.Site((0.15, 0, 0), (0, -0.6, 0.8))
+    part = ao.Structure(
+        line(0.3, 20, (1.0, 0.0, 0.0)),
+        ao.Beam(**STEEL, section=BAR, orientation=(0, 1, 0)),
+        HELD,
+    )
+    assert "not along a side" in ao.extract(part, skew, n=10, error="estimate").info["model"]

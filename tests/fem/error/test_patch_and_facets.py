@@ -121,3 +121,28 @@ def test_a_point_has_no_patch():
     with pytest.warns(ao.AccuracyWarning, match="point"):
         model = ao.extract(part, ao.Site((0.2, 0.06), (0, -1)), n=2, error="estimate")
     assert model.info.patch is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_gaps_of_a_tube(cell):
+    n = 15
+    mesh = box((n, 1, 2), (np.pi / 2, 1.0, 1.0), cell)
+    x = mesh.dolfinx.geometry.x
+    angle, radius = x[:, 0].copy(), 1 + x[:, 2]
+    x[:, 0], x[:, 2] = radius * np.sin(angle), radius * np.cos(angle)
+    part = ao.Structure(mesh, ao.Solid(**STEEL), order=1)
+    faces = part.faces
+    gap, area = mean_gaps(faces)
+    outer = np.linalg.norm(faces.centres[:, ::2], axis=1) > 1.9
+    cut = 2 * (np.pi / 2 - n * np.sin(np.pi / 2 / n)) * (n - 1) / n
+    assert (gap * area)[outer].sum() == pytest.approx(cut, rel=0.03)
+    assert layers(part)[1] == pytest.approx(STEEL["rho"] * (gap @ area) / part.mass, rel=1e-9)
+    assert (gap * area).sum() == pytest.approx(0.75 * cut, rel=0.05)
+
+
+def test_plane_parts_have_no_half_space():
+    part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
+    assert set(model.info["patch"]) == {"faces"}
+    assert model.info["patch"]["faces"] == pytest.approx(0.025)

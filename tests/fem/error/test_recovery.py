@@ -8,12 +8,21 @@ import warnings
 import numpy as np
 import pytest
 
+from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
+from antiosc.fem.linalg.petsc_algebra import csr
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.platform import compat
 from parts import CELLS, STEEL, box, named, plate
+
+
+def _random_stiffness() -> np.ndarray:
+    root = np.random.default_rng(5).normal(size=(6, 6))
+    return 1e9 * (root @ root.T + 6 * np.eye(6))
+
 
 pytestmark = [
     pytest.mark.fem,
@@ -128,3 +137,64 @@ def test_linear_elements_that_lock_have_no_bar(cell):
     extracted(0.499, 2, "strain")
     if plane:
         extracted(0.499, 1, "stress")
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", CELLS)
+def test_strains_of_degree_one_have_no_error(cell, order):
+    structure = part(cell, order)
+    A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])
+    u = nodal(structure, lambda x: (x**order) @ A + (x[:, :1] * x[:, 1:2] if order == 2 else 0.0))
+    scale = np.sum(estimator(structure).gram(nodal(structure, lambda x: np.sin(40 * x))))
+    assert abs(estimator(structure).gram(u)[0, 0]) < 1e-9 * scale
+    assert estimator(structure).of_cells(u).max() < 1e-12 * scale
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_cells_add_up_to_the_whole(cell):
+    structure = part(cell, 2)
+    shapes = np.random.default_rng(1).normal(size=(structure.rows, 3))
+    gram = estimator(structure).gram(shapes)
+    assert np.linalg.eigvalsh(gram).min() > 0
+    assert estimator(structure).of_cells(shapes).sum() == pytest.approx(np.trace(gram), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plane", ["stress", "strain", None])
+def test_stiffness_of_plane_parts_and_solids(plane):
+    """Energies of affine displacements are those of K, isotropic figures those of textbooks."""
+    nu, depth = 0.3, 0.02 if plane else 1.0
+    E, dim = STEEL["E"], 2 if plane else 3
+    material = ao.Solid(**STEEL, plane=plane, thickness=depth) if plane else ao.Solid(**STEEL)
+    C = stiffness(material, dim)
+    G, lame = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
+    if plane == "stress":
+        lame = E * nu / (1 - nu**2)
+    exact = np.diag([2 * G] * dim + [G] * (3 if dim == 3 else 1))
+    exact[:dim, :dim] += lame
+    np.testing.assert_allclose(C, depth * exact, rtol=1e-12, atol=1e-3)
+    A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])[:dim, :dim]
+    mesh = plate((2, 1), (0.2, 0.1), "triangle") if plane else box((2, 1, 1), (0.2, 0.1, 0.1))
+    for own in (material, *([] if plane else [ao.AnisotropicSolid(_random_stiffness(), 1500.0)])):
+        structure = ao.Structure(mesh, own, order=1)
+        u = nodal(structure, lambda x: x[:, :dim] @ A.T)
+        places = [(0, 0), (1, 1), (0, 1)] if plane else STRAIN_PLACES[3]
+        e = np.array([A[i, j] if i == j else A[i, j] + A[j, i] for i, j in places])
+        volume = 0.02 if plane else 0.002
+        energy = float(u[:, 0] @ (csr(structure.K) @ u[:, 0]))
+        assert energy == pytest.approx(volume * e @ stiffness(own, dim) @ e, rel=1e-9)
+
+
+def test_products_of_small_errors_are_those_of_sums():
+    """Of strains that are nearly linear the errors are 1e-10 of the energy, their products too."""
+    structure = part("triangle", 2, 3)
+    one = nodal(structure, lambda x: x**2 + 1e-5 * np.sin(60 * x))
+    two = nodal(structure, lambda x: x[:, [1, 0, 2]] ** 2 + 1e-5 * np.cos(50 * x))
+    gram = estimator(structure).gram
+    E = gram(np.hstack([one, two, one + two, one - two]))
+    product = (E[2, 2] - E[3, 3]) / 4
+    size = np.sqrt(E[0, 0] * E[1, 1])
+    assert E[0, 1] == pytest.approx(product, abs=1e-2 * size)
+    assert E[2, 0] == pytest.approx(E[0, 0] + E[0, 1], abs=1e-2 * size)
+    assert E[0, 2] == E[2, 0]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+
+from sheets import RIB, grouped
 
 pytest.importorskip("dolfinx")
 
@@ -41,6 +45,13 @@ from sheets import (
     stack,
     unsymmetric,
 )
+
+
+def _normals(mesh) -> np.ndarray:
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    n = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
 
 pytestmark = [
     pytest.mark.slow,
@@ -269,3 +280,68 @@ def test_a_blow_too_short_for_the_cells_has_a_wide_bar():
     assert off["peak_force"] < budget["peak_force"].mesh
     assert budget["peak_force"].mesh >= budget.energy_error > COARSE_SHELL
     assert any("the mesh is coarse" in note for note in budget.notes)
+
+
+@pytest.mark.parametrize("mesh", SQUARES)
+def test_rigid_motions_have_no_strain_and_one_side(mesh):
+    """Rotations in the plane of the sheet too; the normals of a piece point to one side."""
+    layers = ao.Laminate(unsymmetric(0.03), axis=(1, 2, 0.5), top=tuple(_normals(mesh)[0]))
+    part = on_mesh(ao.Structure(mesh, layers))
+    pieces = smooth_pieces(part)
+    cells = np.arange(mesh.n_cells)
+    own = StrainsOfSheets(part, part.rigid_modes, pieces).at(cells).own
+    assert own.shape[2] == 6
+    assert np.abs(own).max() < 1e-9 * np.abs(part.rigid_modes).max()
+    structure = on_mesh(ao.Structure(mesh, SHEET))
+    sides = smooth_pieces(structure).axes.side[:, None] * _normals(mesh)
+    np.testing.assert_allclose(sides, np.broadcast_to(sides[0], sides.shape), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
+    """Of the four equal layers of a twisted square one is gone with a rib along that side."""
+    square = rectangle(2, 1.0, 1.0)
+    alone = ao.Structure(square, SHEET)
+    ribbed = ao.Structure(grouped(square, edges=at(0, 0.0)), {"sheet": SHEET, "rib": RIB})
+    energy = layer_energy(alone, twisted(alone))
+    c, d = np.cos(0.5), np.sin(0.5)
+    askew = ao.Structure(sheet(2, lambda s, t: (c * s - d * t, d * s + c * t, 0 * s)), SHEET)
+    along, across = (lambda p: c * p[:, 0] + d * p[:, 1]), (lambda p: c * p[:, 1] - d * p[:, 0])
+    bent = interpolated(
+        askew,
+        lambda p: {
+            "z": along(p) * across(p),
+            "rx": c * along(p) + d * across(p),
+            "ry": d * along(p) - c * across(p),
+        },
+    )
+    assert layer_energy(askew, bent[:, None]) == pytest.approx(energy, rel=1e-9)
+    assert layer_energy(ribbed, twisted(ribbed)) == pytest.approx(0.75 * energy, rel=1e-9)
+    errors = ShellErrors(on_mesh(alone))  # the layers are those of cells too
+    shapes = np.hstack([twisted(alone), 2 * twisted(alone)])
+    cells, gram = errors.of_cells(shapes), errors.gram(shapes)
+    assert cells.sum() == pytest.approx(np.trace(gram), rel=1e-9)
+    assert np.trace(gram) == pytest.approx(5 * energy, rel=1e-6)
+    assert gram == pytest.approx(gram[0, 0] * np.array([[1, 2], [2, 4]]), rel=1e-6)
+    middle = ao.Structure(grouped(square, edges=at(0, 0.5)), {"sheet": SHEET, "rib": RIB})
+    folded = ao.Structure(sheet(2, fold), SHEET)
+    for part, count in ((alone, 1), (ribbed, 1), (middle, 2), (folded, 2), (two_thicknesses(2), 2)):
+        found = smooth_pieces(on_mesh(part))
+        assert len(np.unique(found.number)) == count
+        x = part.mesh.dolfinx.geometry.x[compat.geometry_nodes(part.mesh.dolfinx)].mean(axis=1)
+        side = x[:, 0] + x[:, 2] > (1.0 if part is folded else 0.5)
+        if count == 2:  # one on either side
+            assert len(np.unique(found.number[side])) == len(np.unique(found.number[~side])) == 1
+        assert found.bent < 1e-9
+        assert ShellErrors(on_mesh(part)).faceted == ""
+
+
+def test_the_larger_of_both_differences_counts(model):
+    """An error and a misfit that cancel leave a bar."""
+    cancelled = replace(model, strain_misfit=-model.strain_error)
+    assert cancelled.corrected().k0 == pytest.approx(model.k0, rel=1e-12)
+    impact = ao.RigidMass(3.0, 1.0), ao.Hertz(3e7), 1e-2
+    without = ao.simulate(replace(model, strain_misfit=None), *impact, tol=1e-5).error_budget
+    bars = ao.simulate(cancelled, *impact, tol=1e-5).error_budget
+    for name in QUANTITIES:
+        assert bars[name].mesh == pytest.approx(SHELL * without[name].mesh, rel=1e-3)

@@ -10,14 +10,34 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
 from antiosc.models.motion import with_rigid
 from loose_bodies import (
+    exact_stiffness,
     loose_bodies,
 )
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
+
+
+def _slide(angle: float) -> tuple[ao.Structure, ao.Site]:
+    """A stack of five masses, the lowest held in y by a spring, all free to slide along x.
+
+    It is struck at its top, across the slide but for the angle.
+    """
+    m, k = np.array([0.5, 0.3, 0.4, 0.2, 0.1]), np.array([4e7, 2e7, 3e7, 1e7, 2e7])
+    n = len(m)
+    across = np.diag(k) + np.diag(np.append(k[1:], 0.0))
+    across -= np.diag(k[1:], 1) + np.diag(k[1:], -1)
+    along = across - np.diag([k[0], *np.zeros(n - 1)])
+    K = np.block([[along, np.zeros((n, n))], [np.zeros((n, n)), across]])
+    b = np.zeros(2 * n)
+    b[n - 1], b[-1] = np.sin(angle), np.cos(angle)
+    M = np.diag(np.concatenate([m, m]))
+    return ao.Structure.from_matrices(K, M), ao.Site(vector=b)
+
 
 METHODS = ("krylov", "modes")
 
@@ -156,3 +176,18 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
     structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
     model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
     assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
+
+
+@pytest.mark.sample
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
+def test_bound_across_a_slide(angle, method):
+    structure, site = _slide(angle)
+    model = ao.extract(structure, site, method=method, band=2e4)
+    omega = np.geomspace(10.0, 2e4, 150) * (1 + 1j * bands.DAMPING)  # the reference knows these
+    K, M = (csr(a).toarray() for a in (structure.K, structure.M))
+    exact = exact_stiffness(K, M, np.asarray(site.vector), omega)
+    error = np.abs(model.dynamic_stiffness(omega) / exact - 1)
+    assert np.max(error) <= model.info["band"]["error_bound"] < 1e-3
+    assert (model.k0 == 0) == (angle > 1e-8)

@@ -35,3 +35,17 @@ def test_every_model_has_the_damping_of_its_free_modes(sheet, damping):
         np.testing.assert_allclose(body.decay, known.decay(body.omega), rtol=1e-12)
     several = ao.extract(sheet, {"tip": SITE}, 6, damping=damping).site_modes()
     np.testing.assert_allclose(several.decay, known.decay(several.omega), rtol=1e-12)
+
+
+def test_the_ringing_after_a_blow_decays_by_its_ratio(sheet):
+    """The lowest mode alone is left after the others have died: e^(−ζωt)."""
+    model = ao.extract(sheet, SITE, 8, damping=[0.02, 0.2])
+    hit = ao.simulate(model, ao.RigidMass(0.02, 1.0), ao.Hertz(1e8), 0.05)
+    omega = model.modal().omega[0]
+    period = 2 * np.pi / (omega * np.sqrt(1 - 0.02**2))
+    start = 0.05 - 20 * period
+    t = start + np.linspace(0, 1, 400) * period
+    first, last = (
+        np.abs(ao.probe(sheet, hit, (0.2, 0.03), times=t + k * period)[:, 1]).max() for k in (0, 15)
+    )
+    assert np.log(first / last) == pytest.approx(0.02 * omega * 15 * period, rel=1e-3)

@@ -8,6 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from antiosc.fem.extraction import SiteShapes, site_shapes
+from antiosc.fem.site import functional
+from extraction_cases import quiet
+
 pytest.importorskip("dolfinx")
 
 import scipy.linalg
@@ -22,6 +26,33 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load
 from marks import FREE_ON_PURPOSE
+
+
+def real_part(name: str) -> tuple[ao.Structure, ao.Site, int]:
+    if name == "lever":
+        solid = ao.Solid(**parts.ALUMINIUM, plane="stress", thickness=0.012)
+        mesh = ao.read_mesh("meshes/lever.msh")
+        part = ao.Structure(mesh, solid, [ao.Support("clamp")])
+        return part, ao.Site((0.135, 0.0), (-0.6, 1), radius=0.004), 12
+    if name == "arch":
+        solid = ao.Solid(**parts.STEEL, plane="strain")
+        part = ao.Structure(ao.read_mesh("meshes/arch.msh"), solid, [ao.Support("clamp")])
+        top = 0.1 * np.array([np.sin(0.3), np.cos(0.3)])
+        return part, ao.Site(top, (0.2, -1), radius=0.006), 12
+    if name == "frame":
+        beam = ao.Beam(**parts.STEEL, section=ao.Section.tube(0.04, 0.003))
+        part = ao.Structure(ao.read_mesh("meshes/frame.msh"), beam, [ao.Support("feet")])
+        return part, ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5)), 20
+    mesh = ao.read_mesh("meshes/bracket.step", size=0.015)
+    floor = ao.Support(lambda x: np.isclose(x[2], 0))
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM), [floor])
+    eye = np.array([0.02, 0.03, 0.06]) + 0.018 * np.array([0, np.sin(0.4), np.cos(0.4)])
+    return part, ao.Site(eye, (-0.5, -0.3, -1), snap=True), 12
+
+
+def _held(structure: ao.Structure, site: ao.Site) -> SiteShapes:
+    return site_shapes(structure, quiet(functional, structure, site).b[:, None])
+
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -254,3 +285,111 @@ def test_shapes_that_the_library_takes_for_converged_are_found_again(monkeypatch
     np.testing.assert_allclose(found.omega[:5], dense(structure)[:5], rtol=1e-8)
     assert eigenmodes.residuals(structure, found).max() < 1e-6
     assert spoilt
+
+
+@pytest.mark.slow
+def test_zeros_of_the_model_are_the_free_frequencies(case):
+    """The reduced system's own modes are those of the structure that move the site."""
+    structure, b, rigid, model = case
+    K, M, b = free_part(structure, b)
+    x, phi = scipy.linalg.eigh(K, M)
+    omega = np.sqrt(np.maximum(x, 0))
+    omega[:rigid] = 0.0
+    seen = (b @ phi) ** 2
+    # groups of equal frequencies move the site together
+    found = model.modal()
+    assert np.all(np.diff(found.omega) >= 0)
+    low = (found.omega < 0.5 * model.omega[-1]) & (found.b != 0)
+    lowest, strength = found.omega[low], found.b[low] ** 2
+    assert np.count_nonzero(found.omega == 0) == rigid
+    assert len(lowest) > 5
+    for w, s in zip(lowest, strength, strict=True):
+        near = np.abs(omega - w) <= 1e-7 * w + 1e-3 * (w == 0)
+        assert near.any()
+        assert seen[near].sum() == pytest.approx(s, rel=1e-5, abs=1e-9 * seen.max())
+    # and none that moves the site is missing
+    total = seen[omega < 0.5 * model.omega[-1]].sum()
+    assert strength.sum() == pytest.approx(total, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_more_rounds_deflate_what_is_known():
+    """Forty observable modes need several rounds; they are the forty of one long round."""
+    structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, LEFT)
+    site = ao.Site((0.12, 0.025, 0.02), (-1, 0, 0))  # in the middle of the end: few can be seen
+    model = extract(structure, site, 15)
+    assert model.n == 15
+    assert model.info["modes_unobservable"] > 15
+    static = _held(structure, site)
+    modes = ModeSolver(structure, static).lowest(model.info["modes_computed"])
+    m = (modes.phi.T @ static.m_phi)[:, 0] ** 2
+    np.testing.assert_allclose(model.omega, modes.omega[m > 1e-8 * static.mass[0]][:15], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["lever", "arch", "frame", "bracket"])
+@pytest.mark.slow
+def test_truncation_error_is_the_mass_left_out(name):
+    """0 ≤ Z_N − Z ≤ ω⁴m0/(ω_N² − ω²): each mode above ω_N adds m_i ω⁴/(ω_i² − ω²) ≥ 0."""
+    structure, site, n = real_part(name)
+    model = extract(structure, site, n)
+    assert model.n == n
+    omega = model.omega[-1] / 2 * np.arange(1, 21) / 20
+    Z = parts.direct_stiffness(structure.K, structure.M, load(structure, site), omega)
+    excess = model.dynamic_stiffness(omega) - Z
+    bound = omega**4 * model.m0 / (model.omega[-1] ** 2 - omega**2)
+    rounding = 1e-8 * np.abs(Z) + 1e-8 * model.k0
+    np.testing.assert_array_less(excess, bound + rounding)
+    np.testing.assert_array_less(-excess, rounding)
+    # The bound is not idle: a good part of it is there.
+    assert excess[-1] > 1e-3 * bound[-1]
+
+
+def test_two_equal_oscillators_are_merged():
+    """Two equal pendulums on one mass: only their common mass has a meaning."""
+    k0, m0, k, m = 5.0e4, 0.3, 2.0e4, [0.4, 0.4, 0.7]
+    ks = [k, k, 3 * k]
+    K = np.diag([k0 + sum(ks), *ks])
+    K[0, 1:] = K[1:, 0] = -np.array(ks)
+    structure = ao.Structure.from_matrices(K, np.diag([m0, *m]))
+    model = extract(structure, ao.Site(dof=0), 3)
+    np.testing.assert_allclose(model.omega, np.sqrt([k / 0.4, 3 * k / 0.7]), rtol=1e-10)
+    np.testing.assert_allclose(model.m, [0.8, 0.7], rtol=1e-10)
+    assert model.m0 == pytest.approx(m0, rel=1e-9)
+    assert model.k0 == pytest.approx(k0, rel=1e-9)
+    assert model.info["modes_merged"] == 1
+
+
+def test_none_at_all_is_the_classical_one_mass_model():
+    structure, site, _ = CASES["plane frame"]()
+    none, some = extract(structure, site, 0), extract(structure, site, 5)
+    assert none.n == 0
+    assert none.k0 == pytest.approx(some.k0, rel=1e-12)
+    assert none.m0 == pytest.approx(some.m_st, rel=1e-12)
+
+
+def test_a_massless_dof_has_no_frequency():
+    """M may be singular: a rotation without inertia adds no anti-oscillator."""
+    k = 1e4
+    K = scipy.sparse.diags([[-k, -k], [2 * k, 2 * k, k], [-k, -k]], [-1, 0, 1])
+    structure = ao.Structure.from_matrices(K, scipy.sparse.diags([[0.5, 0.0, 0.5]], [0]))
+    model = extract(structure, ao.Site(dof=2), 2)
+    # between the held mass 3 and mass 1 lie two springs in series
+    np.testing.assert_allclose(model.omega, [np.sqrt((k + k / 2) / 0.5)], rtol=1e-10)
+    assert model.m0 + model.m.sum() == pytest.approx(model.m_st)
+
+
+def test_one_factorization_serves_every_site():
+    structure, site, _ = CASES["plane frame"]()
+    extract(structure, site, 3)
+    factor = structure.factorize()
+    again = extract(structure, ao.Site((0.0, 0.3), (1, 0)), 3)
+    assert structure.factorize() is factor
+    fresh = extract(CASES["plane frame"]()[0], ao.Site((0.0, 0.3), (1, 0)), 3)
+    np.testing.assert_allclose(again.omega, fresh.omega, rtol=1e-12)
+
+
+def test_several_sites_by_the_largest_mass():
+    root = np.array([[1.0, 0.3], [0.2, 0.6]])
+    bound = left_out(found(root @ root.T))(X)
+    largest = np.linalg.eigvalsh(root @ root.T).max()
+    np.testing.assert_allclose(bound, left_out(found(largest))(X), rtol=1e-12)

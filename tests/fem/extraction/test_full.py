@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import parts
+from antiosc.closed_form import StruckBeam, UniformBeam
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -103,3 +106,55 @@ def test_bad_input():
     big = ao.Structure.from_matrices(sp.identity(n), sp.identity(n))
     with pytest.raises(ao.InputError, match=f"at most {DENSE_MANY} dofs; got {n}"):
         ao.full(big, ao.Site(dof=0))
+
+
+@pytest.mark.slow
+def test_the_field_is_that_of_a_direct_solve(plate):
+    """u = (K - ω²M)⁻¹b everywhere: by all modes, and by few with the residual shape at low ω."""
+    part, site = plate
+    b = functional(part, site).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(matrix)[free][:, free].toarray() for matrix in (part.K, part.M))
+
+    def direct_field(omega):
+        u = np.zeros(len(b))
+        u[free] = np.linalg.solve(K - omega**2 * M, b[free])
+        return u
+
+    def by_modes(model, omega):
+        """Modal amplitudes of a unit harmonic force: b/(ω_j² - ω²), and 1 of the residual shape."""
+        return model.field(model.b / (model.omega**2 - omega**2)) + model.residual
+
+    seen = ao.full(part, site)
+    few = ao.superposition(part, site, 8, static_correction=True)
+    for model, omega, off in ((seen, 9e3, 1e-6), (few, 200.0, 1e-4)):
+        u, exact = by_modes(model, omega), direct_field(omega)
+        np.testing.assert_allclose(u, exact, atol=off * np.abs(exact).max())
+
+
+@pytest.mark.sample
+def test_weight_of_a_free_part_is_its_mass(plate):
+    """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
+    part, site = plate
+    model = ao.superposition(part, site, 3)
+    assert model.weight is not None
+    if model.omega[0] == 0:
+        reduced = ao.extract(part, site, n=3, method="modes")
+        assert reduced.participation is not None
+        total = reduced.participation.sum() / np.sqrt(reduced.m_st)
+        assert model.weight[0] == pytest.approx(total, rel=1e-8)
+    else:
+        assert part.rigid_modes.shape[1] < 3
+
+
+@pytest.mark.slow
+def test_many_modes_of_a_free_slender_beam():
+    """ω² spans 1e7 from the first to the last: the first and the rigid-body modes must not show."""
+    L, side = 1.0, 0.014
+    material = ao.Beam(67e9, 0.3, 2400.0, ao.Section.rectangle(side, side))
+    part = ao.Structure(parts.line(L, 200), material, order=2)
+    model = ao.superposition(part, ao.Site(point=(0, 0), direction=(0, 1)), 100)
+    area, inertia = side**2, side**4 / 12
+    beam = UniformBeam.timoshenko(E=67e9, nu=0.3, rho=2400.0, area=area, inertia=inertia, length=L)
+    exact = StruckBeam(beam, "free", "free", 0.0).modes(13)
+    np.testing.assert_allclose(model.omega[1:13], exact.omega[1:], rtol=1e-5)

@@ -13,8 +13,17 @@ from antiosc.fem.extraction import site_shapes
 from antiosc.fem.extraction.krylov import Lanczos
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site import functional
-from antiosc.models.driving_point import stiffness_at_sites
+from antiosc.models.driving_point import samples, stiffness_at_sites
 from marks import FREE_ON_PURPOSE
+
+
+def _push(structure: ao.Structure, direction: tuple[float, float, float]) -> np.ndarray:
+    """A load of no symmetry along `direction`, spread over all nodes."""
+    n = structure.K.getSize()[0]
+    push = np.random.default_rng(1).uniform(0.5, 1.5, n) * np.resize(direction, n)
+    push[structure.fixed] = 0.0
+    return push
+
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -176,3 +185,28 @@ def test_all_pairs_of_a_beam_that_is_rigid_in_shear():
     np.testing.assert_allclose(
         model.dynamic_stiffness(omega), fewer.dynamic_stiffness(omega), rtol=1e-6
     )
+
+
+def test_a_body_that_slides_across_the_impact():
+    structure = block(2, fix=["x", "y"])  # along z it slides
+    site = ao.Site(vector=_push(structure, (1.0, 0.4, 0.0)))
+    model = ao.extract(structure, site, n=40)
+    assert structure.rigid_modes.shape[1] == 1
+    assert model.k0 > 0
+    from antiosc.fem.linalg.petsc_algebra import csr
+
+    K, M = (csr(matrix).toarray() for matrix in (structure.K, structure.M))
+    omega = samples(2 * model.omega[0], model.omega[0])[::20]
+    exact = direct(K, M, np.asarray(site.vector), omega)
+    np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-8)
+
+
+def test_unobservable_modes_never_appear(rng):
+    half = rng.uniform(1e5, 3e5, 10)
+    k = np.concatenate([half, half[::-1]])  # symmetric about mass 9, which is struck
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    structure = ao.Structure.from_matrices(K, np.eye(19))
+    model = ao.extract(structure, ao.Site(dof=9), n=18)
+    assert model.n == 9  # of 18 constraint modes, half move the site's two sides against each other
+    side = scipy.linalg.eigvalsh(K[:9, :9])
+    np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)

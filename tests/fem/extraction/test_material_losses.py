@@ -96,3 +96,28 @@ def test_what_is_no_loss_factor_and_no_series_is_refused():
     for bad in ([(1.0,)], [(0.5, -1e-3)], 3.0, "slow"):
         with pytest.raises(InputError, match="prony"):
             ao.Solid(1e9, 0.3, 1e3, prony=bad)
+
+
+def test_a_layer_in_an_assembly_relaxes_as_in_its_part_alone():
+    part, _ = two_materials(prony=[(0.8, 1e-3), (0.5, 1e-4)])
+    joined = ao.assemble({"a": part}, [])
+    omega = np.geomspace(30.0, 3e3, 9)
+    alone = ao.extract(part, TIP, n=10).modal().receptance(omega)
+    both = ao.extract(joined, ao.Site((1, 0, 0), (0, 0, 1), part="a"), n=10).modal()
+    np.testing.assert_allclose(both.receptance(omega), alone, rtol=1e-6)
+
+
+def test_losses_beside_dampers_act_together():
+    part, share = two_materials(loss=0.04)
+    c = 2.0
+    joined = ao.assemble({"a": part}, [], attached=[ao.Damper((1, 0, 0), {"z": c})])
+    site = ao.Site((1, 0, 0), (0, 0, 1), part="a")
+    body = ao.extract(joined, site, n=12).modal()
+    K, M = dense(part)
+    b = functional(part, TIP).b[free_dofs(part)]
+    peaks = ao.extract(part, TIP, n=12).modal().omega[1:4]
+    exact = [
+        b @ np.linalg.solve(K + 0.04j * share + 1j * w * c * np.outer(b, b) - w**2 * M, b)
+        for w in peaks
+    ]
+    np.testing.assert_allclose(np.abs(body.receptance(peaks)), np.abs(exact), rtol=2e-2)

@@ -135,3 +135,57 @@ def block() -> ao.Structure:
 def test_bad_names(block, sites, words):
     with pytest.raises(ao.InputError, match=words):
         ao.extract(block, sites)
+
+
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("held", [0, 1])
+def test_one_named_site_is_the_site_alone(held, method, rng):
+    K, M = loose_chains((30,), held, rng)
+    structure, site = ao.Structure.from_matrices(K, M), ao.Site(vector=rng.standard_normal(30))
+    for n in (3, 8):
+        alone = ao.extract(structure, site, n, method)
+        named = ao.extract(structure, {"tip": site}, n, method)
+        np.testing.assert_allclose(named.omega, alone.omega, rtol=1e-9)
+        np.testing.assert_allclose(named.m[:, 0, 0], alone.m, rtol=1e-9)
+        np.testing.assert_allclose(named.m0[0, 0], alone.m0, rtol=1e-9)
+        np.testing.assert_allclose(named.k0[0, 0], alone.k0, rtol=1e-9)
+
+
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("held", [0, 1])
+def test_every_truncation_is_passive(held, method, rng):
+    K, M = loose_chains((25,), held, rng)
+    B = rng.standard_normal((25, 3))
+    structure = ao.Structure.from_matrices(K, M)
+    least = np.linalg.inv(B.T @ np.linalg.solve(M, B))
+    for n in range(12):
+        model = ao.extract(structure, sites_of(B), n, method)
+        assert model.n == n
+        assert np.linalg.eigvalsh(model.m0 - least)[0] > -1e-12
+        assert np.linalg.eigvalsh(model.k0)[0] > -1e-9 * np.abs(model.k0).max()
+        shapes = model.shapes
+        np.testing.assert_allclose(B.T @ shapes[:, :3], np.eye(3), atol=1e-11)
+        np.testing.assert_allclose(shapes[:, :3].T @ M @ shapes[:, :3], model.m_st, atol=1e-11)
+        np.testing.assert_allclose(shapes[:, :3].T @ M @ shapes[:, 3:], model.P, atol=1e-11)
+
+
+def test_lowest_krylov_ones_are_the_antiresonances(block):
+    krylov = ao.extract(block, CORNERS, 24)
+    modes = ao.extract(block, CORNERS, 8, "modes")
+    count = min(krylov.info["converged"], 8)
+    assert count >= 5
+    np.testing.assert_allclose(krylov.omega[:count], modes.omega[:count], rtol=1e-6)
+    np.testing.assert_allclose(krylov.m[:count], modes.m[:count], rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(krylov.k0, modes.k0, rtol=1e-11)
+    np.testing.assert_allclose(krylov.m_st, modes.m_st, rtol=1e-11)
+
+
+def test_the_other_site_free_is_the_site_alone(block):
+    """The receptance of a site does not depend on which others the model has."""
+    both = ao.extract(block, CORNERS, 60).site_modes()
+    alone = ao.extract(block, CORNERS["far"], 40)
+    omega = np.linspace(0.1, 1, 20) * 1.5 * alone.omega[0] * (1 + 0.01j)
+    H = both.receptance(omega)[:, 1, 1]
+    np.testing.assert_allclose(H * alone.dynamic_stiffness(omega), 1.0, atol=1e-7)

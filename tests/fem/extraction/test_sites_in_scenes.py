@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.fem.site import functional
 from chains import loose_chains
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, line
+from parts import STEEL, box, line
 from several import CORNERS, block_with_corners, sites_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.fem, FREE_ON_PURPOSE]
@@ -131,3 +131,57 @@ def test_fields_of_a_scene(block, tmp_path):
     assert listed.exists()
     with pytest.raises(ao.InputError, match="no displacement field"):
         ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
+
+
+def test_a_free_body_moves_as_a_whole():
+    """A free block, struck at two corners: its momentum is that of the balls."""
+    free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))
+    sites = {
+        name: ao.Site((x, 0.025, 0.04), (0, 0, -1), radius=0.022)
+        for name, x in (("left", 0.03), ("right", 0.17))
+    }
+    model = ao.extract(free, sites, 12)
+    assert model.rigid.shape == (2, 2)
+    assert np.sum(model.site_modes().omega == 0) == 6
+    law = ao.Hertz(1e9)
+    scene = ao.Scene(
+        {"part": model, "a": ao.RigidMass(0.2, 1.0), "b": ao.RigidMass(0.1, 1.0)},
+        [ao.Contact("part:left", "a", law), ao.Contact("part:right", "b", law)],
+        motion={"part": ao.Motion(velocity=(0.3, 0.0, 0.1), spin=(0.0, 0.0, 2.0))},
+    )
+    hit = scene.run(4e-4)
+    impulse = hit["part:left", "a"].impulse + hit["part:right", "b"].impulse
+    momentum = hit.bodies["part"].momentum
+    np.testing.assert_allclose(momentum[0], free.mass * np.array([0.3, 0.0, 0.1]), atol=1e-9)
+    np.testing.assert_allclose(momentum[-1] - momentum[0], [0, 0, -impulse], atol=1e-9)
+
+
+def test_gravity_and_base_act_on_every_shape(block):
+    """The modal forces of a uniform acceleration bend the block as a direct solve says."""
+    free = ao.extract(block, CORNERS, 60).site_modes()
+    for axis in np.eye(3):
+        load = block.uniform_inertia(axis)
+        sag = block.factorize().solve(load)
+        sites = [functional(block, site).b for site in CORNERS.values()]
+        found = free.b.T @ (free.weight @ axis / free.omega**2)
+        np.testing.assert_allclose(found, [b @ sag for b in sites], rtol=1e-5, atol=1e-15)
+
+
+def test_gravity_as_a_number_needs_one_direction(block):
+    model = ao.extract(block, CORNERS, 10)
+    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
+    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
+    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
+    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
+    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
+    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
+    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
+    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
+    np.testing.assert_allclose(*both, rtol=1e-6)
+    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
+        mixed = ao.extract(block, sites, 6)
+    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
+    with pytest.raises(ao.InputError, match="several directions: give gravity"):
+        scene.run(1e-4)

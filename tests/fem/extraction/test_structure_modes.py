@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import meshio
 import numpy as np
 import pytest
 
@@ -56,3 +57,34 @@ def test_effective_masses_sum_to_the_mass_that_moves(held):
         np.testing.assert_allclose(modes.effective_mass[:3, :2].sum(axis=0), modes.mass, rtol=1e-9)
         np.testing.assert_array_equal(modes.omega[:3], 0)
         np.testing.assert_array_equal(modes.multiplicity[:3], 3)
+
+
+def test_shapes_are_written_with_their_names(tmp_path):
+    part = ao.Structure(parts.box((3, 2, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    modes = part.natural_modes(3)
+    found = meshio.read(modes.write(tmp_path / "modes"))
+    assert sorted(found.point_data) == ["mode 1", "mode 2", "mode 3"]
+    for field in found.point_data.values():
+        assert np.linalg.norm(field, axis=1).max() == pytest.approx(1)
+    rows = [row.split() for row in modes.summary().splitlines()]
+    assert len(rows) == 5
+    shares = 100 * modes.effective_mass / modes.mass
+    for i, row in enumerate(rows[1:4]):
+        assert [int(row[0]), float(row[1]), int(row[2])] == pytest.approx(
+            [i + 1, modes.frequency[i], modes.multiplicity[i]], rel=1e-5
+        )
+        assert [float(v.strip("%")) for v in row[3:]] == pytest.approx(shares[i], abs=0.006)
+    total = [float(v.strip("%")) for v in rows[4][1:]]
+    assert total == pytest.approx(shares.sum(axis=0), abs=0.006)
+    with pytest.raises(ao.InputError, match="at most"):
+        part.natural_modes(part.dofs + 1)
+
+
+def test_given_matrices_have_frequencies_alone():
+    K = np.diag([2.0, 2.0, 1.0]) - np.diag([1.0, 1.0], 1) - np.diag([1.0, 1.0], -1)
+    modes = ao.Structure.from_matrices(1e6 * K, np.eye(3)).natural_modes(3)
+    np.testing.assert_allclose(modes.omega, np.sqrt(np.linalg.eigvalsh(1e6 * K)), rtol=1e-9)
+    assert modes.participation is None
+    assert modes.mass is None
+    with pytest.raises(ao.InputError, match=r"no mesh|coordinates"):
+        modes.write("none")

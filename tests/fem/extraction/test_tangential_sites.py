@@ -87,3 +87,39 @@ def test_tangential_directions_belong_to_named_sites(block):
     scene = ao.Scene({"part": model, "floor": ao.Obstacle()}, [contact])
     with pytest.raises(ao.InputError, match="tangential=True"):
         scene.run(1e-4)
+
+
+@pytest.mark.slow
+def test_tangential_directions_of_an_assembly():
+    top = {"top": (2, lambda x: np.isclose(x[2], 0.05)), "foot": (2, lambda x: np.isclose(x[2], 0))}
+    under = {"under": (2, lambda x: np.isclose(x[2], 0))}
+    plate = ao.Structure(box((4, 3, 1), (0.2, 0.1, 0.01), groups=under), ao.Solid(**STEEL))
+    post = ao.Structure(
+        box((2, 2, 2), (0.02, 0.02, 0.05), groups=top), ao.Solid(**STEEL), [ao.Support("foot")]
+    )
+    both = ao.assemble(
+        {"plate": plate, "post": post},
+        joints=[ao.Tie("post:top", "plate:under")],
+        at={"plate": (0, 0, 0.05)},
+    )
+    site = ao.Site((0.15, 0.05, 0.06), (0, 0.6, -0.8), radius=0.043, tangential=True)
+    model = ao.extract(both, {"far": site}, 8)
+    np.testing.assert_allclose(model.direction @ model.direction.T, np.eye(3), atol=1e-12)
+    # the displacement in space is the same whatever directions it is taken along
+    across = ao.Site((0.15, 0.05, 0.06), (0, 0, -1), radius=0.043, tangential=True)
+    other = ao.extract(both, {"far": across}, 8)
+    R = model.direction @ other.direction.T
+    at_rest = R @ other.site_modes().receptance(0.0).real @ R.T
+    found = model.site_modes().receptance(0.0).real
+    np.testing.assert_allclose(found, at_rest, atol=1e-9 * np.abs(at_rest).max())
+
+
+def test_a_plane_part_has_one_tangential_direction():
+    plate = ao.Structure(
+        box((8, 3), (0.2, 0.05), "quadrilateral"),
+        ao.Solid(**STEEL, plane="stress", thickness=0.01),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.15, 0.05), (0, -1), radius=0.03, tangential=True)
+    model = ao.extract(plate, {"top": site}, 6)
+    np.testing.assert_allclose(model.direction, [[0, -1, 0], [1, 0, 0]], atol=1e-15)

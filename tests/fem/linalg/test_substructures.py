@@ -15,6 +15,29 @@ from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
 
+CHAIN = """
+import json
+import numpy as np
+from petsc4py import PETSc
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg import solver_choice
+
+comm = PETSc.COMM_WORLD
+n = 40
+A = PETSc.Mat().createAIJ(((PETSc.DECIDE, n), (PETSc.DECIDE, n)), nnz=3, comm=comm)
+first, last = A.getOwnershipRange()
+for i in range(first, last):
+    for j, value in ((i - 1, -1.0), (i, 2.1), (i + 1, -1.0)):
+        if 0 <= j < n:
+            A[i, j] = value
+A.assemble()
+R = np.random.default_rng(0).standard_normal((n, 3))[first:last]
+factor = solver_choice.factorize(A)
+left = algebra.multiply(A, factor.solve_block(R)) - R
+print(json.dumps([type(factor).__name__, float(np.abs(left).max(initial=0.0))]))
+"""
+
+
 pytestmark = pytest.mark.fem
 
 
@@ -119,3 +142,22 @@ def test_over_ranks(ranks):
         assert found["vector"] < 1e-12
         said = "NotConvergedError: the stiffness matrix cannot be factored"
         assert all(error.startswith(said[:44]) for error in found["errors"]), found["errors"]
+
+
+@pytest.mark.parametrize("order", "CF")
+@pytest.mark.parametrize("n", [0, 1, 2, 9])
+def test_square_leaves_the_triangle(n, order):
+    """One row is contiguous either way round: a conversion alone is no copy of it."""
+    L = np.array(np.tril(np.random.default_rng(n).standard_normal((n, n)) + 2), order=order)
+    before = L.copy()
+    np.testing.assert_allclose(solver_choice._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
+    np.testing.assert_array_equal(L, before)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_an_interface_of_one_row(ranks):
+    for text in run_ranks(ranks, CHAIN):
+        name, left = json.loads(text)
+        assert name == "Substructures"
+        assert left < 1e-13

@@ -8,6 +8,8 @@ import warnings
 import numpy as np
 import pytest
 
+from antiosc.fem.mesh.soundness import folded, straightened
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -17,6 +19,9 @@ from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
 from assemblies import box
+
+EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
+
 
 pytestmark = pytest.mark.fem
 
@@ -225,3 +230,24 @@ def test_the_bend_is_the_height_of_the_arc_over_the_thickness(axis):
         same = np.flatnonzero(np.abs(other - x[n]).max(axis=1) < 1e-9)
         upper[same] = lower[n]
     assert bends(nodes, np.stack([lower, upper])).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("shape", "edge"), EVERY_EDGE)
+def test_one_of_two_cells_is_straightened(shape, edge):
+    ends = MID_SIDE_EDGES[shape]
+    n, corners = len(curved(shape)), len(VERTICES[shape])
+    points = np.vstack([curved(shape), curved(shape) + 5.0])
+    i, j = ends[edge]
+    points[corners + edge] = 1.4 * points[j] - 0.4 * points[i]  # beyond the end of its edge
+    if shape == "triangle":
+        points = points[:, :2]
+    cells = np.arange(2 * n).reshape(2, n)
+    order = compat.node_order(shape, n, "gmsh")
+    assert folded(points, cells[:, order], shape, 2, 0.02).tolist() == [0]
+    assert not len(collapsed(points, cells[:, order], shape, 2))
+    found = straightened(points, cells, shape)
+    np.testing.assert_array_equal(found[n:], points[n:])
+    np.testing.assert_array_equal(found[:corners], points[:corners])
+    for k, (i, j) in enumerate(ends):
+        np.testing.assert_allclose(found[corners + k], (points[i] + points[j]) / 2, atol=1e-15)
+    assert not len(folded(found, cells[:, order], shape, 2, 0.02))

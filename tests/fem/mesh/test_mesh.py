@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from math import prod
+from math import hypot, pi, prod
 
 import numpy as np
 import pytest
+
+from paths import MESHES
 
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
@@ -19,6 +21,52 @@ from antiosc.fem.mesh.surface import centre, largest, quadrature
 from mpi import run_ranks
 from parts import EXPONENTS, moments
 from refusals import refused
+
+UNDERSIDE = 84 * 60 - 2 * (10**2 - pi * 10**2 / 4) - 2 * pi * 4.5**2
+
+
+SEATS = 2 * (2 * pi * 9 * 3 + pi * (9**2 - 4.5**2) + 2 * pi * 4.5 * 7)
+
+
+MM, MM2 = 1e-3, 1e-6
+
+
+LEVER = 135 * 30 + pi * 15**2 / 2 + 65 * 30 + (12**2 - pi * 12**2 / 4) - pi * 8**2
+
+
+BRACES = sum(2 * hypot(width, h) for width in (1.0, 0.8) for h in (0.7, 0.6))
+
+
+#: Dimension and measure of groups: number of points, length or area, in SI units.
+PARTS = {
+    "bracket": {
+        "clamp": (2, SEATS * MM2),
+        "base": (2, UNDERSIDE * MM2),
+        "eye": (2, 2 * pi * 18 * (28 - 15) * MM2),
+        "bore": (2, 2 * pi * 11 * 28 * MM2),
+        "front": (2, pi * (18**2 - 11**2) * MM2),
+    },
+    "lever": {
+        "body": (2, LEVER * MM2),
+        "clamp": (1, 2 * pi * 8 * MM),
+        "edge": (1, pi * 15 * MM),
+        "end": (1, 30 * MM),
+    },
+    "arch": {
+        "body": (2, pi / 2 * (100**2 - 80**2) * MM2),
+        "clamp": (1, 2 * 20 * MM),
+        "edge": (1, pi * 100 * MM),
+    },
+    "beam": {"beam": (1, 1.0), "left": (0, 1), "middle": (0, 1), "right": (0, 1)},
+    "frame": {
+        "columns": (1, 4 * 1.3),
+        "beams": (1, 2 * 2 * (1.0 + 0.8)),
+        "braces": (1, BRACES),
+        "feet": (0, 4),
+        "top": (0, 4),
+    },
+}
+
 
 pytestmark = pytest.mark.fem
 
@@ -148,3 +196,13 @@ def test_lengths_that_make_no_box_are_refused():
         ao.box_mesh((0.1, -0.1), 0.01)
     with refused(None, "is larger than", ao.MeshError):
         ao.box_mesh((0.1, 0.1), 10.0)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_groups_of_the_parts_have_closed_form_measures(part):
+    mesh = ao.read_mesh(MESHES / f"{part}.msh")
+    for name, (dim, expected) in PARTS[part].items():
+        found, entities = largest(mesh, name)
+        assert found == dim, name
+        measure = quadrature(mesh, dim, entities, 4).weight.sum()
+        assert measure == pytest.approx(expected, rel=2e-4), name

@@ -154,3 +154,16 @@ WRONG = [
 def test_wrong_arguments_are_named_before_a_file_is_looked_for(options, words, tmp_path):
     with pytest.raises(ao.InputError, match=words):
         ao.read_mesh(tmp_path / "none.msh", **options)
+
+
+def test_geo_uses_its_own_sizes_unless_told(tmp_path):
+    path = tmp_path / "sheet.geo"
+    path.write_text(parts.SHEET_SCRIPT)
+    own, finer = ao.read_mesh(path), ao.read_mesh(path, size=0.1)
+    assert (own.cell, own.order, own.gdim) == ("triangle", 2, 2)
+    assert finer.n_cells > 3 * own.n_cells
+    assert {name: tuple(g) for name, g in finer.groups.items()} == {
+        "sheet": (2,), "foot": (1,), "17": (1,)
+    }  # fmt: skip
+    np.testing.assert_allclose(parts.group_points(finer, "foot", 1)[..., 1], 0, atol=1e-15)
+    np.testing.assert_allclose(parts.group_points(finer, "17", 1)[..., 1], 1, rtol=1e-15)

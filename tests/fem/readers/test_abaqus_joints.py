@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.io.deck import Deck, Place
-from antiosc_decks import abaqus_assembly
+from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.constraints import Constraints
 from antiosc_decks.sources import Sources
@@ -154,3 +154,28 @@ def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
     for terms in joints.equations:
         moved = sum(value * rigid(ANY)[node, motion] for node, motion, value in terms)
         assert np.abs(moved).max() < 1e-12
+
+
+def test_nodes_of_a_line_move_freely_along_it_and_not_across(tmp_path):
+    C = equations(tmp_path, ON_LINE, CASES["STRAIGHT"][0])[:, :, :3]
+    along = RNG.normal(size=(6, 1)) * ANY[3]
+    assert np.abs(np.einsum("enc,nc->e", C, along)).max() < 1e-12
+    for node in range(6):
+        assert np.linalg.matrix_rank(C[:, node]) == 2
+
+
+@pytest.mark.parametrize("count", [3, 4, 6, 8])
+def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
+    corners = np.array([(0, 0), (1, 0), (0, 1)], dtype=float)
+    if count in (4, 8):
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
+    nodes = corners
+    if count > 4:
+        nodes = np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2])
+    values = np.array([ties._shapes(count, xi)[0] for xi in nodes])
+    np.testing.assert_allclose(values, np.eye(count), atol=1e-15)
+    xi, h = np.array([0.21, 0.34]), 1e-6
+    slopes = ties._shapes(count, xi)[1]
+    for k, step in enumerate(h * np.eye(2)):
+        rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
+        np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)

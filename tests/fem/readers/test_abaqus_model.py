@@ -194,3 +194,12 @@ def test_what_of_a_deck_is_not_taken_is_counted(read):
         f"1 *BOUNDARY of later steps (line {line + 9} of part.inp)",
         f"the motion of *BOUNDARY (line {line} of part.inp), fixed instead",
     }  # fmt: skip
+
+
+def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
+    cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
+    model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
+    assert model["joints"]["springs"] == []
+    ((point, given),) = model["springs"]
+    assert node_at(point) == 1
+    assert given == pytest.approx({"z": 40e3})

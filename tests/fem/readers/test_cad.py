@@ -127,3 +127,22 @@ def test_an_iges_curve_is_in_metres(tmp_path, unit, length):
     mesh = ao.read_mesh(path, size=0.2 * length)
     assert (mesh.cell, mesh.n_cells >= 5) == ("interval", True)
     assert mesh.extent() == pytest.approx(length, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".geo", ".brep"])
+def test_geometries_without_a_unit_of_their_own_take_one(tmp_path, suffix):
+    """A cube of 10 mm, refined at a corner, in gmsh's script and in OpenCASCADE's own format."""
+    path = tmp_path / f"cube{suffix}"
+    if suffix == ".geo":
+        path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 10, 10, 10};\n')
+    else:
+        write_brep(path)
+    options = {"size": 5e-3, "refine": [((0.01, 0.01, 0.01), 5e-4)], "unit": "mm"}
+    mesh = ao.read_mesh(path, **options)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * 1e-6, rel=1e-9)
+    assert mesh.n_cells > 1.5 * ao.read_mesh(path, size=5e-3, unit="mm").n_cells
+    with pytest.raises(ao.MeshError, match=r"is 0\.01 m long: elements of 1e-13 m are below"):
+        ao.read_mesh(path, size=1e-13, unit="mm")
+    with pytest.raises(ao.MeshError, match=r"at size=1e-06 m, more than"):
+        ao.read_mesh(path, size=1e-6, unit="mm")

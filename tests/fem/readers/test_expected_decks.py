@@ -102,3 +102,13 @@ def test_a_file_of_loads_may_be_missing(tmp_path):
     loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
     model, _ = inp.read(tmp_path, CYLINDER.format(0) + loads)
     assert any("*INCLUDE" in sentence for sentence in model["ignored"])
+
+
+@pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
+def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
+    """Where the radius is the normal of a shell, the first direction is that around the axis."""
+    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
+    ((_, _, arguments, _),) = model["families"]
+    expected = np.array(axis) / np.linalg.norm(axis)
+    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
+    assert not any("CalculiX" in text for text in model["ignored"])

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from paths import DECKS
+
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
@@ -146,3 +148,10 @@ print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
     arguments = [sys.executable, "-c", script, str(path)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["gmsh numpy", ""]
+
+
+def test_bulk_data_by_its_content(tmp_path):
+    path = tmp_path / "part.dat"
+    path.write_text((DECKS / "bar.bdf").read_text())
+    assert ao.read_mesh(path).n_cells == ao.read_mesh(DECKS / "bar.bdf").n_cells
+    assert ao.read_model(path).mass == pytest.approx(ao.read_model(DECKS / "bar.bdf").mass)

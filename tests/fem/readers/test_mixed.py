@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from antiosc.io.conversion import EDGES
+
 pytest.importorskip("dolfinx")
 pytest.importorskip("meshio")
 
@@ -16,6 +18,9 @@ import meshio
 import antiosc as ao
 from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
@@ -103,3 +108,30 @@ def test_gmsh_orders_its_second_order_nodes_as_the_table_says(name):
             GMSH_FACES.get(shape, rectangles(shape)), x[corners + len(edges) :], strict=False
         ):
             np.testing.assert_allclose(x[list(face)].mean(axis=0), node, atol=1e-12)
+
+
+def test_wedges_and_pyramids_are_cut_and_fill_the_part(tmp_path):
+    mesh = ao.read_mesh(mixed_box(tmp_path / "a.vtu", 2, "hwp"))
+    assert mesh.cell == "tetrahedron"
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850, rel=1e-12)
+
+
+def test_triangles_beside_quadrilaterals(tmp_path):
+    points = [*SQUARE, [2, 0, 0], [2, 1, 0]]
+    path = write(
+        tmp_path / "a.vtu", points, ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
+    )
+    sheet = ao.Structure(ao.read_mesh(path, gdim=3), ao.Shell(210e9, 0.3, 7850.0, 1e-2))
+    assert sheet.mesh.cell == "triangle"
+    assert sheet.mass == pytest.approx(2 * 78.5, rel=1e-12)
+
+
+def test_serendipity_cells_get_their_nodes(tmp_path):
+    bulge = [(SQUARE[a] + SQUARE[b]) / 2 for a, b in EDGES["quad"]]
+    bulge[0][1] -= 0.3  # a parabola of 2/3 · 0.3
+    path = write(tmp_path / "a.vtu", [*SQUARE, *bulge], ("quad8", [range(8)]))
+    mesh = ao.read_mesh(path)
+    assert (mesh.cell, mesh.order) == ("quadrilateral", 2)
+    part = ao.Structure(mesh, ao.Solid(210e9, 0.3, 1000.0, plane="stress"))
+    assert part.mass == pytest.approx(1200, rel=1e-12)
+    assert ao.read_mesh(path, order=1).order == 1

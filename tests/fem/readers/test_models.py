@@ -12,7 +12,20 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc_decks.properties import fixed_along_axes
+from antiosc_decks.properties import fixed_along_axes, isotropic, of_stiffness
+
+
+def ply(card: str) -> str:
+    section = "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n"
+    return SHEET + section + "*MATERIAL,NAME=M\n" + card + DENSITY
+
+
+def fixed(deck) -> dict[str, list[int]]:
+    return {name.removeprefix("fixed "): (rows + 1).tolist() for name, rows in deck.fixed.items()}
+
+
+TURNED = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # its z is x, its x is y, its y is z
+
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
 
@@ -115,3 +128,44 @@ def test_directions_askew_in_a_plane(own, expected):
     frame = np.array([[c, 0, c], [c, 0, -c], [0, -1, 0]])
     found = fixed_along_axes(np.array(own, dtype=bool), frame)
     assert (found if found is None else found.astype(int).tolist()) == expected
+
+
+def test_stiffness_gives_back_the_constants():
+    E, nu, G = [9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3]
+    np.testing.assert_allclose(of_stiffness(constants(E, nu, G)), [*E, *nu, *G], rtol=1e-12)
+    steel = isotropic(2e5, 0.3)
+    np.testing.assert_allclose(of_stiffness(constants(steel[:3], steel[3:6], steel[6:])), steel)
+
+
+@pytest.mark.parametrize("kind", CARDS)
+def test_an_orthotropic_shell_is_a_laminate_of_one_layer(abaqus, kind):
+    """In N and mm: moduli × 10⁶ Pa, density × 10¹² kg/m³."""
+    model, _ = abaqus(ply(CARDS[kind]))
+    ((name, family, given, _),) = model["families"]
+    assert (name, family) == ("ALL", "Laminate")
+    (layer,) = given["layers"]
+    expected = {"E1": 9e10, "E2": 2e10, "nu12": 0.3, "G12": 5e9, "G13": 4e9, "G23": 3e9}
+    expected |= {"rho": 2e3, "thickness": 5e-4, "angle": 0.0}
+    assert layer == pytest.approx(expected)
+    assert given["axis"] == pytest.approx([1, 0, 0])
+    assert given["top"] == pytest.approx([0, 0, 1])
+
+
+def test_springs_and_supports_follow_the_system_of_their_node(bulk):
+    quad = QUAD.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,5") + TURNED
+    model, deck = bulk(quad + "CELAS2,9,5.,3,1\nCELAS2,10,7.,3,6\nSPC1,1,2,3\nSPC,1,3,5,,4,123\n")
+    assert model["springs"][0][1] == pytest.approx({"y": 5e3})
+    assert model["springs"][1][1] == pytest.approx({"rx": 7e-3})
+    assert fixed(deck) == {"x": [4], "y": [4], "z": [3, 4], "rz": [3]}
+
+
+def test_masses_with_a_factor(bulk):
+    """WTMASS: densities, point and nonstructural masses are weights."""
+    quad = QUAD.replace("PSHELL,1,1,.1,1", "PSHELL,1,1,.1,1,,,,4.-9")
+    model, _ = bulk(quad + "PARAM,WTMASS,.5\nCONM2,9,2,,3.-3,,,,\n,1.,,2.,,,3.\n")
+    ((_, _, given, _),) = model["families"]
+    assert given["rho"] == pytest.approx(0.5 * (2e3 + 4e-9 / 0.1 * 1e12))
+    ((point, mass, inertia),) = model["masses"]
+    assert point == pytest.approx([1e-3, 0, 0])
+    assert mass == pytest.approx(1.5)
+    assert inertia == pytest.approx([5e-4, 1e-3, 1.5e-3])

@@ -102,3 +102,46 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
         path.write_text(text + wrong)
         with refused(at, word, ao.MeshError):
             nastran.read(Sources(path, path.name))
+
+
+def test_a_bar_in_a_turned_system_bends_in_its_planes():
+    beam = ao.read_model(DECKS / "bar.bdf")
+    E, G, L, b, h = 2.1e11, 2.1e11 / 2.6, 2.0, 0.1, 0.2
+    assert beam.mass == pytest.approx(7850 * L * b * h, rel=1e-12)
+    for direction, width, height in (((0, 0, 1), b, h), ((1, 0, 0), h, b)):
+        exact = L**3 / (3 * E * width * height**3 / 12) + L / (5 / 6 * G * b * h)
+        model = ao.extract(beam, ao.Site((0, L, 0), direction), n=6)
+        assert model.k0 == pytest.approx(1 / exact, rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:not used of plate.bdf")
+def test_a_plate_of_quadrilaterals_and_triangles():
+    with pytest.warns(ao.AntioscWarning, match="5 elements; 3 of them .* 1 CELAS2, 1 CONM2"):
+        mesh = ao.read_mesh(DECKS / "plate.bdf", unit="mm")
+    assert (mesh.cell, mesh.n_cells) == ("triangle", 5)
+    assert volume(mesh) == pytest.approx(0.025, rel=1e-12)
+    assert len(mesh.group("skin")[2]) == len(mesh.group("2")[2]) == 5
+    with pytest.warns(ao.AntioscWarning, match="not taken: where the nonstr.*, 1 FORCE"):
+        plate = ao.read_model(DECKS / "plate.bdf", unit="mm")
+    # kg in the deck: 7.85e-6 kg/mm³ × 2 mm + 1.57e-6 kg/mm² over 25000 mm², and 0.5 kg
+    assert plate.mass == pytest.approx(25000 * (7.85e-6 * 2 + 1.57e-6) + 0.5, rel=1e-12)
+    shells = [part.part.parts[0][0] for part in plate.matrices.members()]
+    assert {(shell.E, shell.nu, shell.thickness) for shell in shells} == {(2.1e11, 0.3, 2e-3)}
+    supports = [
+        ao.Support(lambda x: x[0] < 1e-9),
+        # 1 to 4 are held, which are two sides; z of 5 and 6, and so that of both quadrilaterals
+        ao.Support(lambda x: (x[1] < 1e-9) & (x[0] < 0.2 + 1e-9)),
+        ao.Support(lambda x: x[0] < 0.2 + 1e-9, "z"),
+    ]
+    by_hand = ao.Structure(
+        mesh,
+        ao.Shell(2.1e11, 0.3, shells[0].rho, 2e-3),
+        supports,
+        attached=[ao.PointMass((0.3, 0.05, 0), 0.5), ao.Spring((0.3, 0.05, 0), {"z": 25e3})],
+    )
+    # three cells are coarse: quadrilaterals beside a triangle are 2 % stiffer than five triangles
+    corner = ao.Site((0.3, 0.05, 0), (0, 0, 1))
+    with pytest.warns(ao.AccuracyWarning, match="edge"):
+        k0 = [ao.extract(part, corner, n=4).k0 for part in (plate, by_hand)]
+    assert k0[0] == pytest.approx(k0[1], rel=0.03)

@@ -304,3 +304,24 @@ def test_what_is_wrong_is_told_with_its_line(joints, card):
     line = frame_of_bars().count("\n") + 1 + card.startswith(("PBUSH,3,K", "PVISC"))
     with pytest.raises(MeshError, match=f"line {line} of .*{WRONG[card]}"):
         joints(card)
+
+
+def test_a_bush_to_the_ground_is_along_the_axes(joints):
+    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"))
+    expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
+    np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
+
+
+def test_a_bush_along_its_line_needs_no_orientation(joints):
+    K = stiffness(joints("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n"))
+    line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
+    push = along(1, 0, line) - along(4, 0, line)
+    twist = along(1, 3, line) - along(4, 3, line)
+    expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
+    np.testing.assert_allclose(K, expected, atol=1e-12)
+
+
+def test_three_masses_on_the_axes_of_a_node_are_one(joints):
+    M, total = mass_matrix(joints("".join(f"CMASS2,{k},6.,2,{k}\n" for k in (1, 2, 3))))
+    np.testing.assert_allclose(M[6:9, 6:9], 6 * np.eye(3), atol=1e-12)
+    assert total == pytest.approx(6)

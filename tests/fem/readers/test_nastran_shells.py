@@ -199,3 +199,24 @@ def test_what_is_wrong_is_told_with_its_line(families, card):
     line = grids().count("\n") + 2 + beyond
     with pytest.raises(MeshError, match=rf"line {line} of .*{message}"):
         families(QUAD_CARD + card + MAT2 + MAT1 + MAT8)
+
+
+def test_an_isotropic_shell(families):
+    cards = QUAD_CARD + "PSHELL,7,1,.4,1,,1,,6.-9\n" + MAT1
+    (((kind, given),), ignored) = families(cards)
+    assert kind == "Shell"
+    assert given["E"] == pytest.approx(2e11)
+    assert given["nu"] == pytest.approx(0.25)
+    assert given["thickness"] == pytest.approx(4e-4)
+    assert given["rho"] == pytest.approx(8e3 + 6e-9 / 0.4 * 1e12)
+    assert "offset" not in given
+    assert not [text for text in ignored if "PSHELL 7" in text and "shear" in text]
+
+
+@pytest.mark.parametrize(
+    ("where", "offset"),
+    [("CQUAD4,1,7,1,2,3,4,,.05\n", 0.05), ("CQUAD4,1,7,1,2,3,4,,-.05\n", -0.05)],
+)
+def test_an_offset_is_that_of_the_element(families, where, offset):
+    (((_, given),), _) = families(where + "PSHELL,7,1,.4,1,,1\n" + MAT1)
+    assert given["offset"] == pytest.approx(1e-3 * offset)

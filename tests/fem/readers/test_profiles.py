@@ -215,3 +215,25 @@ def test_torsion_of_ellipses_is_saint_venants(name):
     profile = SECTIONS[name][0]
     first, second = profile.I, profile.I_side
     assert pytest.approx(4 * first * second / (first + second)) == profile.J
+
+
+def test_sections_between_the_ends_are_linear():
+    """PBEAM with two stations; blank values at the end are those of the start."""
+    fields = ["1", "1", "6.", "4.", "2.", "", "1.", "", *8 * [""]]
+    fields += ["NO", "1.", "3.", "2.", "", "", "", "", "NO", ".5", "", "4.", "", "", "", "", ".8"]
+    at = [beam("PBEAM", fields, s).profile for s in (0.25, 0.75)]
+    assert [one.A for one in at] == pytest.approx([5.25, 3.75])
+    assert [one.I for one in at] == pytest.approx([4.0, 3.0])
+    assert [one.I_side for one in at] == pytest.approx([2.0, 2.0])
+    tapered = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
+    assert pytest.approx(np.pi * 0.01) == beam("PBEAML", tapered, 1.0).profile.A
+
+
+def test_a_tube_with_a_wall_of_its_radius_is_a_bar():
+    """Nothing is hollow; a thicker wall is no more than that."""
+    full = profiles.ellipse(4.0, 4.0)
+    for wall in (2.0, 3.0):
+        found = profiles.tube(2.0, wall)
+        assert pytest.approx(4 * np.pi, rel=1e-12) == found.A
+        assert (found.I, found.I_side) == pytest.approx((4 * np.pi, 4 * np.pi), rel=1e-12)
+        assert pytest.approx(found.A) == full.A

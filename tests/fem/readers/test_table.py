@@ -58,3 +58,27 @@ def test_decks_made_here_are_struck_as_the_references_say(tmp_path):
     assert lines[0].startswith("4 decks: 4 read as meshes, 3 are structures, 3 struck")
     assert "3 of 3 struck" in lines[1]
     assert "contact.inp (contact)" in text
+
+
+@pytest.mark.slow
+def test_a_plate_of_thin_cells_is_as_stiff_as_in_extended_precision(tmp_path):
+    """300 × 30 × 1 in 18 cells: the entries of K alone leave five digits."""
+    x, y = np.linspace(0, 300, 7), np.linspace(0, 30, 4)
+    text, number = "*NODE\n", {}
+    for k in range(2):
+        for j in range(4):
+            for i in range(7):
+                number[i, j, k] = len(number) + 1
+                text += f"{len(number)},{x[i]:.17g},{y[j]:.17g},{k}\n"
+    text += "*ELEMENT,TYPE=C3D8,ELSET=ALL\n"
+    for i in range(6):
+        for j in range(3):
+            ring = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            nodes = [number[a, b, k] for k in (0, 1) for a, b in ring]
+            text += f"{3 * i + j + 1}," + ",".join(map(str, nodes)) + "\n"
+    text += "*BOUNDARY\n" + "".join(f"{number[0, j, k]},1,3\n" for j in range(4) for k in (0, 1))
+    text += "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n*MATERIAL,NAME=M\n*ELASTIC\n2.1E11,.3\n"
+    (tmp_path / "plate.inp").write_text(text + "*DENSITY\n7850.\n")
+    found = table.tried(tmp_path / "plate.inp")
+    assert found["by"] == "NumPy's K"
+    assert found["k0"] == pytest.approx(found["reference"], rel=1e-8)

@@ -80,3 +80,20 @@ def test_motions_and_axes_by_their_numbers_are_refused(tmp_path, part, material)
     read(tmp_path, deck(part, STRAIGHT, material=material))
     with pytest.raises(MeshError, match="rotated"):
         read(tmp_path, deck(part, TURNED, material=material))
+
+
+def test_the_axes_of_beams(tmp_path):
+    text = deck(BARS + BEAM + "0,1,0\n", TURNED + STRAIGHT)
+    model, _ = read(tmp_path, text)
+    found = {name: arguments["orientation"] for name, _, arguments, _ in model["families"]}
+    assert found["I.ALL"] == pytest.approx([-1, 0, 0], abs=1e-12)
+    assert found["J.ALL"] == [0, 1, 0]
+
+
+def test_springs_along_axes_of_their_part(tmp_path):
+    spring = "*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K,ORIENTATION=O\n1\n4.\n"
+    part = BARS + BEAM + "0,1,0\n" + ALONG.format("1,0,0,0,0,1") + spring
+    for placed, motion in ((TURNED, "y"), (STRAIGHT, "x")):
+        model, _ = read(tmp_path, deck(part, placed))
+        ((_, stiffness),) = model["springs"]
+        assert stiffness == {motion: pytest.approx(4e3)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import antiosc as ao
 from antiosc.base.errors import MeshError
 from antiosc.io import mesh_files
 from antiosc.io.neutral import CORNERS, EDGES
@@ -179,3 +180,31 @@ WRONG = {
 def test_what_is_wrong_is_told_with_its_line(read, text):
     with refused(*WRONG[text], MeshError):
         read(text)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_file_of_gmsh_is_the_mesh_that_it_was(tmp_path):
+    """A cylinder with groups, as .unv and .msh, of second order."""
+    pytest.importorskip("dolfinx")
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 2, 1)
+        gmsh.model.occ.synchronize()
+        for dim, tag, name in ((3, 1, "body"), (2, 2, "top")):
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.8)
+        gmsh.option.setNumber("Mesh.ElementOrder", 2)
+        gmsh.model.mesh.generate(3)
+        for suffix in ("unv", "msh"):
+            gmsh.write(str(tmp_path / f"part.{suffix}"))
+    finally:
+        gmsh.finalize()
+    mesh, other = (ao.read_mesh(tmp_path / f"part.{suffix}") for suffix in ("unv", "msh"))
+    assert (mesh.cell, mesh.order, mesh.n_cells) == (other.cell, other.order, other.n_cells)
+    assert set(mesh.groups) == set(other.groups) == {"body", "top"}
+    steel = ao.Solid(210e9, 0.3, 7850.0)
+    mass = ao.Structure(other, steel).mass
+    assert ao.Structure(mesh, steel).mass == pytest.approx(mass, rel=1e-7)  # digits of the file

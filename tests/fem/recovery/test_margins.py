@@ -201,3 +201,50 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         assert ("Thornton" in margin.sentence) == yields
         if yields:
             assert f"{1e-9 * pressure:.2f} GPa" in margin.sentence
+
+
+@pytest.mark.parametrize("criterion", ["tsai_hill", "tsai_wu"])
+def test_at_each_strength_the_exposure_is_1(criterion):
+    for entry, sizes in (((0, 0), (1500, -1200)), ((1, 1), (40, -200)), ((0, 1), (70, -70))):
+        for size in sizes:
+            stress = np.zeros((3, 3))
+            stress[entry] = stress[entry[::-1]] = size * 1e6
+            assert getattr(PLY, criterion)(stress) == pytest.approx(1.0)
+            assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_interior_angles_of_a_box(cell):
+    box = ao.Structure(parts.box((2, 2, 2), (1, 1, 1), cell), ao.Solid(1e9, 0.3, 1e3))
+    corner = interior_angle(box, np.array([1.0, 1.0, 1.0]))
+    assert corner == pytest.approx(90 if cell == "hexahedron" else 180)  # a diagonal of a face
+    assert interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
+    assert interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
+
+
+@pytest.mark.slow
+def test_sheets_tell_that_their_error_is_not_known():
+    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=5e-3)
+    mesh = ao.read_mesh(parts.plate((4, 2), (0.2, 0.1)).dolfinx, gdim=3)
+    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
+    part, hit = held(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), 100.0)
+    peak = ao.peak_field(part, hit, body="part")
+    assert peak.mesh_error is None
+    assert "not estimated" in peak.doubt
+    assert peak.doubt in peak.summary()
+
+
+def test_the_worst_of_two_materials_is_the_one_nearest_to_its_strength():
+    """A bar under tension: equal stress, the half with the lower yield strength is worse."""
+    mesh = parts.box(
+        (4, 1, 1), (0.4, 0.1, 0.1),
+        groups={"soft": (3, lambda x: x[0] < 0.2 + 1e-9), "hard": (3, lambda x: x[0] > 0.2 - 1e-9)},
+    )  # fmt: skip
+    soft, hard = (ao.Solid(70e9, 0.0, 2700.0, yield_strength=s) for s in (100e6, 900e6))
+    part = ao.Structure(mesh, {"soft": soft, "hard": hard}, [ao.Support(lambda x: x[0] < 1e-9)])
+    with pytest.warns(ao.AntioscWarning):
+        part, hit = held(part, ao.Site((0.4, 0.05, 0.05), (1, 0, 0), radius=0.2), 1e4)
+    peak = ao.peak_field(part, hit, body="part")
+    worst = peak.margin()
+    assert worst.strength == 100e6
+    np.testing.assert_allclose(peak.exposure[peak.points[:, 0] < 0.15], 1e6 / 100e6, rtol=0.05)

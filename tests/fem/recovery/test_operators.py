@@ -256,3 +256,22 @@ def test_shear_stresses_of_layers_are_in_equilibrium():
     assert np.abs(shear_stresses(layers, 3, 2e-3)).max() < 1e-9 * 250
     one = [ao.Layer.isotropic(210e9, 0.3, 7850.0, 4e-3)]
     np.testing.assert_allclose(shear_stresses(one, 0, 0.0), 1.5 / 4e-3 * np.eye(2), atol=1e-9)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("stack", ["shell", "laminate"])
+def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
+    """For random deflections and rotations, the interpolated shear strain included."""
+    part = ao.Structure(parts.plate((2, 2), (0.3, 0.2), "triangle"), sheets(stack))
+    rng = np.random.default_rng(3)
+    form = on_mesh(part).form
+    shapes = np.zeros((part.size, 1))
+    for name in ("z", "rx", "ry"):
+        dofs, _ = compat.dof_coordinates(form.space, form.components[name])
+        shapes[dofs, 0] = rng.standard_normal(len(dofs)) * (0.01 if name == "z" else 1)
+    at, weight = at_gauss(part, shapes, 5)
+    axes = SheetAxes(on_mesh(part))
+    forces = evaluator(on_mesh(part), "section_forces", Place())(at)[..., 0]
+    strains = np.hstack([s[..., 0] for s in middle_strains(at, axes)])
+    energy = weight @ (forces * strains).sum(axis=1)
+    assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)

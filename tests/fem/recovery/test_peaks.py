@@ -6,6 +6,8 @@ import meshio
 import numpy as np
 import pytest
 
+from antiosc.base.stresses import extreme_principal
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -158,3 +160,57 @@ def test_two_ranks_give_the_envelopes_of_one():
     one, two = one_and_several(PEAKS)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))
+
+
+def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
+    part, hit = struck
+    times = np.linspace(0, 5e-4, 41)
+    corner = (0.2, 0.0)  # of one cell alone
+    stress = ao.probe(part, hit, corner, "stress", times)
+    expected = {
+        "von_mises": ao.von_mises(stress),
+        "stress": np.abs(ao.principal(stress)).max(axis=1),
+        "strain": np.abs(ao.principal(ao.probe(part, hit, corner, "strain", times))).max(axis=1),
+    }
+    for quantity, own in expected.items():
+        peak = ao.peak_field(part, hit, quantity, times)
+        i = np.argmin(np.linalg.norm(peak.points[:, :2] - corner, axis=1))
+        assert peak.values[i] == pytest.approx(own.max(), rel=1e-6)
+    # by itself the times are dense enough
+    assert ao.peak_field(part, hit).values.max() == pytest.approx(
+        ao.peak_field(part, hit, times=np.linspace(0, 5e-4, 4001)).values.max(), rel=2e-3
+    )
+
+
+def test_extreme_principal_values():
+    rng = np.random.default_rng(0)
+    six = rng.standard_normal((200, 6))
+    six[:3] = [[1, 1, 1, 0, 0, 0], [0] * 6, [2, 2, -1, 0, 0, 0]]
+    np.testing.assert_allclose(
+        extreme_principal(six), np.abs(ao.principal(six)).max(axis=1), rtol=1e-7, atol=1e-12
+    )
+
+
+@pytest.mark.slow
+def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
+    part = ao.Structure(
+        parts.plate((6, 2), (0.3, 0.02), "triangle"),
+        ao.Shell(E=70e9, nu=0.0, rho=2700.0, thickness=4e-3),
+        [ao.Support("left")],
+    )
+    hit = ao.simulate(
+        ao.extract(part, ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01), 6), BALL, LAW, 1e-3
+    )
+    sides = [ao.peak_field(part, hit, "stress", surface=s).values for s in ("top", "bottom")]
+    np.testing.assert_allclose(ao.peak_field(part, hit, "stress").values, np.maximum(*sides))
+    beam = ao.Beam(**parts.STEEL, section=ao.Section(A=2e-4, I=7e-9))
+    bar = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
+    hit = ao.simulate(ao.extract(bar, ao.Site((0.8, 0.0), (0, 1)), 6), BALL, LAW, 1e-3)
+    with pytest.raises(ao.InputError, match="give fibre"):
+        ao.peak_field(bar, hit)
+    peak = ao.peak_field(bar, hit, fibre=(0.01, 0.0))
+    own = ao.probe(bar, hit, (0.8, 0.0), "von_mises", peak.times, fibre=(0.01, 0.0))
+    assert peak.values.min() >= 0
+    assert peak.values[np.argmax(peak.points[:, 0])] == pytest.approx(
+        own[np.argmax(peak.points[:, 0])], rel=1e-6
+    )

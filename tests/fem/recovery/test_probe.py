@@ -7,6 +7,8 @@ import contextlib
 import numpy as np
 import pytest
 
+from sheets import RIB, SHEET, grouped, rectangle
+
 pytest.importorskip("dolfinx")
 
 from scipy.integrate import solve_ivp
@@ -239,3 +241,74 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         seen = ao.probe(joined, hits[1], there, quantity, times, part="block")
         expected = own @ R.T if own.ndim == 2 else R @ own @ R.T
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
+
+
+@pytest.mark.slow
+def test_a_superposition_gives_them_too(sheet):
+    part, times, solved = sheet
+    hit = ao.simulate(ao.full(part, SITE), BALL, LAW, DURATION, tol=1e-5)
+    worst = errors(part, hit, times, solved)
+    assert max(worst.values()) < 1e-3
+
+
+def test_section_forces_of_a_plane_beam():
+    """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
+    part = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
+    hit = quiet_load(ao.extract(part, ao.Site((0.8, 0.0), (0, 1)), 6), 5.0)
+    N, V, M = ao.probe(part, hit, (0.3, 0.0), "section_forces")[-1]
+    np.testing.assert_allclose([V, M], [5.0, 5.0 * 0.5], rtol=1e-5)
+    assert abs(N) < 1e-6
+    fibre = ao.probe(part, hit, (0.3, 0.0), "stress", fibre=(0.01, 0.0))[-1]
+    np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_body_of_a_scene(sheet):
+    part, times, solved = sheet
+    scene = ao.Scene(
+        {"part": ao.extract(part, {"tip": SITE}, 24), "ball": BALL},
+        [ao.Contact("part:tip", "ball", LAW)],
+    )
+    hit = scene.run(DURATION, tol=1e-5)
+    worst = errors(part, hit, times, solved, body="part")
+    assert worst["stress"] < 2e-4
+    assert worst["acceleration"] < 1.5e-2
+    at = hit.at(times)["part"]
+    for quantity in ("displacement", "velocity", "acceleration", "stress"):
+        one = ao.probe(part, hit, POINTS[1], quantity, times)
+        other = ao.probe(part, at, POINTS[1], quantity)
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
+    with pytest.raises(ao.InputError, match="its own times"):
+        ao.probe(part, hit.bodies["part"], POINTS[1], times=times)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*patch")
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_a_stiffener_takes_its_share_of_the_moment(cell):
+    """A T section under a slow force: plane sections stay plane, N of the rib by statics."""
+    length, width, force, x = 1.0, 0.05, 5.0, 0.3
+    mesh = grouped(rectangle((24, 2), length, width, cell), lambda at: np.isclose(at[1], width / 2))
+    part = ao.Structure(
+        mesh, {"sheet": SHEET, "rib": RIB}, [ao.Support(lambda at: np.isclose(at[0], 0))]
+    )
+    end = length - 0.05
+    site = ao.Site((end, width / 2, 0), (0, 0, 1), radius=0.02)
+    hit = quiet_load(ao.extract(part, site, 8), force)
+    rib, E = RIB.section, RIB.E
+    areas, centres = np.array([width * 0.004, rib.A]), np.array([0.0, RIB.offset])
+    own = np.array([width * 0.004**3 / 12, rib.I])
+    middle = areas @ centres / areas.sum()
+    bend = force * (end - x) / (E * (own.sum() + areas @ (centres - middle) ** 2))
+
+    def probed(quantity, **options):
+        return ao.probe(part, hit, (x, width / 2, 0), quantity, stiffener="rib", **options)[-1]
+
+    forces = probed("section_forces")
+    N = E * rib.A * bend * (centres[1] - middle)
+    np.testing.assert_allclose(abs(forces[[0, 5]]), [N, E * rib.I * bend], rtol=2e-2)
+    above = probed("stress", fibre=(0.015, 0.0), axes="local")[0, 0]
+    assert abs(above) == pytest.approx(E * bend * (centres[1] + 0.015 - middle), rel=2e-2)
+    with pytest.raises(ao.InputError, match=r"no stiffener.*'rib'"):
+        ao.probe(part, hit, (x, 0, 0), "stress", stiffener="ribs")

@@ -129,3 +129,49 @@ def test_what_moves_the_whole_part_is_refused(struck):
     falling = ao.Scene(ends, apart, gravity=(0, -9.81, 0))
     with pytest.raises(ao.InputError, match="part"):
         ao.reactions(slides, falling.run(1e-5), SITE, body="part")
+
+
+def test_a_clamped_shell_holds_force_and_moment():
+    """At rest under F at the distance d: R = −F and M = F d about the clamp."""
+    part = ao.Structure(
+        parts.plate((8, 2), (0.3, 0.02), "triangle"),
+        ao.Shell(E=70e9, nu=0.3, rho=2700.0, thickness=4e-3),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01)
+    scene = ao.Scene(
+        {"part": ao.extract(part, site, 6), "far": ao.Obstacle()},
+        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
+        loads=[ao.Load("part", [0.0, 1.0], [5.0, 5.0])],
+        preload=True,
+    )
+    found = ao.reactions(part, scene.run(1e-6), site, body="part")
+    np.testing.assert_allclose(found.force["left"][-1], [0, 0, -5], atol=1e-6)
+    np.testing.assert_allclose(found.moment["left"][-1], [0, 5 * 0.27, 0], atol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_part_that_slides_and_a_scene():
+    """A guide along x: the reactions along y balance, and those along x are zero."""
+    with pytest.warns(ao.AntioscWarning, match="free to move"):
+        part = sheet([ao.Support("left", "y"), ao.Support("right", "y")])
+    hit = ao.simulate(ao.extract(part, SITE, 10), BALL, LAW, DURATION)
+    found = ao.reactions(part, hit, SITE)
+    scale = np.abs(found.applied).max()
+    np.testing.assert_allclose(
+        (found.total + found.applied)[:, 1], found.inertia[:, 1], atol=1e-8 * scale
+    )
+    np.testing.assert_allclose(found.applied[:, 0], found.inertia[:, 0], atol=1e-8 * scale)
+    assert np.abs(found.total[:, 0]).max() < 1e-8 * scale
+    two = {"one": SITE, "other": ao.Site((0.15, 0.0), (0, 1), radius=0.034)}
+    held = sheet()
+    scene = ao.Scene(
+        {"part": ao.extract(held, two, 20), "ball": BALL, "stop": ao.Obstacle()},
+        [ao.Contact("part:one", "ball", LAW), ao.Contact("part:other", "stop", LAW, gap=1e-7)],
+    )
+    run = scene.run(DURATION)
+    both = ao.reactions(held, run, two, body="part")
+    np.testing.assert_allclose(
+        both.total + both.applied, both.inertia, atol=1e-8 * np.abs(both.applied).max()
+    )
+    assert run["part:other", "stop"].peak_force > 0

@@ -208,3 +208,53 @@ def test_the_triangles_of_a_body_cover_its_surface_once(cell):
     areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
     a, b, c = sides
     assert areas.sum() == pytest.approx(2 * (a * b + b * c + c * a), rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize(
+    "direction", [(0, 0, -1), (1, 0, 0), (0.6, 0.8, 0), (1, 0, -1), (2, 1, -2)]
+)
+@pytest.mark.slow
+def test_own_compliance_of_a_patch_in_any_direction(block, cell, direction):
+    """C(a) − C_half-space(a, direction) does not depend on the radius, normal to oblique."""
+    whole, local = np.array([compliance(block(cell), direction, r) for r in RADII]).T
+    rest = whole - local
+    assert abs(rest[1] - rest[0]) < 0.03 * (local[0] - local[1])
+    # and most of it is gone: without taking it off the two differ by the half-space's part
+    assert whole[0] - whole[1] == pytest.approx(local[0] - local[1], rel=0.03)
+    assert abs(rest).max() < 0.2 * local.min()
+
+
+@pytest.mark.slow
+def test_the_impact_does_not_depend_on_the_patch(block):
+    """A steel ball at 1 m/s: the indentation of the patch is counted once, whatever its radius."""
+    ball = ao.Sphere(radius=0.01, E=210e9, nu=0.3, rho=7850.0, velocity=1.0)
+    law = ball.hertz(210e9, 0.3)
+    peaks, bare = [], []
+    for radius in RADII:
+        site = ao.Site(TOP, (0, 0, -1), radius=radius)
+        model = ao.extract(block("hexahedron"), site, n=12)
+        hit = ao.simulate(model, ball, law, duration=2e-4)
+        assert "was subtracted from Hertz's law" in hit.message
+        peaks.append(hit.peak_force)
+        twice = ao.AntiOscillators(m0=model.m0, k0=model.k0, m=model.m, omega=model.omega)
+        bare.append(ao.simulate(twice, ball, law, duration=2e-4).peak_force)
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
+    # counted twice, the radius matters
+    assert bare[1] / bare[0] > 1.02
+    assert max(bare) < min(peaks)
+
+
+def test_a_segment_with_many_elements():
+    n, a = 200, 0.05
+    mesh = parts.plate((n, 1), (0.12, 0.01))
+    part = ao.Structure(
+        mesh, ao.Solid(**parts.STEEL, plane="stress"), [ao.Support("left")], order=1
+    )
+    b, x = forces(part, ao.Site((0.06, 0.01), (0, 1), radius=a), "y")
+    b, x = b[x[:, 1] > 0.009], x[x[:, 1] > 0.009]
+    fine = np.linspace(-1, 1, 20_001)
+    pressure = 2 / np.pi * np.sqrt(1 - fine**2)
+    hats = np.maximum(0.0, 1 - np.abs(0.06 + a * fine - x[:, :1]) / (0.12 / n))
+    exact = hats @ pressure * (fine[1] - fine[0])
+    assert np.abs(b - exact).max() < 0.05 * exact.max()

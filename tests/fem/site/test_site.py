@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from antiosc.fem.mesh import surface
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -279,3 +281,101 @@ def test_a_blow_along_the_surface_is_told(part):
         tell(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
     assert "against the normal (0, 0, 1)" in str(all_[0].message)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_displacement_of_any_point_in_the_plane(cell):
+    structure = ao.Structure(parts.plate(cell=cell), PLANE)
+    u = field_of(structure, quadratic)
+    for point in [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]:
+        expected = quadratic(np.array([*point, 0.0])[:, None])[:2, 0] @ [0.6, -0.8]
+        assert at(structure, point, (0.6, -0.8)) @ u == pytest.approx(expected, rel=1e-12)
+        assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", parts.CELLS)
+def test_curved_cells(tmp_path, cell):
+    """On cells of order 2 a linear field is exact at every point of the bent cube."""
+    space = cell in ("tetrahedron", "hexahedron")
+    path = parts.gmsh_cube(tmp_path / "cube.msh", cell, 2, bent=True)
+    structure = ao.Structure(ao.read_mesh(path), SOLID if space else PLANE)
+    u = field_of(structure, linear)
+    d = np.array([0.6, 0.0, 0.8]) if space else np.array([0.6, 0.8, 0.0])
+    straight = np.random.default_rng(1).uniform(0, 1, (20, 3))
+    straight[::4, 0] = 1.0  # some on a face
+    straight[::5, 1] = 0.5  # some between cells
+    straight[:, 2] *= space
+    for point in (parts.bend if space else parts.bend_plane)(straight):
+        expected = linear(point[:, None])[:, 0] @ d
+        assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.sample(-1)
+@pytest.mark.parametrize(
+    "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
+)
+def test_the_nearest_point_is_the_nearest(part):
+    """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
+    mesh = ao.read_mesh(
+        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
+        size=None if part != "bracket" else 0.01,
+    )
+    nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    rng = np.random.default_rng(5)
+    X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
+    if mesh.cell == "quadrilateral":
+        X = rng.uniform(0, 1, (40, 2))
+    cmap = compat.coordinate_map(mesh.dolfinx)
+    samples = np.concatenate([
+        cmap.push_forward(X, np.ascontiguousarray(n[:, : mesh.gdim])) for n in nodes
+    ])  # fmt: skip
+    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
+    points = rng.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (25, 3))
+    points[:, mesh.gdim :] = 0
+    spacing = np.ptp(nodes, axis=1).max()
+    for point in points:
+        place = surface.closest(mesh, point)
+        assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
+        brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
+        assert place.distance <= brute + 1e-9
+        assert place.distance >= brute - spacing
+        again = cmap.push_forward(
+            place.X.reshape(1, -1), np.ascontiguousarray(nodes[place.cell][:, : mesh.gdim])
+        )[0]
+        np.testing.assert_allclose(again, place.x[: mesh.gdim], atol=1e-9)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.slow
+def test_a_patch_averages_with_hertz_weights(cell):
+    """Exact for a translation; the centre's value for a linear field; a²/5 for x²."""
+    mesh = parts.box((20, 20, 2), (0.1, 0.1, 0.02), cell)
+    structure = ao.Structure(mesh, SOLID)
+    p, d = np.array([0.053, 0.048, 0.02]), np.array([0.48, 0.6, 0.64])
+    a = 0.02
+    result = functional(structure, ao.Site(p, d, radius=a))
+    ones = field_of(structure, lambda x: np.outer(d, np.ones(x.shape[1])))
+    assert result.b @ ones == pytest.approx(1.0, rel=1e-13)
+    u = field_of(structure, linear)
+    assert result.b @ u == pytest.approx(linear(p[:, None])[:, 0] @ d, rel=1e-4)
+    # ∫ w x² dS / ∫ w dS = a²/5 with w = √(1 − r²/a²)
+    square = field_of(structure, lambda x: np.outer(d, (x[0] - p[0]) ** 2))
+    assert result.b @ square == pytest.approx(a**2 / 5, rel=5e-3)
+    # The load lies on the face alone, not on the back nor the inside.
+    below = field_of(structure, lambda x: np.outer(d, x[2] < 0.0199))
+    assert abs(result.b @ below) < 1e-12
+    cosine = d[2]
+    assert result.local_compliance == pytest.approx(SOLID.half_space_compliance(cosine) / a)
+    np.testing.assert_allclose(result.point, p)
+
+
+def test_a_patch_on_a_plane_part_lies_on_its_edge():
+    structure = ao.Structure(parts.plate((40, 8), (0.2, 0.04)), PLANE)
+    a = 0.012
+    result = functional(structure, ao.Site((0.103, 0.04), (0, -1), radius=a))
+    down = field_of(structure, lambda x: np.array([0 * x[0], -1 + 0 * x[0], 0 * x[0]]))
+    assert result.b @ down == pytest.approx(1.0, rel=1e-13)
+    square = field_of(structure, lambda x: np.array([0 * x[0], -((x[0] - 0.103) ** 2), 0 * x[0]]))
+    assert result.b @ square == pytest.approx(a**2 / 4, rel=1e-2)  # along a line
+    assert result.local_compliance == 0.0

@@ -7,6 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
+from free_bodies import SIZE, effective_mass, extract
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -174,3 +176,32 @@ def test_a_beam_on_a_pin_turns_about_it():
             ao.simulate(model, stop, ao.Hertz(1e9), 1e-3, initial_velocity=motion)
     with pytest.raises(ao.InputError, match="about x"):
         ao.simulate(model, stop, ao.Hertz(1e9), 1e-3, initial_velocity=ao.Motion(spin=(1, 0, 0)))
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("name", CASES)
+def test_mass_felt_at_the_site(name):
+    make, site = CASES[name]
+    structure = make()
+    model = extract(structure, site, 5, "modes")
+    assert model.k0 == 0.0
+    assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
+
+
+def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
+    """Held along the impact, free across it: the site sees no rigid motion, but the body slides."""
+    guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
+    structure = ao.Structure(parts.box((4, 2, 2), SIZE), ao.Solid(**parts.STEEL), [guide], order=1)
+    site = ao.Site((0.11, 0.04, 0.04), (0, 0, -1))
+    model = model_of("krylov", structure, site)
+    assert model.k0 > 0
+    hit = ao.simulate(
+        model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3, gap=5e-4, gravity=(2.0, 0, -9.81),
+        initial_velocity=ao.Motion((0.7, 0, 0)),
+    )  # fmt: skip
+    slid = rigid_field(structure, np.array([0.7 * 4e-4 + 4e-4**2, 0, 0]), np.zeros(3), np.zeros(3))
+    assert np.abs(hit.field(4e-4) - slid).max() < 1e-9 * slid.max()
+    mass = 7850.0 * np.prod(SIZE)
+    assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
+    with pytest.raises(ao.InputError, match="asked of a supported body"):
+        ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)

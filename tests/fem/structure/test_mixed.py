@@ -7,6 +7,9 @@ import json
 import numpy as np
 import pytest
 
+from antiosc import Spring
+from sheets import frequencies
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -118,3 +121,30 @@ print(json.dumps((peaks[-1] - peaks[2]) / size))
 def test_memory_does_not_grow():
     for text in run_ranks(2, GROWTH, alone=True):
         assert json.loads(text) < 1.5
+
+
+def test_a_stiff_plate_on_springs_heaves_as_one_mass():
+    mesh = grouped(
+        rectangle(4, 0.2, 0.2),
+        points=lambda x: np.isclose(np.abs(x[0] - 0.1), 0.1) & np.isclose(np.abs(x[1] - 0.1), 0.1),
+    )
+    feet = Spring("feet", {"x": 100.0, "y": 100.0, "z": 100.0})
+    motor = PointMass((0.1, 0.1, 0.0), 0.5, inertia=1e-3)
+    part = ao.Structure(mesh, ao.Shell(E, 0.3, RHO, 0.01), attached=[feet, motor])
+    mass = RHO * 0.01 * 0.04 + 0.5
+    assert part.mass == pytest.approx(mass, rel=1e-12)
+    assert part.rigid_modes.shape[1] == 0
+    J = (mass - 0.5) * (0.2**2 + 0.01**2) / 12 + 1e-3  # about x and y
+    polar = (mass - 0.5) * (0.2**2 + 0.2**2) / 12 + 1e-3  # about z; thin normals add a little
+    squares = sorted([400 / mass] * 3 + [4 * 100 * 0.1**2 / J] * 2 + [400 * 0.02 / polar])
+    assert frequencies(part, 6) ** 2 == pytest.approx(squares, rel=2e-3)
+
+
+def test_a_support_holds_the_stiffener_too():
+    """A rib along a clamped edge adds nothing but mass."""
+    mesh = grouped(rectangle((4, 4), 0.4, 0.4), lambda x: np.isclose(x[0], 0))
+    held = [ao.Support(at(0, 0.0))]
+    with_rib = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, held)
+    without = ao.Structure(mesh, {"sheet": SHEET}, held)
+    assert np.abs(csr(with_rib.K) - csr(without.K)).max() <= 1e-12 * abs(csr(without.K)).max()
+    assert with_rib.mass > without.mass

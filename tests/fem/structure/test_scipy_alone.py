@@ -202,3 +202,18 @@ def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
     ):
         linalg.factorize(A)
+
+
+@DIRECT
+def test_factors_of_matrices_that_are_not_positive_definite(direct):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A = rng.standard_normal((12, 12))
+        A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
+        values = np.linalg.eigvalsh(A)
+        if values[0] > 1e-6:
+            X = linalg.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
+            np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
+        else:
+            with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+                linalg.factorize(scipy.sparse.csr_matrix(A))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 
 pytest.importorskip("dolfinx")
 
@@ -15,6 +16,23 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from antiosc.fem.structure import support
 from marks import FREE_ON_PURPOSE
+
+
+def handed_over(structure: ao.Structure, kind: str):
+    """K and M without the fixed dofs, as another code would give them."""
+    free = np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
+    pair = [csr(A)[free][:, free] for A in (structure.K, structure.M)]
+    if kind == "petsc":
+        pair = [
+            PETSc.Mat().createAIJ(A.shape, csr=(A.indptr, A.indices, A.data), comm=PETSc.COMM_SELF)
+            for A in pair
+        ]
+    elif kind == "coo":
+        pair = [A.tocoo() for A in pair]
+    elif kind == "dense":
+        pair = [A.toarray() for A in pair]
+    return pair, free
+
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -119,3 +137,62 @@ def test_a_family_of_ones_own_says_what_a_site_takes():
     np.testing.assert_allclose(taken.b, given.b, atol=1e-12)
     with pytest.raises(ao.InputError, match="material must be a Solid"):
         ao.Structure(parts.box(), SOLID.weak_form)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
+@pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
+def test_matrices_give_the_model_of_the_mesh(kind, supports):
+    mesh = parts.plate((6, 3), (0.2, 0.05))
+    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01), supports)
+    (K, M), free = handed_over(meshed, kind)
+    foreign = ao.Structure.from_matrices(K, M)
+    assert foreign.rigid_modes.shape[1] == meshed.rigid_modes.shape[1]
+    assert foreign.dofs == meshed.dofs
+    dofs, x = coordinates(meshed, "y")
+    dof = int(dofs[np.argmin(np.linalg.norm(x - [0.2, 0.05, 0], axis=1))])
+    b = np.zeros(meshed.K.getSize()[0])
+    b[dof] = 1.0
+    expected = ao.extract(meshed, ao.Site(vector=b), n=6, method="modes")
+    for site in (ao.Site(dof=int(np.searchsorted(free, dof))), ao.Site(vector=b[free])):
+        model = ao.extract(foreign, site, n=6, method="modes")
+        np.testing.assert_allclose(model.omega, expected.omega, rtol=1e-8)
+        np.testing.assert_allclose(model.m, expected.m, rtol=1e-7)
+        assert model.k0 == pytest.approx(expected.k0, rel=1e-8)
+        assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
+
+
+def test_matrices_of_which_one_part_slides():
+    """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
+    K = np.zeros((6, 6))
+    for i, j, k in [(0, 1, 1e6), (1, 2, 2e6), (3, 4, 3e6), (4, 5, 1e6)]:
+        K[np.ix_([i, j], [i, j])] += k * np.array([[1, -1], [-1, 1]])
+    K[3, 3] += 1e6
+    M = np.diag([1.0, 2.0, 1.0, 1.0, 1.5, 1.0])
+    structure = ao.Structure.from_matrices(K, M)
+    assert structure.rigid_modes.shape == (6, 1)
+    omega = np.linspace(100, 3000, 7)
+    for dof, k0 in [(0, 0.0), (5, 1 / (1e-6 + 1 / 3e6 + 1e-6))]:
+        model = ao.extract(structure, ao.Site(dof=dof), n=5)
+        exact = [1 / np.linalg.inv(K - w**2 * M)[dof, dof] for w in omega]
+        assert model.k0 == pytest.approx(k0, rel=1e-12)
+        np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)
+
+
+def test_a_point_group_holds_a_node():
+    """Three nodes held along three, two and one axes leave no rigid motion, and no more is held."""
+    size = (0.2, 0.05, 0.04)
+    corners = {
+        "origin": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9),
+        "along x": (0, lambda x: np.linalg.norm(x - [[size[0]], [0], [0]], axis=0) < 1e-9),
+        "along y": (0, lambda x: np.linalg.norm(x - [[0], [size[1]], [0]], axis=0) < 1e-9),
+    }
+    mesh = parts.box(size=size, groups=corners)
+    supports = [ao.Support("origin"), ao.Support("along x", "yz"), ao.Support("along y", "z")]
+    with pytest.raises(ao.InputError, match="fix='yz'"):
+        ao.Structure(mesh, SOLID, supports)
+    supports[1] = ao.Support("along x", ("y", "z"))
+    structure = ao.Structure(mesh, SOLID, supports)
+    assert len(structure.fixed) == 6
+    assert structure.rigid_modes.shape[1] == 0
+    np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
