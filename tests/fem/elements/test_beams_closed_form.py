@@ -1,0 +1,132 @@
+"""Meshed beams against the closed forms: anti-oscillators, and the order at which they converge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc import closed_form
+from antiosc.base.errors import AntioscWarning
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+LENGTH = 1.0
+WIDTH = 0.0141421356237  # the article's case 2: 2 cm², 0.33 cm⁴
+SECTION = ao.Section.rectangle(WIDTH, WIDTH)
+BEAM = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=SECTION)
+EXACT = closed_form.UniformBeam.timoshenko(
+    E=67e9, nu=0.33, rho=2400.0, area=SECTION.A, inertia=SECTION.I, length=LENGTH
+)
+PIN, CLAMP = ("x", "y"), "all"
+# ends held, site, closed form
+CASES = {
+    "cantilever, tip": ([("left", CLAMP)], 1.0, closed_form.cantilever(EXACT)),
+    "pinned-pinned, mid-span": (
+        [("left", PIN), ("right", "y")], 0.5, closed_form.pinned_pinned(EXACT)
+    ),
+    "pinned-free, tip": ([("left", PIN)], 1.0, closed_form.pinned_free(EXACT)),
+    "free-free, at 0.3 L": ([], 0.3, closed_form.free_free(EXACT, 0.3)),
+}  # fmt: skip
+N = 5
+
+
+def meshed(name: str, elements: int, order: int, n: int = N) -> ao.AntiOscillators:
+    ends, site, _ = CASES[name]
+    supports = [ao.Support(*end) for end in ends]
+    structure = ao.Structure(parts.line(LENGTH, elements), BEAM, supports, order=order)
+    return ao.extract(structure, ao.Site((site * LENGTH, 0), (0, 1)), n=n, method="modes")
+
+
+def errors(model: ao.AntiOscillators, exact: ao.AntiOscillators) -> dict[str, np.ndarray]:
+    return {
+        "omega": np.abs(model.omega / exact.omega - 1),
+        "m": np.abs(model.m / exact.m - 1),
+    }
+
+
+@pytest.mark.parametrize(("order", "rate"), [(2, 4.0), (1, 2.0)])
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
+def test_order_of_convergence(name, order, rate):
+    """h⁴ with quadratic elements and two-point shear, h² with linear ones and one-point shear."""
+    exact = CASES[name][2].anti_oscillators(N)
+    counts = np.array([20, 40, 80]) if order == 2 else np.array([40, 80, 160])
+    models = [meshed(name, int(count), order) for count in counts]
+    for quantity in ("omega", "m"):
+        found = np.array([errors(model, exact)[quantity] for model in models])
+        rates = np.log2(found[-2] / found[-1])[1:4]  # the first mode reaches rounding
+        assert rates.min() > rate - 0.25, (quantity, found)
+        if quantity == "omega":  # the masses of some sites converge faster
+            assert rates.max() < rate + 0.25, found
+
+
+def test_stiffness_of_the_article_supported_beam():
+    """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
+    model = meshed("pinned-pinned, mid-span", 50, 1)
+    bending = 48 * BEAM.E * SECTION.I / LENGTH**3
+    assert model.k0 == pytest.approx(bending, rel=2e-3)
+    assert model.m.sum() / model.m_st == pytest.approx(0.86, abs=0.01)
+    assert model.info["modes_unobservable"] >= 4
+    assert meshed("pinned-free, tip", 50, 1).m.sum() / meshed(
+        "pinned-free, tip", 50, 1
+    ).m_st == pytest.approx(0.89, abs=0.01)
+
+
+def test_a_beam_along_its_own_axis_is_a_rod():
+    """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
+    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
+    model = ao.extract(structure, ao.Site((LENGTH, 0), (-1, 0)), n=4, method="modes")
+    i = np.arange(1, 5)
+    mass = EXACT.mass
+    np.testing.assert_allclose(model.omega, i * np.pi * np.sqrt(67e9 / 2400) / LENGTH, rtol=1e-5)
+    np.testing.assert_allclose(model.m, 2 * mass / (i * np.pi) ** 2, rtol=1e-3)
+    assert model.m_st == pytest.approx(mass / 3, rel=1e-9)
+    assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
+
+
+def test_a_solid_bar_becomes_the_beam():
+    """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
+    L, h, t = 1.0, 0.1, 0.02
+    mesh = parts.plate((40, 4), (L, h))
+    solid = ao.Solid(E=67e9, nu=0.3, rho=2400.0, plane="stress", thickness=t)
+    structure = ao.Structure(mesh, solid, [ao.Support("left")])
+    with pytest.warns(AntioscWarning, match="point"):
+        model = ao.extract(structure, ao.Site((L, h / 2), (0, -1)), n=3, method="modes")
+    exact = closed_form.cantilever(
+        closed_form.UniformBeam.timoshenko(
+            E=67e9, nu=0.3, rho=2400.0, area=h * t, inertia=t * h**3 / 12, length=L
+        )
+    ).anti_oscillators(3)
+    np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
+    assert model.k0 == pytest.approx(exact.k0, rel=0.01)
+    assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
+
+
+def test_a_beam_beside_its_line_is_the_same_beam():
+    """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
+    section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05
+    beams = [
+        ao.Structure(
+            parts.line(L, 20, (1.0, 0.0, 0.0)),
+            ao.Beam(**parts.STEEL, section=section, orientation=(0, 0, 1), offset=offset),
+            [ao.Support("left")],
+        )
+        for offset in (0.0, e)
+    ]
+    plain, beside = (beam.natural_modes(6) for beam in beams)
+    np.testing.assert_allclose(beside.omega, plain.omega, rtol=1e-9)
+    np.testing.assert_allclose(beside.effective_mass, plain.effective_mass, atol=1e-9)
+    side = ao.Site((L, 0, 0), (0, 1, 0))
+    before, after = (1 / ao.extract(beam, side, 4).k0 for beam in beams)
+    G = parts.STEEL["E"] / (2 * (1 + parts.STEEL["nu"]))
+    assert after - before == pytest.approx(e**2 * L / (G * section.torsion), rel=1e-8)
+    model = ao.extract(beams[1], side, 4)
+    hit = ao.simulate(model, ao.RigidMass(1.0, 0.1), ao.Linear(1e4), 1e-3)
+    held = ao.reactions(beams[1], hit, side, [1e-3])
+    root = ao.probe(beams[1], hit, (0.0, 0, 0), "section_forces", [1e-3])[0]
+    assert root[2] == pytest.approx(held.total[0, 1], rel=0.02)
