@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from antiosc.results.peaks import PeakField
+    from antiosc.studies.chance.sample import Sample
+    from antiosc.studies.drops.drop import Drops
 
 
 #: Most curves of one chart.
@@ -221,7 +223,7 @@ def _largest(peak: PeakField) -> str:
     return f"largest {engineering(value, peak.unit, 4)} {where}"
 
 
-def _quantiles(many: Any, units: Mapping[str, str]) -> Columns:
+def _quantiles(many: Sample | Drops, units: Mapping[str, str]) -> Columns:
     """Quantiles of some quantities of an ensemble, with their bars."""
     rows = []
     for name, unit in units.items():

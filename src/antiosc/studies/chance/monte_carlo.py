@@ -76,12 +76,12 @@ def uniform(low: float, high: float) -> Any:
     return between(low, high - low)
 
 
-def is_name(name: Any) -> bool:
+def is_name(name: object) -> bool:
     """Whether a function can take an argument of this name: "mass", "impactor.mass"."""
     return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
 
 
-def checked(inputs: Any) -> dict[str, Any]:
+def checked(inputs: object) -> dict[str, Any]:
     """The inputs of a study, each a distribution or a sequence of values; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
     given = dict(checks.instance("inputs", inputs, Mapping, kind))
@@ -228,7 +228,7 @@ def made(
 def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
     """What one part of the runs gives; impacts that `run` only describes are simulated together."""
     rows: list[Row] = [""] * len(given)
-    scenes: dict[int, tuple[Any, ...]] = {}
+    scenes: dict[int, tuple[object, ...]] = {}
     with without_warnings():
         for i, values in enumerate(given):
             try:
@@ -247,7 +247,7 @@ def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
     return rows
 
 
-def _simulated(scenes: list[tuple[Any, ...]]) -> list[Row]:
+def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
     """The impacts of (model, impactor, contact, duration) in one batch."""
     if any(len(scene) != 4 for scene in scenes):
         raise InputError("a tuple that `run` returns must be (model, impactor, contact, duration).")
@@ -264,7 +264,7 @@ def _simulated(scenes: list[tuple[Any, ...]]) -> list[Row]:
     ]
 
 
-def _numbers(found: Any) -> Row:
+def _numbers(found: object) -> Row:
     """The results of one run by name."""
     if isinstance(found, Mapping):
         return {str(name): _result(str(name), value) for name, value in found.items()}
@@ -274,7 +274,7 @@ def _numbers(found: Any) -> Row:
     return {"value": _result("what `run` returns", found)}
 
 
-def _result(name: str, value: Any) -> float:
+def _result(name: str, value: object) -> float:
     """A result as a float, NaN for None and what is not finite."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return np.nan

@@ -253,14 +253,14 @@ def nearby(
     )
 
 
-def _named(ranges: Any) -> dict[str, Any]:
+def _named(ranges: object) -> dict[str, Any]:
     given = dict(checks.instance("ranges", ranges, Mapping, 'a dict, as {"E": (60e9, 80e9)}'))
     if not given or not all(map(is_name, given)):
         raise InputError(f"ranges must have names of arguments; got {', '.join(map(str, given))}.")
     return given
 
 
-def _range(name: str, given: Any) -> tuple[float, float]:
+def _range(name: str, given: object) -> tuple[float, float]:
     """(low, high) of a parameter."""
     if hasattr(given, "ppf"):
         given = [float(given.ppf(q)) for q in ((1 - COVERED) / 2, (1 + COVERED) / 2)]

@@ -77,9 +77,9 @@ def onto(direction: Array, other: Array) -> Array:
     return np.asarray(np.eye(3) + turn)
 
 
-def _named(body: FreeBody, kind: str, name: Any) -> Array:
+def _named(body: FreeBody, kind: str, given: object) -> Array:
     """The unit direction in the body that points down where a face, edge or corner is lowest."""
-    checks.text(kind, name)
+    name = checks.text(kind, given)
     found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
     if not len(name) / 2 == len(found) == FACES[kind]:
         if kind == "face" and body.structure is not None:
@@ -223,7 +223,7 @@ def tumbles(
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
     drawn = partial(_drawn, body.alone(), start, setting, ensemble)
     parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
-    found: dict[int, list[Any]] = {}
+    found: dict[int, list[dict[str, float] | str]] = {}
     with counting("falls", n) as ready:
         for k, rows in made(partial(_tumble, drawn), parts, executor):
             found[k] = rows
@@ -246,7 +246,7 @@ def tumbles(
 
 
 def _drawn(
-    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: Any
+    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
 ) -> tuple[FreeBody, State, Setting]:
     """The body, the start and the setting of one fall."""
     rng = np.random.default_rng(seed)
@@ -262,7 +262,9 @@ def _drawn(
     return body, hung(body, own, R, spin, start.velocity), own
 
 
-def _tumble(drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: Any) -> dict[str, float]:
+def _tumble(
+    drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
+) -> dict[str, float]:
     """The values of the impacts of one fall, by name and number."""
     fall = fall_of(*drawn(seed))
     told = {"yields": float(fall.contact_yields), "missed": float(fall.missed)}

@@ -11,9 +11,9 @@ motion looked at in steps that resolve the modes, and the touch located.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.floor import Ground
 
+#: Points by their numbers.
+Which: TypeAlias = "slice | IntArray | Sequence[int]"
 #: A spin whose axis deviates by less than this share from the angular momentum keeps it.
 SPINNING = 1e-12
 #: Largest parameter m of the elliptic functions: SciPy leaves their period out nearer to 1.
@@ -170,14 +172,19 @@ class State:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
         return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
 
-    def arms(self, body: FreeBody, which: Any = slice(None)) -> Array:
+    def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
         """Arms (n, 3) [m] from the centre of mass to the lowest places at points."""
         bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
         arms = bent @ self.R.T
         arms[:, 2] -= body.balls[which]
         return np.asarray(arms)
 
-    def heights(self, body: FreeBody, ground: Ground | None, which: Any = slice(None)) -> Array:
+    def heights(
+        self,
+        body: FreeBody,
+        ground: Ground | None,
+        which: Which = slice(None),
+    ) -> Array:
         """Heights (n,) [m] of points over the floor."""
         return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
 

@@ -130,7 +130,7 @@ class Floor(Given):
         return None if self.model is None else _ground(self.model.modal())
 
 
-def as_floor(floor: Any) -> Floor:
+def as_floor(floor: object) -> Floor:
     """What is given as `floor`, None the rigid one; InputError says how to make a floor of it."""
     if isinstance(floor, Floor):
         return floor

@@ -120,7 +120,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
     begin = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
     times = np.linspace(begin, fall.end.time, max(int(RATE * seconds), 2))
 
-    def drawn(k: int) -> list[Any]:
+    def drawn(k: int) -> list[object]:
         axes.clear()
         _posed(axes, fall, at(fall, float(times[k])), surface)
         axes.set_title(f"{times[k]:.4f} s", fontsize=10)

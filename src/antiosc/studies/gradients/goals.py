@@ -95,10 +95,10 @@ class Recorded:
         return starts(self.run, self.system, np.arange(self.edges.size))[1]
 
 
-def recorded(hit: Any) -> Recorded:
+def recorded(hit: object) -> Recorded:
     """The run of a history; InputError for what has none with all that gradients need."""
     run = hit.run if isinstance(hit, History) else None
-    if run is None or run.exits is None or run.states is None:
+    if not isinstance(hit, History) or run is None or run.exits is None or run.states is None:
         raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
     a = hit.assembly
     parts = {

@@ -155,7 +155,7 @@ class _Search:
         return tuple(made)
 
 
-def _scaled(bounds: Any, start: Array, scale: Array) -> list[tuple[float, float]] | None:
+def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, float]] | None:
     """Bounds of the scaled inputs; InputError for those that do not hold `start`."""
     if bounds is None:
         return None

@@ -321,7 +321,7 @@ def by_shape(
     return [{"x": own} for own in slopes]
 
 
-def _extracted(made: Any, model: AntiOscillators) -> AntiOscillators:
+def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
     """The model of a part, extracted as `model` was."""
     if isinstance(made, AntiOscillators):
         return made
