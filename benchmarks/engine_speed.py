@@ -172,11 +172,12 @@ def batch(model: ao.AntiOscillators, scenes: int, repeats: int = 5) -> dict[str,
 
 
 def threads(
-    model: ao.AntiOscillators, workers: int, scenes: int = 640, repeats: int = 3
+    model: ao.AntiOscillators, workers: int, scenes: int = 640, repeats: int = 5
 ) -> dict[str, float]:
     """How many times faster several threads are than one, by the clock, at best of some repeats:
     calls of `simulate`, and a batch."""
     strikers, laws = drawn(scenes)
+    many = drawn(5 * scenes)
 
     def strike(first: int, count: int) -> None:
         for blow in list(zip(strikers, laws, strict=True))[first::count]:
@@ -186,7 +187,7 @@ def threads(
         list(pool.map(strike, range(count), [count] * count))
 
     def batch(count: int, pool: ThreadPoolExecutor) -> None:
-        ao.simulate_many(model, strikers, laws, DURATION, tol=TOL, executor=pool)
+        ao.simulate_many(model, *many, DURATION, tol=TOL, executor=pool)
 
     found = {}
     for work in (calls, batch):

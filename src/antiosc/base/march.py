@@ -290,6 +290,9 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
 }  # fmt: skip
+#: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
+#: threads would otherwise pass on several times in each impact.
+_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve")
 
 
 def source_hash(folder: Path) -> str:
@@ -305,10 +308,11 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
     try:
-        found = ctypes.CDLL(str(path))
+        found, unlocked = ctypes.PyDLL(str(path)), ctypes.CDLL(str(path))
         for name, (result, *arguments) in _SIGNATURES.items():
-            function = getattr(found, name)
+            function = getattr(unlocked if name in _LONG else found, name)
             function.restype, function.argtypes = result, arguments
+            setattr(found, name, function)
     except (OSError, AttributeError) as error:
         raise MissingDependencyError(
             f"the library {path.name} cannot be loaded ({error}): {_REMEDY}."

@@ -6,6 +6,7 @@ from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
 from itertools import accumulate
 from math import prod
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,6 +193,7 @@ class Space:
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.work: Array | None = None  # of gradients
         self.renew(given)
+        _spaces.add(self)
 
     @property
     def nbytes(self) -> int:
@@ -216,6 +218,7 @@ class Space:
 
 Key = tuple[int, int, int, bytes]  # contacts, rows, modes, and the numbers of the bodies
 
+_spaces: WeakSet[Space] = WeakSet()  # all of them, those in use too
 _kept: list[tuple[Key, Space]] = []  # the newest first; threads with the same bodies have one each
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
@@ -228,7 +231,7 @@ def _space(key: Key, given: Given) -> Space:
     for one in _kept.copy():
         if one[0] == key and _taken(one):
             return one[1]
-    if len(_kept) >= _MOST_KEPT:
+    if len(_spaces) >= _MOST_KEPT:
         oldest = _kept[-1:]
         if oldest and _taken(oldest[0]) and oldest[0][1].fits(given):
             oldest[0][1].renew(given)
