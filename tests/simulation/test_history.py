@@ -139,7 +139,7 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
         raise MemoryError("Unable to allocate 7 GiB")
 
     monkeypatch.setattr(engine, "Buffers", full)
-    monkeypatch.setattr(two_bodies._Space, "renew", full)
+    monkeypatch.setattr(two_bodies._Workspace, "renew", full)
     monkeypatch.setattr(engine, "_kept", type(engine._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}

@@ -16,7 +16,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
 from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.bodies import Impactor, Obstacle, Placed, RigidMass, Sphere, place
+from antiosc.simulation.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, place
 from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.histories.results import inexact, touching
 from antiosc.simulation.march.convergence import FINE
@@ -200,7 +200,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     )  # fmt: skip
 
 
-def _refuse_coupled(bodies: Mapping[str, Placed]) -> None:
+def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
     for name, body in bodies.items():
         if body.modes.first_order is not None:
             raise InputError(
@@ -209,7 +209,7 @@ def _refuse_coupled(bodies: Mapping[str, Placed]) -> None:
             )
 
 
-def _linear(body: Placed) -> System:
+def _linear(body: SceneBody) -> System:
     """A body alone as a system: a row a site, no contact."""
     count, size = body.B.shape[1], body.omega.size
     none = np.zeros(0)
@@ -221,7 +221,7 @@ def _linear(body: Placed) -> System:
     )  # fmt: skip
 
 
-def _columns(body: Placed, prefix: str = "") -> list[str]:
+def _columns(body: SceneBody, prefix: str = "") -> list[str]:
     """Names of a body's columns with a dot behind: "tip.", "tip.1."; "" of the only one."""
     names = [""] * body.B.shape[1]
     for site, columns in body.sites.items():

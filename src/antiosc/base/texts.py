@@ -1,6 +1,6 @@
 """Objects and numbers as short texts.
 
-`Brief` shows a result in a few lines, `Given` what a user makes in one; `engineering` writes a
+`ReprMixin` shows a result in a few lines, `Given` what a user makes in one; `engineering` writes a
 number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
 """
 
@@ -22,7 +22,7 @@ LINES = 4
 WIDTH = 72
 
 
-class Brief:
+class ReprMixin:
     """Gives an object a `repr` of at most five lines, and a table in notebooks.
 
     `_facts` lists (name, value as text); by default the fields of the dataclass, arrays by their
@@ -62,7 +62,7 @@ class Given:
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
-        if "__repr__" not in cls.__dict__ and not issubclass(cls, Brief):
+        if "__repr__" not in cls.__dict__ and not issubclass(cls, ReprMixin):
             cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
 
     def _told(self) -> list[tuple[str, str]]:
@@ -109,7 +109,7 @@ def _given(value: object) -> str:
     if isinstance(value, list | tuple):
         text = ", ".join(map(_given, value))
         return f"({text})" if len(text) <= WIDTH else f"({len(value)} entries)"
-    if isinstance(value, Brief) or callable(value):
+    if isinstance(value, ReprMixin) or callable(value):
         return getattr(value, "__name__", type(value).__name__)
     text = repr(value)
     return text if len(text) <= WIDTH and "\n" not in text else type(value).__name__

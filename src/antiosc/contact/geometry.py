@@ -15,7 +15,7 @@ from scipy.special import ellipkm1, elliprd
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 
 Radii = float | tuple[float, float]
 
@@ -98,7 +98,7 @@ DEPTHS = np.linspace(0.01, 2.0, 4000)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactStress(Brief):
+class ContactStress(ReprMixin):
     """Elastic stresses in the struck surface under a spherical contact.
 
     Attributes

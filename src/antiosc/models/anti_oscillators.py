@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief, engineering
+from antiosc.base.texts import ReprMixin, engineering
 from antiosc.models import model_file, parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_contact_points
 from antiosc.models.damping import DampingMatrix, along
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AntiOscillators(Brief, Parameters):
+class AntiOscillators(ReprMixin, Parameters):
     """Anti-oscillator model of a structure at one impact site along one direction, or at several.
 
     What follows "Several:" applies to models of several sites. Their displacements u (p,) are those

@@ -20,7 +20,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 
@@ -85,7 +85,7 @@ class MeasuredBand(TypedDict):
 
 
 @dataclass(frozen=True, repr=False)
-class ModelInfo(Brief):
+class ModelInfo(ReprMixin):
     """What is known of an extracted model besides its numbers; nothing changes it afterwards.
 
     `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError where nothing is known.

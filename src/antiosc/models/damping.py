@@ -47,14 +47,14 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 
 #: Asymmetry and negative eigenvalues, of a unit diagonal, that are rounding.
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DampingMatrix(Brief):
+class DampingMatrix(ReprMixin):
     """Damping that couples the modes of a model, exact in the march however strong it is.
 
     Parameters

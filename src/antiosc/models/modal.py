@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, warn
-from antiosc.base.texts import Brief, Given
+from antiosc.base.texts import Given, ReprMixin
 from antiosc.models.damping import DampingMatrix, FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector, unit_vectors
 
@@ -105,7 +105,7 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
     return Damping(ratio=value)
 
 
-class FreeModes(Brief):
+class FreeModes(ReprMixin):
     """What bodies in free modes with one contact point (`ModalBody`) and with several share.
 
     The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and

@@ -31,14 +31,14 @@ import numpy as np
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
-from antiosc.base.texts import Brief, Given
+from antiosc.base.texts import Given, ReprMixin
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inertia(Brief):
+class Inertia(ReprMixin):
     """Inertia of a body and momentum of its coordinates, in the axes of its mesh.
 
     Attributes

@@ -30,7 +30,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, filled, instance, path as checked_path
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction import beside_rigid
 from antiosc.fem.fields import source
@@ -267,7 +267,7 @@ def checked_shapes(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reactions(Brief):
+class Reactions(ReprMixin):
     """Forces and moments of the supports on a part.
 
     Attributes

@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
-from antiosc.base.texts import Brief, engineering, place
+from antiosc.base.texts import ReprMixin, engineering, place
 from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_pressure
 from antiosc.fem.assembly import with_parts
@@ -36,7 +36,7 @@ CRITERIA: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Margin(Brief):
+class Margin(ReprMixin):
     """The worst point of a part over a run: the largest stress over the strength.
 
     The stresses are those of a linear-elastic part: beyond yield it deforms permanently, and its

@@ -29,7 +29,7 @@ from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import Brief, engineering, place as placed
+from antiosc.base.texts import ReprMixin, engineering, place as placed
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform import collective, warn
@@ -235,7 +235,7 @@ PLACES_APART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeakField(Brief):
+class PeakField(ReprMixin):
     """The largest value of one quantity at every node of a part.
 
     Attributes

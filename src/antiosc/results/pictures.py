@@ -24,7 +24,7 @@ from antiosc.base.surfaces import (
     frame,
     space,
 )
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.models import model_file
 from antiosc.simulation.histories import History, SceneHistory
 
@@ -50,7 +50,7 @@ FACES: dict[str, list[list[int]]] = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SavedFields(Brief):
+class SavedFields(ReprMixin):
     """Displacements at the nodes of a part: at every time the sum of shapes with factors.
 
     Attributes

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 
 #: Oscillators a decade where no frequencies are given.
 A_DECADE = 48
@@ -28,7 +28,7 @@ ROUGH, SAMPLED = 0.5, 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShockSpectrum(Brief):
+class ShockSpectrum(ReprMixin):
     """Extreme responses of oscillators to one signal, in its unit.
 
     Attributes
@@ -50,7 +50,7 @@ class ShockSpectrum(Brief):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Spectrum(Brief):
+class Spectrum(ReprMixin):
     """Fourier transform of a signal.
 
     Attributes

@@ -21,7 +21,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.models.body import is_thin
-from antiosc.simulation.bodies import Placed, first_order_of, may_turn, place
+from antiosc.simulation.bodies import SceneBody, first_order_of, may_turn, place
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.march.system import System
 from antiosc.simulation.scene_parts import (
@@ -198,10 +198,10 @@ def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, li
     ]
 
 
-Parts: TypeAlias = tuple[SceneParts, dict[str, Placed]]
+Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
-def known(scene: SceneParts, bodies: dict[str, Placed]) -> Callable[[], Parts]:
+def known(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
     """What gives a scene and its bodies that are made already, and can be pickled."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
@@ -246,7 +246,7 @@ class Assembly:
         return self._parts[0]
 
     @property
-    def bodies(self) -> dict[str, Placed]:
+    def bodies(self) -> dict[str, SceneBody]:
         """The placed bodies by name."""
         return self._parts[1]
 
@@ -349,7 +349,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
 
 
 def side_by_side(
-    bodies: Mapping[str, Placed],
+    bodies: Mapping[str, SceneBody],
 ) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
     """Modes and columns of each body among those of all, and the matrices B and r of all."""
     spans, columns, j, k = {}, {}, 0, 0

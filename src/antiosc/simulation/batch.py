@@ -18,7 +18,7 @@ from antiosc.base import checks, march, plausible
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody, info_of
 from antiosc.simulation.histories import History
@@ -26,8 +26,8 @@ from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.results import (
     COMPLETED,
     STOPPED,
+    CheckResult,
     Ended,
-    Verdict,
     tell_all,
     tell_rotation,
     verdict_of,
@@ -193,7 +193,7 @@ LOOKED_AT = 3  # models of which the shortest impact is asked whether they suffi
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(Brief):
+class Batch(ReprMixin):
     """Results of many impacts, one entry per scene; see `History` for their meaning.
 
     Attributes
@@ -354,7 +354,7 @@ _Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 class _Row:
     """What a batch keeps of one scene; `error` that of a scene which failed."""
 
-    verdict: Verdict
+    verdict: CheckResult
     peak_force: float = np.nan
     impulse: float = np.nan
     contact_time: float = np.nan
@@ -427,7 +427,7 @@ def _row_of(
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
     ended = Ended(answer, time, touches, [0] * goes_on, force, peak, certain)
-    verdict = Verdict(COMPLETED, "Completed.")
+    verdict = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
         verdict = verdict_of(pose(*scene), ended, settings.tol, settings.limits)
     most, impulse, contact_time, restitution, closed, steps = numbers
@@ -461,13 +461,13 @@ def _alone(scene: Impact, step: float | None, n: int | str | None, settings: Set
 
 
 def _failed(error: AntioscError) -> _Row:
-    return _Row(Verdict(STOPPED, str(error)), error=error)
+    return _Row(CheckResult(STOPPED, str(error)), error=error)
 
 
 @checks.within_range
 def _impact(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
-) -> tuple[History, Verdict]:
+) -> tuple[History, CheckResult]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
     history, verdict = impact(scene, replace(settings, step=step), n)
@@ -475,7 +475,7 @@ def _impact(
     return history, verdict
 
 
-def _row(hit: History, verdict: Verdict) -> _Row:
+def _row(hit: History, verdict: CheckResult) -> _Row:
     e = hit.restitution
     return _Row(
         verdict=verdict,
@@ -523,12 +523,12 @@ def _gathered(rows: list[_Row]) -> Batch:
 def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
     """The rows of a batch; without one, rows of status 2."""
     if earlier is None:
-        return [_Row(Verdict(STOPPED, ""))] * size
+        return [_Row(CheckResult(STOPPED, ""))] * size
     batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")
     check_earlier(len(batch), size)
     names = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step", "force")
     rows = []
     for i, (status, message) in enumerate(zip(batch.status.tolist(), batch.message, strict=True)):
         values = {name: getattr(batch, name)[i] for name in names}
-        rows.append(_Row(Verdict(status, message), accuracy=batch.error[i], **values))
+        rows.append(_Row(CheckResult(status, message), accuracy=batch.error[i], **values))
     return rows

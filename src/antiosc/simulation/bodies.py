@@ -1,8 +1,8 @@
 """Bodies of a scene: impactors, also by the name of a standard, obstacles, rigid bodies, models.
 
 Whatever a body is, a scene sees its modes, the displacements of its sites in them, and what its
-motion carries (`Placed`). A site has one or more columns, each a displacement along a direction of
-space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
+motion carries (`SceneBody`). A site has one or more columns, each a displacement along a direction
+of space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
 
 Each named impactor has the source of its numbers. What no source confirms is left out: a tip
 without a modulus has no Hertz law of its own.
@@ -428,7 +428,7 @@ class RigidBody(Given):
 
 
 @dataclass(eq=False)
-class Placed:
+class SceneBody:
     """A body as a scene sees it: its free modes, and how it begins.
 
     Attributes
@@ -536,25 +536,25 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
-def may_turn(body: Placed | ModalBody | SiteModes) -> bool:
+def may_turn(body: SceneBody | ModalBody | SiteModes) -> bool:
     """Whether a body may turn, and its inertia in space is known."""
     return body.inertia is not None and not body.omega.all()
 
 
-def first_order_of(bodies: Iterable[Placed]) -> SideBySide | None:
+def first_order_of(bodies: Iterable[SceneBody]) -> SideBySide | None:
     """First-order modes of all bodies side by side, if one has them."""
     parts = [(body.omega, body.decay, body.modes.first_order, body.begun) for body in bodies]
     return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
 
 
-def place(name: str, body: object, motion: Motion | ModalState | float | None) -> Placed:
+def place(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
     """The body of that name with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
         modes = body if isinstance(body, SiteModes) else body.site_modes()
         still = np.zeros(modes.omega.size)
-        placed = Placed(name, body, modes, still, local_compliance=modes.local_compliance)
+        placed = SceneBody(name, body, modes, still, local_compliance=modes.local_compliance)
     else:
         placed = _single(name, body)
     if motion is not None:
@@ -580,7 +580,7 @@ def place(name: str, body: object, motion: Motion | ModalState | float | None) -
     return placed
 
 
-def _single(name: str, body: object) -> Placed:
+def _single(name: str, body: object) -> SceneBody:
     asked = checked_body(f"body {name!r}", body)
     modes, velocity = asked.modal(), asked.velocity
     own = isinstance(body, Impactor)
@@ -589,16 +589,16 @@ def _single(name: str, body: object) -> Placed:
     return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
 
 
-def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> Placed:
+def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> SceneBody:
     """A body of one contact point, with its modal velocities (J,) at the start."""
     local = {"": asked.local_compliance}
-    return Placed(
+    return SceneBody(
         name, body, modes, start,
         gap=asked.gap, local_compliance=local, patch_radius=asked.patch_radius,
     )  # fmt: skip
 
 
-def _rigid(name: str, body: RigidBody) -> Placed:
+def _rigid(name: str, body: RigidBody) -> SceneBody:
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}
@@ -621,10 +621,10 @@ def _rigid(name: str, body: RigidBody) -> Placed:
         directions=np.tile(np.eye(3), (len(sites), 1)),
         inertia=Inertia(body.centre, matrix, momentum),
     )
-    return Placed(name, body, modes, np.zeros(6), pushes=pushes)
+    return SceneBody(name, body, modes, np.zeros(6), pushes=pushes)
 
 
-def _started(placed: Placed, motion: Motion | float) -> Array:
+def _started(placed: SceneBody, motion: Motion | float) -> Array:
     """Modal velocities of a body that moves without strain."""
     if not isinstance(motion, Motion):
         along = placed.directions is None or placed.inertia is None  # the speed along it

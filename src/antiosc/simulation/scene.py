@@ -36,8 +36,8 @@ from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.energy import gained
 from antiosc.simulation.histories.parts import ErrorBudget
 from antiosc.simulation.histories.results import (
+    CheckResult,
     Ended,
-    Verdict,
     tell_rotation,
     too_far,
     touching,
@@ -151,7 +151,7 @@ class Scene(SceneParts):
 
 def solved(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
-) -> tuple[H, Verdict]:
+) -> tuple[H, CheckResult]:
     """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
     step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
@@ -388,10 +388,10 @@ def simulate(
 
 def impact(
     scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
-) -> tuple[History, Verdict]:
+) -> tuple[History, CheckResult]:
     """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
 
-    def of(model: LinearBody, settings: Settings) -> tuple[History, Verdict]:
+    def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = pose(model, *scene[1:])
         return solved(partial(History, budget=budget), assembly, scene.duration, settings)
 

@@ -31,7 +31,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
-from antiosc.simulation.bodies import PARALLEL, Obstacle, Placed, RigidBody
+from antiosc.simulation.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 
 LAW = "a ContactLaw such as Hertz(stiffness)"
 
@@ -222,10 +222,10 @@ def of_two(
     return parts
 
 
-End = tuple[Placed, str]  # a body and the name of its site
+End = tuple[SceneBody, str]  # a body and the name of its site
 
 
-def find(end: str, bodies: dict[str, Placed]) -> tuple[Placed, str]:
+def find(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     """The body of an end and the name of its site."""
     name, _, site = end.partition(":")
     if name not in bodies:
@@ -244,9 +244,9 @@ def find(end: str, bodies: dict[str, Placed]) -> tuple[Placed, str]:
 
 
 def give_axes(
-    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, Placed]
+    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
 ) -> None:
-    """Give the sites without a direction (`Placed.axes`) that of their contacts.
+    """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
 
     Sites without directions that touch each other move along one axis, in the same sense; it is
     the direction of the first contact of any of them that has one.
@@ -265,7 +265,7 @@ def give_axes(
                 reached += [other for link in links if (name, at) in link for other in link]
 
 
-def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
+def along(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
     """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
     columns = list(body.columns_of(site))
@@ -311,7 +311,7 @@ def row_of(
     return row, direction
 
 
-def order_notes(contacts: Sequence[Contact], bodies: dict[str, Placed]) -> list[str]:
+def order_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
     """Notes on contacts, which did not touch, that push the second end against its site."""
     notes = []
     for contact in contacts:
@@ -329,7 +329,7 @@ def order_notes(contacts: Sequence[Contact], bodies: dict[str, Placed]) -> list[
 def tangents_of(
     contact: Contact,
     direction: Array | None,
-    bodies: dict[str, Placed],
+    bodies: dict[str, SceneBody],
     columns: dict[str, slice],
     size: int,
 ) -> list[Array]:
@@ -365,7 +365,7 @@ def tangents_of(
     return rows
 
 
-def axes_of(bodies: dict[str, Placed]) -> dict[str, Array | None]:
+def axes_of(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
     """Direction in space of the one coordinate of each body that moves along one."""
     axes: dict[str, Array | None] = {}
     for name, body in bodies.items():
@@ -378,7 +378,7 @@ def axes_of(bodies: dict[str, Placed]) -> dict[str, Array | None]:
 
 def acting(
     scene: SceneParts,
-    bodies: dict[str, Placed],
+    bodies: dict[str, SceneBody],
     spans: dict[str, slice],
     columns: dict[str, slice],
     axes: dict[str, Array | None],
@@ -438,7 +438,7 @@ def acting(
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _tell_if_oblique(body: Placed, axis: Array | None, moved: Array) -> None:
+def _tell_if_oblique(body: SceneBody, axis: Array | None, moved: Array) -> None:
     """InputError where the ground (K, 3) moves across the one direction that a body knows."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
@@ -454,7 +454,7 @@ def _tell_if_oblique(body: Placed, axis: Array | None, moved: Array) -> None:
         )
 
 
-def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
+def _weights(body: SceneBody, axis: Array | None, vector: bool) -> Array:
     """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
     if isinstance(body.body, Obstacle):
         return np.zeros((0, 3 if vector else 1))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march, process
 from antiosc.base._types import Array
-from antiosc.simulation.bodies import Placed, may_turn
+from antiosc.simulation.bodies import SceneBody, may_turn
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
 
@@ -261,7 +261,7 @@ def free_steps(run: Run, system: System) -> Array:
 
 
 def largest_rotation(
-    run: Run, system: System, bodies: Mapping[str, Placed], parts: Mapping[str, slice]
+    run: Run, system: System, bodies: Mapping[str, SceneBody], parts: Mapping[str, slice]
 ) -> tuple[str, float]:
     """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
 

@@ -26,8 +26,8 @@ from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, Parts, expected_impact, freed
 from antiosc.simulation.bodies import (
     Obstacle,
-    Placed,
     RigidMass,
+    SceneBody,
     Sphere,
     first_order_of,
     may_turn,
@@ -70,7 +70,7 @@ class Pair:
     local: float
 
     @property
-    def bodies(self) -> tuple[Placed, Placed]:
+    def bodies(self) -> tuple[SceneBody, SceneBody]:
         """The structure and the impactor as a scene has them, with their motion at the start."""
         count = self.modes[0].omega.size
         structure, striker = zip(self.given, self.asked, self.modes, strict=True)
@@ -404,7 +404,7 @@ def _turning(made: Pair) -> list[Array]:
     return [np.array(found)] if found else []
 
 
-class _Space:
+class _Workspace:
     """Memory that the march solves impacts with so many modes in."""
 
     def __init__(self, size: int) -> None:
@@ -438,10 +438,10 @@ class _Space:
         return [(time[a:b], force[a:b]) for a, b in zip(begins, ends, strict=True)]
 
 
-_spaces: list[_Space] = []
+_spaces: list[_Workspace] = []
 
 
-def _space(size: int) -> _Space:
+def _space(size: int) -> _Workspace:
     """Memory of an earlier call, if it is enough; taken out, so that no other thread has it."""
     while _spaces:
         try:
@@ -450,6 +450,6 @@ def _space(size: int) -> _Space:
             break
         if found.renew(size):
             return found
-    found = _Space(size)
+    found = _Workspace(size)
     found.renew(size)
     return found

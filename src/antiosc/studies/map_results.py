@@ -14,7 +14,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief, engineering, place, span
+from antiosc.base.texts import ReprMixin, engineering, place, span
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
@@ -35,7 +35,7 @@ class MapInfo(TypedDict, total=False):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImpactMap(Brief):
+class ImpactMap(ReprMixin):
     """Anti-oscillators and impacts over a surface, on every rank alike.
 
     Attributes

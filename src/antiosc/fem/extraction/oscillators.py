@@ -326,7 +326,7 @@ MECHANISM = 1e-9
 CONVERGED = 1e-3
 
 
-def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
+def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     """Accept a measured error, warn of it, or refuse it."""
     if value <= limit:
         return
@@ -382,7 +382,7 @@ def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict
         "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }
     for name, value in measured.items():
-        judge(name, value, FORCES if name == "residual" else CHECK, comm)
+        check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
     return measured, int(np.sum(off < CONVERGED))
 
 

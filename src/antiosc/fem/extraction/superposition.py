@@ -20,7 +20,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.extraction import (
     SiteShapes,
     beside_rigid,
@@ -49,7 +49,7 @@ BEYOND = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureModes(Brief):
+class StructureModes(ReprMixin):
     """The lowest natural modes of a structure, ascending; rigid-body modes first.
 
     Attributes
@@ -203,7 +203,7 @@ COUNTED = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NaturalModes(Brief, Body):
+class NaturalModes(ReprMixin, Body):
     """A structure in natural modes with their values at one site, accepted by `simulate`.
 
     Attributes

@@ -19,7 +19,7 @@ from antiosc.base.checks import (
     shown,
 )
 from antiosc.base.errors import InputError, known
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import keys
@@ -148,7 +148,7 @@ def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArra
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh(Brief):
+class Mesh(ReprMixin):
     """A dolfinx mesh whose entities have names. Coordinates in metres."""
 
     #: the dolfinx mesh

@@ -118,7 +118,7 @@ def joined(found: Sequence[MapSites]) -> MapSites:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class SurfaceSample:
     """Points of a surface, equal on all ranks.
 
     Attributes
@@ -275,7 +275,7 @@ def sites_on(
     return result
 
 
-def surface(structure: MeshedStructure, group: str | None) -> Ground:
+def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     """The vertices of a group of facets (of cells on shells and beams); None: all there are."""
     mesh, outside = structure.mesh, structure.kind.outside
     faces = Faces(mesh, not outside)
@@ -302,7 +302,7 @@ def surface(structure: MeshedStructure, group: str | None) -> Ground:
     mean = mean / np.where(length > 0, length, 1.0)
     if corner.shape[1] == 4:  # in tensor order: 0 1 / 2 3
         corner = np.vstack([corner[:, [0, 1, 2]], corner[:, [1, 3, 2]]])
-    return Ground(x.reshape(-1, 3)[first], mean, corner)
+    return SurfaceSample(x.reshape(-1, 3)[first], mean, corner)
 
 
 def points_given(points: object, direction: object) -> Array:
@@ -325,13 +325,13 @@ def _in_space(direction: Sequence[float]) -> Array:
     return in_space(given)
 
 
-def _given(structure: MeshedStructure, points: object, along: Array | None) -> Ground:
+def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
     """Points of the structure that the caller gave."""
     at = points_given(points, along)
     mesh = structure.mesh
     nearest = closest_many(mesh, at)
     on_structure(at, nearest.distance, mesh.extent())
-    return Ground(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
+    return SurfaceSample(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
 
 
 def on_structure(points: Array, distance: Array, size: float) -> None:

@@ -19,7 +19,7 @@ from antiosc.base._types import Array, Box, Matrix
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import Choice, Solver, algebra
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
@@ -46,7 +46,7 @@ class Options(TypedDict):
     solver: Choice
 
 
-class Structure(Brief):
+class Structure(ReprMixin):
     """M and K of a part, with its supports applied.
 
     Parameters

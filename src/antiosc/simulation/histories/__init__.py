@@ -21,11 +21,11 @@ from antiosc.base import checks, march
 from antiosc.base._types import Array, Index
 from antiosc.base.charts import plot_history
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.simulation.assembly import Assembly, known
-from antiosc.simulation.bodies import Placed, RigidBody
+from antiosc.simulation.bodies import RigidBody, SceneBody
 from antiosc.simulation.histories.energy import Energy, balance
 from antiosc.simulation.histories.parts import (
     BodyHistory,
@@ -289,7 +289,7 @@ class History(HistoryResults, OneContact):
         return 0
 
     @property
-    def _ends(self) -> list[Placed]:
+    def _ends(self) -> list[SceneBody]:
         """The bodies of the one contact."""
         contact = self.assembly.scene.contacts[self._row]
         return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
@@ -477,7 +477,7 @@ def forces_of(history: Motions, times: Array, body: str) -> Array:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BodyEnergy(Brief):
+class BodyEnergy(ReprMixin):
     """Energies [J] of one body, at the times (n,) of the history.
 
     Attributes

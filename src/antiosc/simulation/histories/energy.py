@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw, State
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.simulation.assembly import Assembly
@@ -19,7 +19,7 @@ from antiosc.simulation.states import blocks, node_states, part_of, starts, touc
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Energy(Brief):
+class Energy(ReprMixin):
     """Energies [J] at the nodes of a history, each (n,), and how well they balance.
 
     Attributes

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief, engineering, percent
+from antiosc.base.texts import ReprMixin, engineering, percent
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.bodies import Placed
+from antiosc.simulation.bodies import SceneBody
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.scene_parts import along, find
@@ -272,7 +272,7 @@ class OneContact:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactHistory(OneContact, Brief):
+class ContactHistory(OneContact, ReprMixin):
     """One contact of a history: its force at the nodes, and the numbers of its impacts.
 
     Attributes
@@ -308,7 +308,7 @@ class ContactHistory(OneContact, Brief):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BodyHistory(Brief):
+class BodyHistory(ReprMixin):
     """One body of a scene, at the times of the history.
 
     Attributes
@@ -319,7 +319,7 @@ class BodyHistory(Brief):
     kinetic, strain : (n,) energies [J].
     """
 
-    placed: Placed
+    placed: SceneBody
     time: Array
     q: Array
     v: Array

@@ -22,7 +22,7 @@ from antiosc.base.errors import (
     MissingDependencyError,
     warn,
 )
-from antiosc.base.texts import Brief, engineering, percent, place as placed
+from antiosc.base.texts import ReprMixin, engineering, percent, place as placed
 from antiosc.models import model_file
 from antiosc.models.body import info_of, places_of
 from antiosc.simulation.assembly import Assembly
@@ -50,17 +50,17 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CheckResult:
     """Status and message of a run; `odd`: causes a warning although the status is 0."""
 
     status: int
     message: str
     odd: bool = False
 
-    def with_shortage(self, shortage: str) -> Verdict:
+    def with_shortage(self, shortage: str) -> CheckResult:
         """The same verdict for a model with too few anti-oscillators."""
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
-        return Verdict(worse, f"{self.message} {shortage}", self.odd)
+        return CheckResult(worse, f"{self.message} {shortage}", self.odd)
 
     def tell(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
@@ -103,17 +103,17 @@ def verdict_of(
     limits: tuple[int, int],
     failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
-) -> Verdict:
+) -> CheckResult:
     """The verdict on a run; `limits`: max_contacts, max_steps; `gain`: relative, of energy."""
     failure = failure or stopped(ended.answer, ended.time, *limits)
     if failure:
-        return Verdict(STOPPED, failure[0].upper() + failure[1:] + ".")
+        return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
     cut = cut_short(assembly, ended)
     if doubt := inexact(ended, tol, limits[1], gain):
-        return Verdict(INEXACT, f"{doubt} {cut}".rstrip())
+        return CheckResult(INEXACT, f"{doubt} {cut}".rstrip())
     if untouched := never_touched(assembly, ended):
-        return Verdict(COMPLETED, f"Never touched: {untouched}.", odd=True)
-    return Verdict(TOUCHING, cut) if cut else Verdict(COMPLETED, "Completed.")
+        return CheckResult(COMPLETED, f"Never touched: {untouched}.", odd=True)
+    return CheckResult(TOUCHING, cut) if cut else CheckResult(COMPLETED, "Completed.")
 
 
 def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable[[], float]) -> str:
@@ -200,7 +200,7 @@ def tell_rotation(name: str, angle: float) -> None:
         )
 
 
-def tell_all(verdicts: Sequence[Verdict]) -> None:
+def tell_all(verdicts: Sequence[CheckResult]) -> None:
     """One warning for each kind of failure in a batch of runs, with the scenes that have it."""
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, one in enumerate(verdicts):
@@ -265,7 +265,7 @@ LARGEST = 2**30
 MOST_CONTACTS = 10_000
 
 
-class Results(Brief):
+class Results(ReprMixin):
     """What a history can be written as.
 
     `columns` and `numbers` say what it has.

@@ -175,7 +175,7 @@ class Buffers:
         )
 
 
-class Space:
+class Workspace:
     """A stepper in its memory, and the buffers of its runs.
 
     It holds the responses of the steps that earlier runs of the same bodies and rows used.
@@ -218,13 +218,15 @@ class Space:
 
 Key = tuple[int, int, int, bytes]  # contacts, rows, modes, and the numbers of the bodies
 
-_spaces: WeakSet[Space] = WeakSet()  # all of them, those in use too
-_kept: list[tuple[Key, Space]] = []  # the newest first; threads with the same bodies have one each
+_spaces: WeakSet[Workspace] = WeakSet()  # all of them, those in use too
+_kept: list[
+    tuple[Key, Workspace]
+] = []  # the newest first; threads with the same bodies have one each
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(key: Key, given: Given) -> Space:
-    """Space for a system, with the responses of its bodies if they are kept.
+def _space(key: Key, given: Given) -> Workspace:
+    """Workspace for a system, with the responses of its bodies if they are kept.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
@@ -236,10 +238,10 @@ def _space(key: Key, given: Given) -> Space:
         if oldest and _taken(oldest[0]) and oldest[0][1].fits(given):
             oldest[0][1].renew(given)
             return oldest[0][1]
-    return Space(given)
+    return Workspace(given)
 
 
-def _taken(one: tuple[Key, Space]) -> bool:
+def _taken(one: tuple[Key, Workspace]) -> bool:
     """Whether it was still there to be taken: another thread may have done so."""
     try:
         _kept.remove(one)
@@ -248,7 +250,7 @@ def _taken(one: tuple[Key, Space]) -> bool:
     return True
 
 
-def _keep(key: Key, space: Space) -> None:
+def _keep(key: Key, space: Workspace) -> None:
     """Leave the space to later runs."""
     if space.nbytes <= _LARGEST_KEPT:
         _kept.insert(0, (key, space))

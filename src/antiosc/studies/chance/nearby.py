@@ -21,7 +21,7 @@ import scipy.linalg
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, takes
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.algebra import dot, multiply, rows
 from antiosc.fem.site import Functional, Site, functional
@@ -121,7 +121,7 @@ class Family:
 
 
 @dataclass(eq=False, repr=False)
-class NearbyModels(Brief):
+class NearbyModels(ReprMixin):
     """Models of a family of structures; called with its parameters it returns one.
 
     Attributes

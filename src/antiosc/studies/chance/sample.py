@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.charts import finished, panels
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief, Given
+from antiosc.base.texts import Given, ReprMixin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,7 +83,7 @@ def _share(name: str, value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sample(Brief):
+class Sample(ReprMixin):
     """The runs of a Monte Carlo study.
 
     Attributes
@@ -177,7 +177,7 @@ class Sample(Brief):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Brief):
+class Sensitivity(ReprMixin):
     """First-order indices of the inputs.
 
     Attributes

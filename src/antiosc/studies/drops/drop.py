@@ -19,7 +19,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
-from antiosc.base.texts import Brief, Given
+from antiosc.base.texts import Given, ReprMixin
 from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
@@ -149,7 +149,7 @@ class Tilts(Given):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Drops(Brief):
+class Drops(ReprMixin):
     """The falls of an ensemble.
 
     Attributes

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc.studies.drops.body import FreeBody
@@ -93,7 +93,7 @@ class WorstField(PeakField):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(Brief):
+class Fall(ReprMixin):
     """A fall from its start to its end: flights and episodes of contact in turn.
 
     Attributes

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.base.texts import Brief, short
+from antiosc.base.texts import ReprMixin, short
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -46,7 +46,7 @@ CHANGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gradient(Brief):
+class Gradient(ReprMixin):
     """Derivatives of a result; those of one body or contact alone are attributes too.
 
     Attributes

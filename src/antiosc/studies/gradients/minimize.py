@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.simulation.histories import History
 from antiosc.simulation.scene import simulate
 from antiosc.simulation.two_bodies import pose
@@ -31,7 +31,7 @@ ARGUMENTS = ("model", "impactor", "contact", "duration")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Optimum(Brief):
+class Optimum(ReprMixin):
     """What `minimize` found.
 
     Attributes

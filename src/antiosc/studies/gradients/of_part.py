@@ -24,7 +24,7 @@ import ufl
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import ErrorOption, extract
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -351,7 +351,7 @@ def site_of(model: AntiOscillators) -> Site:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignMap(Brief):
+class DesignMap(ReprMixin):
     """What `design_map` returns.
 
     Attributes

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray, Index
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Brief
+from antiosc.base.texts import ReprMixin
 
 #: Columns of a measurement: (response, excitation), numbers of sites.
 Pairs = list[tuple[int, int]]
@@ -265,7 +265,7 @@ LEAST_SENSOR = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FRF(Brief):
+class FRF(ReprMixin):
     """Frequency response functions: motion of sites per force on sites.
 
     Parameters
