@@ -6,6 +6,7 @@ import signal
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import byref
 from dataclasses import dataclass
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -58,6 +59,7 @@ def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
 
 def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
     monkeypatch.setattr(engine, "_kept", [])
+    monkeypatch.setattr(engine, "_spaces", WeakSet())
     shared = [forces(scene) for _ in range(2) for scene in SCENES]
     kept = len(engine._kept)
     monkeypatch.setattr(engine, "_LARGEST_KEPT", 0)
