@@ -240,6 +240,8 @@ def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
     ao.export(tmp_path / "int.c", model, heavy, LAW)
     text = (tmp_path / "int.c").read_text()
     assert "static const axm_model model_int" in text  # int is a word of C
+    ao.export(tmp_path / "run.c", model, heavy, LAW)  # and run one of the file itself
+    assert "axm_create(&model_run," in (tmp_path / "run.c").read_text()
     span = float(re.search(r"axm_advance\(run, (\S+) \* k", text)[1])
     hit = ao.simulate(model, heavy, LAW, duration=span)
     assert hit.status == 0

@@ -264,7 +264,10 @@ def write_c(path: Path, data: RunData) -> None:
 
 def text(title: str, data: RunData) -> str:
     """The C file of a run."""
+    code = _sources()
     name = identifier(title)
+    if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
+        name = f"model_{name}"  # a word of the sources
     upper = name.upper()
     outputs = [identifier(each.name).upper() for each in data.output_variables]
     listed = [
@@ -283,7 +286,7 @@ def text(title: str, data: RunData) -> str:
     names = [f"    {upper}_{each} = {i}" for i, each in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
     main = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
-    return "\n".join([head, _sources(), enumeration, _numbers(name, data), main])
+    return "\n".join([head, code, enumeration, _numbers(name, data), main])
 
 
 def _sources() -> str:
