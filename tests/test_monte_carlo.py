@@ -59,6 +59,13 @@ def test_a_bar_without_an_end_says_how_many_results_have_one(q):
     assert not bar(max(needed)).note
 
 
+def test_runs_without_a_result_are_told():
+    many = ao.Sample({"x": np.arange(200)}, {"y": np.where(np.arange(200) % 2, 1.0, np.nan)}, {})
+    for found in (many.quantile("y", 0.5), many.exceedance("y", 0.5)):
+        assert found.note.startswith("100 of 200 runs have no y")
+    assert "without 100 runs" in repr(many)
+
+
 @pytest.mark.slow
 def test_bars_of_quantiles_and_probabilities_cover():
     rng = np.random.default_rng(1)

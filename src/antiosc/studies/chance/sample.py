@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, log
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +30,8 @@ LEAST = 50
 class Quantile(Given):
     """A quantile or a probability with the bar (low, high) of its sampling.
 
-    An end is infinite where the sample is too small for it; `note` says how many results have one.
+    An end is infinite where the sample is too small for it; `note` says how many results have one,
+    and how many runs have no such result and are left out.
     """
 
     value: float
@@ -110,12 +111,19 @@ class Sample(ReprMixin):
 
     def quantile(self, quantity: str, q: float, confidence: float = CONFIDENCE) -> Quantile:
         """The quantile `q` of a quantity with the bar of its sampling; see `quantiles.quantile`."""
-        return quantile(self.finite(quantity), q, confidence)
+        return self._noted(quantity, quantile(self.finite(quantity), q, confidence))
 
     def exceedance(self, quantity: str, limit: float, confidence: float = CONFIDENCE) -> Quantile:
         """The probability that a quantity exceeds `limit`, with its bar."""
         found, limit = self.finite(quantity), checks.number("limit", limit)
-        return probability(int(np.sum(found > limit)), len(found), confidence)
+        share = probability(int(np.sum(found > limit)), len(found), confidence)
+        return self._noted(quantity, share)
+
+    def _noted(self, quantity: str, found: Quantile) -> Quantile:
+        """The quantile with a note on the runs that are left out."""
+        lost = len(self) - len(self.finite(quantity))
+        told = f"{lost} of {len(self)} runs have no {quantity} and are left out" if lost else ""
+        return replace(found, note="; ".join(filter(None, (found.note, told))))
 
     def sensitivity(self, quantity: str | None = None) -> Sensitivity:
         """Sobol's first-order index of each input: its share of the variance of the quantity.
@@ -172,7 +180,9 @@ class Sample(ReprMixin):
         facts = [("runs", f"{len(self)} of {', '.join(self.inputs)}; {len(self.failed)} failed")]
         for name in list(self.values)[:3]:
             q = [self.quantile(name, s).value for s in (0.05, 0.5, 0.95)]
-            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q)))
+            lost = len(self) - len(self.finite(name))
+            of = f", without {lost} runs" if lost else ""
+            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + of))
         return facts
 
 
