@@ -45,7 +45,7 @@ from antiosc.simulation.histories.results import (
 )
 from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
-from antiosc.simulation.march.given_step import checked_step, stepped
+from antiosc.simulation.march.stability import checked_step, stepped
 from antiosc.simulation.march.system import Kept
 from antiosc.simulation.reference import (
     MAX_CONTACTS,
