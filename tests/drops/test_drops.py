@@ -140,8 +140,9 @@ def test_a_filter_has_the_flight_after_the_last_impact() -> None:
 
 def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
-    with pytest.warns(ao.AccuracyWarning, match="do not reach tol = 0.0001"):
+    with pytest.warns(ao.AccuracyWarning) as told:  # and perhaps that it does not come to rest
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
+    assert any("do not reach tol = 0.0001" in str(one.message) for one in told)
 
 
 def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,7 +155,7 @@ def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.Monke
     assert "3 of 3 falls yield in contact" in said
     assert f"{many.missed.sum()} of 3 falls have contact forces that do not reach" in said
     assert f"3 yield in contact, {many.missed.sum()} do not reach tol" in repr(many)
-    with pytest.warns(ao.AccuracyWarning, match="pressure|do not reach"):
+    with pytest.warns(ao.AccuracyWarning):
         assert ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4).missed
 
 
