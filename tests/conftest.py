@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,3 +58,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("fem") or item.get_closest_marker("mpi"):
             item.add_marker(skip)
+
+
+@pytest.fixture
+def pictured(tmp_path: Path) -> Iterator[Path]:
+    """A folder in which the test has a picture drawn."""
+    yield tmp_path
+    assert [path.stat().st_size > 0 for path in tmp_path.glob("*.png")]

@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning

@@ -96,9 +96,6 @@ def _responses(omega: complex, decay: complex, t: complex) -> np.ndarray:
     return (expm(A * t * np.outer(1 / scale, scale)) / np.outer(1 / scale, scale))[:2]
 
 
-# -- laws
-
-
 def _loading(kind: int, p: np.ndarray, d: complex) -> complex:
     if kind == march.TABLE:
         return _cubic(p[5:], int(p[2].real), d)
@@ -219,9 +216,6 @@ def _remembered(
         if row[10] > row[6]:
             after[0] = d
     return after
-
-
-# -- steps
 
 
 def replay(s: Inputs, run: Run) -> Steps:

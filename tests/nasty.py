@@ -135,9 +135,6 @@ def patience(seconds: float = PATIENCE) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-# -- what is public
-
-
 def public() -> dict[str, Callable[..., Any]]:
     """Name -> function, constructor or method; a method takes its object as `self`."""
     found: dict[str, Callable[..., Any]] = {}
@@ -182,9 +179,6 @@ def parameters(call: Callable[..., Any]) -> dict[str, inspect.Parameter]:
     given = inspect.signature(call).parameters
     many = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
     return {name: p for name, p in given.items() if p.kind not in many}
-
-
-# -- sound arguments
 
 
 @functools.cache
@@ -637,9 +631,6 @@ def unmade(name: str, call: Callable[..., Any]) -> dict[str, Any]:
                 raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")
             values[key] = COMMON[key] if key in COMMON else BY_MAKER[key]
     return values
-
-
-# -- the verdict
 
 
 def verdict(call: Callable[..., Any], arguments: dict[str, Any]) -> str:

@@ -19,8 +19,6 @@ def demo(name: str) -> ModuleType:
     sys.path[:0] = [str(folder) for folder in (BENCHMARKS, DEMOS) if str(folder) not in sys.path]
     folder = next(one for one in (DEMOS, BENCHMARKS) if (one / f"{name}.py").is_file())
     spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)

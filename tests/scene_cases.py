@@ -11,7 +11,6 @@ from direct import chain, free_modes
 Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
 
-
 CORNERS = {"a": (0.1, 0.06), "b": (0.1, -0.06), "c": (-0.1, 0.06), "d": (-0.1, -0.06)}
 
 

@@ -18,9 +18,6 @@ from antiosc.base import checks, files
 MODEL = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0, 2.0], omega=[1e3, 2e3])
 
 
-# --- The helper -----------------------------------------------------------------------------------
-
-
 def test_permissions_stay(tmp_path):
     path = tmp_path / "m.npz"
     path.write_bytes(b"old")
@@ -112,9 +109,6 @@ def test_a_folder_is_no_name_for_a_new_file(tmp_path, monkeypatch, name):
     with pytest.raises(ao.InputError, match="name"):
         checks.new_file("path", name)
     assert os.listdir(tmp_path) == ["folder"]
-
-
-# --- Model files from elsewhere -------------------------------------------------------------------
 
 
 def saved(tmp_path) -> dict[str, bytes]:

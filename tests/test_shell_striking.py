@@ -22,7 +22,6 @@ SOFT = [ao.Support(edges(0, 1), ("x", "y", "z"))]
 IMPACT = (ao.RigidMass(5.0, 1.0), ao.Hertz(3e9), 4e-3)
 SQUARE = 'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 1, 1};'
 
-
 SITE = ao.Site((0.41, 0.37, 0.0), (0, 0, -1), radius=0.05)
 HELD = {"hard": SIMPLE, "soft": SOFT}
 

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from mpi import one_and_several
+
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
@@ -162,3 +164,31 @@ def test_meshes_of_lines_meet_the_tolerance(place, lines, order, tol, blow):
     dofs = [record["dofs"] for record in hit.model.info["strike"]]
     assert len(dofs) > 1
     assert dofs == sorted(set(dofs))
+
+
+pytest.importorskip("dolfinx")
+
+
+SCRIPT = """
+    import json, warnings
+    import antiosc as ao
+    from parts import STEEL, plate
+    warnings.simplefilter("ignore")
+    hit = ao.strike(
+        plate((6, 2), (0.3, 0.1), "triangle"), ao.Site((0.25, 0.1), (0, -1), radius=0.012),
+        ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3, tol=0.005, order=1,
+        material=ao.Solid(**STEEL, plane="stress", thickness=0.01), supports=[ao.Support("left")],
+    )
+    meshes = len(hit.model.info["strike"])
+    print(json.dumps([hit.status, meshes, hit.peak_force, hit.error_budget.worst]))
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_meet_the_tolerance():
+    one, two = one_and_several(SCRIPT)
+    for status, meshes, _, bar in (one, two):
+        assert status == 0
+        assert meshes > 1
+        assert bar <= 0.005
+    assert two[2] == pytest.approx(one[2], rel=one[3] + two[3])

@@ -72,9 +72,6 @@ def test_a_running_mean_of_unequal_steps_is_the_integral_over_its_window() -> No
     np.testing.assert_array_equal(still, 1.0)
 
 
-# -- surfaces in space
-
-
 @pytest.mark.parametrize("whole", [False, True])
 def test_a_deformed_part_stays_in_its_box(whole: bool) -> None:
     points = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0.0]])

@@ -78,9 +78,6 @@ def test_frequencies_against_the_spectral_beam(supports):
     )
 
 
-# --- Waves of the closed forms: roots of their equation, patches as sums of plane waves -----------
-
-
 @pytest.mark.parametrize(("alpha", "eta"), [(0.0, 0.0), (1e-3, 3e-3), (3e-3, 1e-3), (0.2, 0.2)])
 @pytest.mark.parametrize("Omega", [1e-4, 1.0, 3e2, 1e6])
 def test_roots_are_those_of_timoshenkos_equation(alpha: float, eta: float, Omega: float) -> None:

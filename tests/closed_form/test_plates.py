@@ -42,12 +42,6 @@ def test_mindlin_tends_to_kirchhoff():
     assert thick.mindlin(1, 2) / unit == pytest.approx(4.6084, abs=2e-4)
 
 
-@pytest.mark.parametrize("point", [(0.0, 0.4), (0.5, 0.9), (-1, 0.4)])
-def test_a_point_off_the_plate_is_refused(point):
-    with pytest.raises(InputError, match="inside the plate"):
-        PLATE.compliance(*point)
-
-
 def test_zeners_impedance_is_that_of_the_plate_without_reflections():
     """At ω² = -s² waves die out: beyond the first, a finite plate is an infinite one.
 
@@ -70,9 +64,6 @@ def test_the_receptance_tends_to_the_compliance_and_to_reciprocal_corners(point)
     x, y = point
     assert PLATE.compliance(1.0 - x, y) == pytest.approx(static, rel=1e-9)
     assert PLATE.compliance(x, 0.8 - y) == pytest.approx(static, rel=1e-9)
-
-
-# --- Stacks that Navier's solution of laminated plates takes, and those that it does not ----------
 
 
 A, D, S = np.diag([9e7, 4e7, 2e7]), np.diag([80.0, 30.0, 15.0]), np.diag([6e6, 5e6])
@@ -118,9 +109,6 @@ def test_cross_plies_and_antisymmetric_angle_plies(B):
 def test_other_stacks_are_refused(changes):
     with pytest.raises(InputError, match="antisymmetric"):
         laminate(**changes)
-
-
-# --- The disc and the compliance of a blow on a shell, against waves in a layer and a solid pla
 
 
 E, NU, RHO, H = 210e9, 0.3, 7850.0, 6e-3
@@ -295,5 +283,3 @@ def test_zener_parameter_is_free_of_units():
     # mass × 1000 (kg → g), length × 100 (m → cm): N m^-3/2 → 10⁵ · 10^-3
     scaled = zener.inelasticity(10.0, 200.0, 1e9 * 1e5 * 1e-3, 50.0 * 1e7, 8.0 * 0.1)
     assert scaled == pytest.approx(lam, rel=1e-12)
-    with pytest.raises(InputError, match="mass must be > 0"):
-        zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0)

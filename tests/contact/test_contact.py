@@ -54,9 +54,6 @@ def test_implicit_solution_fulfils_the_law(law, rng):
         assert law.implicit(-1e-6, 1e-8, 0.3, 1e-5, state) == 0.0
 
 
-# -- published numbers
-
-
 @pytest.mark.parametrize("law", [ao.HuntCrossley, ao.LankaraniNikravesh, ao.Flores])
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_damped_laws_obey_their_first_integral(law, exponent):
@@ -84,12 +81,6 @@ def test_thornton_yield_from_material():
     # the pressure cut-off: dF/d(area of contact) = p beyond yield, with area = pi R delta
     delta = 5 * law.yield_indentation
     assert law.tangent(delta, 0.0, law.touch(1.0))[0] == pytest.approx(np.pi * R * p)
-
-
-# -- the patch's compliance
-
-
-# -- input
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e-6])
@@ -211,9 +202,6 @@ def test_slopes_and_energies_are_derivatives_and_integrals(law: ao.ContactLaw) -
         work = float(trapezoid(force, path))
         assert law.potential(d, state) == pytest.approx(work, rel=1e-4)
         np.testing.assert_allclose(law.energies(path, state)[-1], law.energy(d, state), rtol=1e-12)
-
-
-# --- Hertz's contact of curved bodies, and the stresses under it, against closed forms ------------
 
 
 STEEL = {"E": 210e9, "nu": 0.3}

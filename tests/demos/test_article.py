@@ -54,9 +54,6 @@ def case2(demos) -> dict[str, Any]:
     )
 
 
-# ---- masses --------------------------------------------------------------------------------------
-
-
 def test_five_anti_oscillators_hold_89_percent(case1):
     """Of m_CR: 6/π² (1 + 1/4 + 1/9 + 1/16 + 1/25), and hardly less with rotary inertia."""
     series = 6 / np.pi**2 * sum(1 / i**2 for i in range(1, 6))
@@ -76,9 +73,6 @@ def test_no_lack_of_mass(case1, case2):
     assert case2["mass_balance"] < 1e-13
 
 
-# ---- durations -----------------------------------------------------------------------------------
-
-
 def test_half_periods_are_not_the_printed_ones(case1, case2):
     """π/ω₁ from the textbook: (π/L)² √(EI/rho S), and tan z = tanh z on half the span."""
     unit = np.sqrt(67e9 * 0.33e-8 / (2400 * 2e-4))
@@ -87,9 +81,6 @@ def test_half_periods_are_not_the_printed_ones(case1, case2):
     assert case2["half_period_euler"] == pytest.approx(np.pi / ((2 * z) ** 2 * unit), rel=1e-9)
     assert case1["half_period"] == pytest.approx(14.84e-3, abs=0.005e-3)
     assert case2["half_period"] == pytest.approx(2.381e-3, abs=0.0005e-3)
-
-
-# ---- convergence ---------------------------------------------------------------------------------
 
 
 def test_orders_of_convergence(case2):
@@ -102,9 +93,6 @@ def test_orders_of_convergence(case2):
     assert modes < 2.5
     assert ao > 3.5
     assert corrected > 5
-
-
-# ---- identities ----------------------------------------------------------------------------------
 
 
 def test_nothing_left_out_is_the_unreduced_model(case1, case2):
@@ -121,9 +109,6 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
         assert case2["integrators"][name].contact_time < 1e-5
 
 
-# ---- the same beam as a part ---------------------------------------------------------------------
-
-
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
     parts = demos["parts"].main(n1=20, n2=12, check=False, step=1e-7)
@@ -136,9 +121,6 @@ def test_plane_and_solid_parts_are_the_beam(demos):
     assert plane.peak_force == pytest.approx(beam.peak_force, rel=0.03)
     assert plane.duration == pytest.approx(beam.duration, rel=0.01)
     assert solid.peak_force == pytest.approx(beam.peak_force, rel=0.05)
-
-
-# ---- the page ------------------------------------------------------------------------------------
 
 
 def test_figures_and_page(demos, case1, case2, tmp_path):

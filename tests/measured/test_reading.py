@@ -177,9 +177,6 @@ def test_tables_that_are_damaged(content, tmp_path):
         ao.read_frf(path, quantity="mobility")
 
 
-# --- A measured force over the computed one: shift, scale, L2, peak -------------------------------
-
-
 @pytest.fixture(scope="module")
 def hit() -> ao.History:
     model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.1], omega=[2000.0])

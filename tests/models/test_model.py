@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 import zipfile
 from dataclasses import FrozenInstanceError
@@ -12,6 +11,7 @@ import pytest
 import scipy.linalg as la
 
 import antiosc as ao
+from antiosc.models.body import checked_body
 from antiosc.models.motion import arrow_modes
 from scenes import random_model
 
@@ -156,36 +156,6 @@ class TestFile:
             with pytest.raises(ao.InputError, match="info"):
                 ao.AntiOscillators(m0=0.5, k0=1e5, m=[], info=wrong)
 
-    @pytest.mark.parametrize(
-        ("stop", "raised"),
-        [(KeyboardInterrupt(), KeyboardInterrupt), (OSError(28, "disk full"), ao.InputError)],
-    )
-    def test_interrupted_write_leaves_the_old_file(self, tmp_path, monkeypatch, stop, raised):
-        path = tmp_path / "m.npz"
-        old = random_model(np.random.default_rng(0), 2)
-        old.save(path)
-
-        def interrupted(stream, **arrays):
-            stream.write(b"half")
-            raise stop
-
-        monkeypatch.setattr(np, "savez", interrupted)
-        with pytest.raises(raised):
-            random_model(np.random.default_rng(1), 3).save(path)
-        monkeypatch.undo()
-        assert os.listdir(tmp_path) == ["m.npz"]
-        assert ao.AntiOscillators.load(path).n == 2
-
-    @pytest.mark.parametrize(
-        ("content", "says"),
-        [(b"", "damaged"), (b"PK\x03\x04broken", "damaged"), (b"text", "damaged")],
-    )
-    def test_foreign_file(self, tmp_path, content, says):
-        path = tmp_path / "m.npz"
-        path.write_bytes(content)
-        with pytest.raises(ao.InputError, match=says):
-            ao.AntiOscillators.load(path)
-
     @pytest.mark.parametrize("text", ["((((", "{'descr':", "'''", "[1]"])
     def test_an_array_with_a_damaged_header(self, tmp_path, text):
         head = text.encode().ljust(118) + b"\n"
@@ -219,3 +189,51 @@ def test_centre_of_mass_and_momentum_about_another_point():
     about = np.array([0.0, 1.0, 0.0])
     same = ao.Motion(V + np.cross(W, about - centre), W, about).at(inertia)
     np.testing.assert_allclose(same, ao.Motion(V, W).at(inertia))
+
+
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3], local_compliance=2e-8, radius=3e-3)
+
+
+class Bare:
+    """A foreign body: a free mass of 0.2 kg, and nothing but its modes."""
+
+    def modal(self):
+        root = 0.2**0.5
+        return ao.ModalBody([0.0], [1 / root], weight=[root])
+
+
+def with_more(**said):
+    body = Bare()
+    vars(body).update(said)
+    return body
+
+
+def test_a_bare_body_has_the_defaults():
+    bare = checked_body("body", Bare())
+    assert (bare.velocity, bare.gap, bare.local_compliance) == (0.0, 0.0, 0.0)
+    assert bare.patch_radius is None
+    assert bare.modal().omega.tolist() == [0.0]
+
+
+def test_a_foreign_striker_hits_as_a_rigid_mass_does():
+    foreign = with_more(velocity=1.5, gap=1e-4)
+    hits = [
+        ao.simulate(MODEL, striker, ao.Linear(1e7), 2e-3, gap=gap)
+        for striker, gap in ((foreign, None), (ao.RigidMass(0.2, 1.5), 1e-4))
+    ]
+    assert hits[0].contacts[0][0] == pytest.approx(1e-4 / 1.5, rel=1e-9)
+    assert hits[0].peak_force == pytest.approx(hits[1].peak_force, rel=1e-9)
+    assert hits[0].impactor is foreign
+
+
+def test_the_patch_of_a_foreign_body_counts_like_a_model_s():
+    """Hertz's law without a patch's half-space compliance is stiffer: to the force of contact."""
+    foreign = with_more(velocity=1.0, local_compliance=2e-8, radius=3e-3)
+    wall = ao.AntiOscillators(m0=0.0, k0=1e12, m=[], omega=[])
+    rigid = ao.simulate(wall, ao.RigidMass(0.2, 1.0), ao.Hertz(1e9), 2e-3)
+    hit = ao.simulate(wall, foreign, ao.Hertz(1e9), 2e-3)
+    assert hit.assembly.laws[0].compliance == 2e-8
+    assert rigid.assembly.laws[0].compliance == 0.0
+    assert checked_body("body", foreign).patch_radius == 3e-3
+    assert ao.Impactor(foreign).local_compliance == ao.Impactor(MODEL).local_compliance == 2e-8
+    assert ao.Impactor(MODEL).patch_radius == 3e-3

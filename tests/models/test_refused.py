@@ -13,7 +13,16 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts
-from antiosc.closed_form import SupportedLaminate, SupportedPlate, plate_patch, zener
+from antiosc.closed_form import (
+    StruckBeam,
+    SupportedLaminate,
+    SupportedPlate,
+    UniformBeam,
+    cantilever,
+    pinned_pinned,
+    plate_patch,
+    zener,
+)  # fmt: skip
 from antiosc.contact import Tabulated
 from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
@@ -21,9 +30,9 @@ from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
 from antiosc.results.pictures import FACES
 from refusals import refused
+from struck_beams import ARTICLE, UNIT
 
 VOLUMES = {"tetra": 1 / 6, "pyramid": 1 / 3, "wedge": 1 / 2, "hexahedron": 1.0}
-
 
 CORNERS = {
     "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
@@ -31,7 +40,6 @@ CORNERS = {
     "wedge": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
     "hexahedron": [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))],
 }
-
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
 MODEL = ao.AntiOscillators(**ONE)
@@ -44,6 +52,7 @@ DEPENDENT = ao.AntiOscillators(
     **{**TWO, "sites": ["a", "b", "c"], "dependence": [[1, 0], [0, 1], [0.5, 0.5]]}
 )
 STIFF = {"A": np.eye(3), "B": np.zeros((3, 3)), "D": np.eye(3), "S": np.eye(2)}
+SHEET, BALL = SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2), ao.RigidMass(1.0, 1.0)
 MODES = np.array([2.0, 3.0]), np.ones((1, 2)), [1.0], [0.5]
 
 
@@ -133,6 +142,10 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: two(m0=0 * np.eye(2), k0=0 * np.eye(2), P=[[1.0], [0.0]]), "stiffness or mass"),
     (lambda: two(strain_error=np.eye(3)), "one site"),
     (lambda: BOTH.modal(), "Scene"),
+    (lambda: ao.simulate(BOTH, BALL, ao.Hertz(1e9), 1e-3), "Scene"),
+    (lambda: ao.choose_n(BOTH, lambda model, tol: None), "sites a, b"),
+    (lambda: ao.truncation_error(BOTH, lambda model, tol: None), "sites a, b"),
+    (lambda: MODEL.site_modes(), "modal()"),
     # superelements
     (lambda: DEPENDENT.to_matrices(), "follow"),
     (lambda: BOTH.to_matrices(nodes=[1, 2**31]), "below 2^31"),
@@ -174,11 +187,23 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: Tabulated([0, 1], [0, 1], 3.0), "unloading"),
     (lambda: laminate(D=-np.eye(3)), "definite"),
     (lambda: laminate(inertia=(0, 0, 0)), "mass per area"),
-    (lambda: SupportedPlate(E=2e11, nu=0.3, rho=7800.0, thickness=1e-3, a=0.3, b=0.2)
-     .receptance(0.1, 0.1, 0.0), "omega2"),
-    (lambda: SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2).kirchhoff([1, 2, 3], [1, 2]), "fit"),
+    (lambda: SHEET.receptance(0.1, 0.1, 0.0), "omega2"),
+    (lambda: SHEET.kirchhoff([1, 2, 3], [1, 2]), "fit"),
     (lambda: plate_patch(210e9, 0.0, 6e-3), "radius"),
     (lambda: zener.restitution(1e9), "lam"),
+    (lambda: zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0), "mass"),
+    (lambda: SHEET.compliance(0.0, 0.1), "inside the plate"),
+    (lambda: SHEET.compliance(0.1, 0.9), "inside the plate"),
+    (lambda: SHEET.compliance(-1, 0.1), "inside the plate"),
+    (lambda: UniformBeam(1, 1, 1, kGA=0), "kGA"),
+    (lambda: UniformBeam(1, 1, 1, kGA=-np.inf), "kGA"),  # rigid in shear is +inf alone
+    (lambda: UniformBeam.timoshenko(**ARTICLE, nu=0.5), "nu"),
+    (lambda: StruckBeam(UNIT, "hinged", "free", 1.0), "left"),
+    (lambda: cantilever(UNIT, 1.2), "site"),
+    (lambda: pinned_pinned(UNIT, 0.0), "support"),
+    (lambda: cantilever(UNIT).anti_oscillators(0), "n"),
+    (lambda: cantilever(UNIT).anti_oscillators(2, [1.5]), "x"),
+    (lambda: cantilever(UNIT).dynamic_stiffness(0.0), "omega"),
     # texts, charts, spectra and fields
     (lambda: charts.axes_or_new("top"), "matplotlib"),
     (lambda: charts.panels(1, 1, (0.1, 4.0)), "lengths"),

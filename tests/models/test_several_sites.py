@@ -87,21 +87,6 @@ def test_saved_and_loaded(tmp_path, rng):
     np.testing.assert_array_equal(*both)
 
 
-def test_a_model_of_several_sites_needs_a_scene():
-    one = np.eye(2)
-    model = ao.AntiOscillators(m0=one, k0=one, P=np.ones((2, 1)), omega=[1.0], sites=["a", "b"])
-    with pytest.raises(ao.InputError, match="has the sites a, b: pose its impact as a Scene"):
-        ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3)
-    for study in (ao.choose_n, ao.truncation_error):
-        with pytest.raises(ao.InputError, match="has the sites a, b"):
-            study(model, lambda model, tol: None)
-    with pytest.raises(ao.InputError, match=r"one site: modal\(\)"):
-        ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).site_modes()
-
-
-# --- Dynamic stiffness, shares and bands of models against sums written out and small matrices ----
-
-
 M = np.array([0.3, 0.2, 0.0, 0.1])
 POLES = np.array([1e4, 5e4, 7.0, 2e5])
 K0, M0 = 2e3, 0.05

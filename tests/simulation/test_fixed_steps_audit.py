@@ -49,7 +49,6 @@ def nodes(name: str, method: str) -> Nodes:
     s = made.system
     found = SCENE_STEPS[method](s, made.laws, duration / STEPS).run(duration, 1000, 1000)
     assert found.answer == march.DONE
-    assert found.states is not None
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give
     load, gap = (

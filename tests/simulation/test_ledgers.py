@@ -15,7 +15,6 @@ from march_audit import Motion, Steps
 
 SHARES = np.linspace(0, 1, 101)
 
-
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 #: Other laws of the same kind have the same ledgers.
@@ -142,7 +141,6 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
 def test_a_gain_of_energy_is_that_of_the_whole_balance(name: str) -> None:
     """Energy is put into the modes half-way."""
     hit, _ = history(name)
-    assert hit.run.states is not None
     states = hit.run.states.copy()
     states[len(states) // 2 :, 1] *= 1.02
     run = replace(hit.run, states=states, gained=np.inf)

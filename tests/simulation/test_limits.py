@@ -72,9 +72,6 @@ def test_contacts_without_end_are_stopped() -> None:
         assert hit.status == 2
 
 
-# --- What the errors of a run rest on: differences of runs that do not agree by chance ------------
-
-
 @dataclass
 class Unlike(ao.ContactLaw):
     """A spring that is another one in every run."""

@@ -256,9 +256,6 @@ def test_a_law_with_memory_goes_through_its_branches() -> None:
     assert change(law_at(law), march.CUT, FAST, 1e-5, 0.0, memory) == march.FORWARD
 
 
-# -- runs
-
-
 def blow(duration: float) -> tuple[ao.Scene, float]:
     model, mass = case_two(9)
     return ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))]), duration

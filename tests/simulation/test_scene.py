@@ -61,24 +61,6 @@ def test_a_law_of_ones_own() -> None:
     assert hit["w", "m"].contact_time == pytest.approx(lasts, rel=1e-3)
 
 
-def test_two_free_bodies_keep_momentum_and_angular_momentum() -> None:
-    """A tumbling box strikes another off its centre; friction included."""
-    one = ao.RigidBody(0.4, (1e-4, 2e-4, 3e-4), {"c": ((0.03, 0.01, 0), (-1, 0, 0))})
-    two = ao.RigidBody(
-        0.7, (3e-4, 2e-4, 4e-4), {"c": ((0.03, 0.01, 0), (1, 0, 0))}, centre=(0.06, 0, 0.005)
-    )
-    contact = ao.Contact("one:c", "two:c", ao.Hertz(1e8), friction=0.4)
-    start = ao.Motion(velocity=(2.0, 0.5, 0), spin=(1.0, 2.0, 3.0))
-    hit = ao.Scene({"one": one, "two": two}, [contact], motion={"one": start}).run(3e-3)
-    assert hit["one:c", "two:c"].peak_force > 10
-    assert np.abs(hit["one:c", "two:c"].friction).max() > 1
-    P = sum(body.momentum for body in hit.bodies.values())
-    L = sum(body.angular_momentum() for body in hit.bodies.values())
-    np.testing.assert_allclose(P, np.broadcast_to(P[0], P.shape), atol=1e-10 * np.abs(P).max())
-    np.testing.assert_allclose(L, np.broadcast_to(L[0], L.shape), atol=1e-10 * np.abs(L).max())
-    assert hit.energy.drift < 1e-3
-
-
 def test_ground_that_accelerates_is_a_gravity_that_changes() -> None:
     """A mass on its stop under a ramp of the ground's acceleration, from rest."""
     omega, b = np.array([300.0]), np.array([[1.0]])
@@ -86,7 +68,7 @@ def test_ground_that_accelerates_is_a_gravity_that_changes() -> None:
     body = ao.SiteModes(omega, b, ("tip",), directions=[UP], inertia=inertia)
     contact = ao.Contact("tip", "stop", ao.Linear(2e5), gap=2e-5)
     base = ao.Base([0, 0.02, 0.04], [[0, 0, 0], [0, 0, 50.0], [0, 0, 0]])
-    hit = ao.Scene({"tip": body, "stop": ao.Obstacle()}, [contact], base=base).run(0.04, tol=1e-4)
+    scene = ao.Scene({"tip": body, "stop": ao.Obstacle()}, [contact], base=base)
 
     def slope(t: float, y: Array) -> Array:
         push = -np.interp(t, [0, 0.02, 0.04], [0, 50.0, 0])
@@ -97,10 +79,9 @@ def test_ground_that_accelerates_is_a_gravity_that_changes() -> None:
     s = solve_ivp(slope, (0, 0.04), [0, 0], "DOP853", t, rtol=1e-10, atol=1e-14, max_step=1e-4)
     force = 2e5 * np.maximum(-s.y[0] - 2e-5, 0)[:, None]
     assert force.max() > 1
-    assert force_error(hit, t, force) < 1e-3
-
-
-# --- Bodies of one coordinate between sites that point along different directions -----------------
+    assert force_error(scene.run(0.04, tol=1e-4), t, force) < 1e-3
+    for method in ("newmark", "DOP853"):
+        assert force_error(scene.run(0.04, method=method, tol=1e-2), t, force) < 1e-2
 
 
 Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -159,9 +140,6 @@ def test_masses_that_touch_share_their_axis() -> None:
 def test_a_mass_is_not_pressed_along_two_lines() -> None:
     with pytest.raises(ao.InputError, match=r"0.0, 1.0, 0.0.*RigidBody|RigidBody.*0.0, 1.0, 0.0"):
         between({"m": ao.RigidMass(0.1, 1.0)}, Z).run(1e-3)
-
-
-# --- Random scenes end: with finite forces, their energy, and after not too many steps ------------
 
 
 #: Steps that are tried at most: about five seconds.

@@ -78,8 +78,6 @@ def test_a_step_beyond_the_limit_of_stability_is_told() -> None:
     with pytest.warns(ao.AccuracyWarning, match="gained energy"):
         hit = several(ao.Linear(1e7)).run(0.1, method="leapfrog", step=6e-4)
     assert hit.status == 2
-    with pytest.warns(ao.AccuracyWarning, match="more than 100 steps"):
-        assert several(ao.Linear(1e7)).run(1e-3, method="newmark", step=1e-6, max_steps=100).status
 
 
 @pytest.mark.sample
@@ -115,19 +113,3 @@ def test_coupling_without_mass_and_a_preload(method: str) -> None:
         assert other.force[0] == pytest.approx(one.force[0], rel=1e-9)
         assert other.impulse == pytest.approx(one.impulse, rel=5e-3)
         assert other.peak_force == pytest.approx(one.peak_force, rel=5e-3)
-
-
-@pytest.mark.slow
-def test_ground_that_shakes() -> None:
-    """The moving ground loads every mode, also in the other methods."""
-    inertia = ao.Inertia(np.zeros(3), np.eye(6), np.array([[0, 0, 1.0, 0, 0, 0]]))
-    body = ao.SiteModes([300.0], [[1.0]], ("tip",), directions=[(0, 0, 1.0)], inertia=inertia)
-    contact = ao.Contact("body:tip", "stop", ao.Linear(2e5), gap=2e-5)
-    base = ao.Base([0, 0.02, 0.04], [[0, 0, 0], [0, 0, 50.0], [0, 0, 0]])
-    scene = ao.Scene({"body": body, "stop": ao.Obstacle()}, [contact], base=base)
-    exact = scene.run(0.04)
-    for method in ("newmark", "DOP853"):
-        hit = scene.run(0.04, method=method, tol=1e-2)
-        assert hit["body:tip", "stop"].impulse == pytest.approx(
-            exact["body:tip", "stop"].impulse, rel=5e-3
-        )

@@ -237,7 +237,6 @@ def test_contacts_that_excite_the_modes_together_are_told(p: int) -> None:
         hit = resting(p, stiffness).run(0.2, step=h)
     assert hit.status == 2
     found = re.search(r"use step=([0-9.e-]+) or no step", hit.message)
-    assert found is not None
     clear = float(found[1])
     assert 0.9 * 9.6 < 1.2 * stiffness * clear**2 < 9.6
     assert resting(p, stiffness).run(0.2, step=clear).status == 0

@@ -18,9 +18,6 @@ from antiosc.simulation.march.engine import Run
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
 
 
-# -- shares of the element family
-
-
 def test_the_share_of_the_family_is_the_larger_change() -> None:
     def run(peak: float, impulse: float) -> Any:
         return SimpleNamespace(peak_force=peak, impulse=impulse, contact_time=1.0)
@@ -32,9 +29,6 @@ def test_the_share_of_the_family_is_the_larger_change() -> None:
     expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
     assert shares == {name: pytest.approx(SAFETY_BEAM * value) for name, value in expected.items()}
     assert notes == []
-
-
-# -- refinement of truncation, and of methods that are compared
 
 
 @pytest.mark.parametrize(("rate", "known"), [(1.0, 1.0), (1.7, 1.7), (0.2, 0.5), (3.0, 2.0)])
