@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 from xml.etree import ElementTree as ET
 
 from antiosc.base import march
@@ -65,6 +66,8 @@ class Instance:
             given = (b"a", token.encode(), f"{resources}/".encode())
             flags = [ctypes.c_bool(False)] * 4
             self.handle = start(*given, *flags, None, c_size_t(0), None, self.log, None)
+        # frees it, once, also without being called
+        self.close = finalize(self, self._function("FreeInstance", None), c_void_p(self.handle))
 
     def _function(self, name: str, result: Any = c_int) -> Callable[..., Any]:
         found = getattr(self.fmu.library, f"fmi{self.fmu.version}{name}")
@@ -146,7 +149,3 @@ class Instance:
     def back_to(self, state: c_void_p) -> int:
         """Go back to a state."""
         return self.call("SetFMUstate" if self.two else "SetFMUState", state)
-
-    def close(self) -> None:
-        """Free it."""
-        self._function("FreeInstance", None)(c_void_p(self.handle))

@@ -33,11 +33,7 @@ class Audit(NamedTuple):
 
 
 def audited(
-    scene: ao.Scene,
-    duration: float,
-    share: float,
-    step: float | None = None,
-    tol: float = 1e-9,
+    scene: ao.Scene, duration: float, share: float, step: float | None = None, tol: float = 1e-9
 ) -> Audit:
     """A run of the scene, each of whose steps keeps the equations of motion and the laws."""
     made = assemble(scene, duration)

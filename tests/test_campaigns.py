@@ -95,21 +95,6 @@ def test_what_a_dead_process_took_with_it_is_made_again(tmp_path):
     assert np.array_equal(again.values["square"], again.inputs["x"] ** 2)
 
 
-def test_a_campaign_that_is_cut_has_what_was_made(tmp_path):
-    path, calls = tmp_path / "campaign.csv", []
-
-    def run(x):
-        calls.append(len(path.read_text().splitlines()))
-        if len(calls) == 350:
-            raise KeyboardInterrupt
-        return {"late": x} if len(calls) > 200 else square(x)
-
-    with pytest.raises(KeyboardInterrupt):
-        ao.monte_carlo(run, INPUTS, 400, store=path)
-    assert [calls[k] for k in (0, 99, 100, 200, 349)] == [1, 1, 101, 201, 301]
-    assert len(path.read_text().splitlines()) == 1 + 300
-
-
 def ran(command: list[str], folder: Path) -> list[float]:
     """Failures, workers and sum of squares that the program prints."""
     (folder / "program.py").write_text(PROGRAM)

@@ -249,11 +249,7 @@ def test_orders_of_what_truncation_leaves_out(beam, orders):
     """
     case, top = pinned_pinned(beam), 160
     modes, model = case.modes(top), case.anti_oscillators(top)
-    sums = (
-        (modes.b / modes.omega) ** 2,
-        model.m / model.omega**2,
-        modes.b**2 / modes.omega**4,
-    )
+    sums = ((modes.b / modes.omega) ** 2, model.m / model.omega**2, modes.b**2 / modes.omega**4)
     wholes = (1 / case.static_stiffness, sums[1].sum(), sums[2].sum())
     for terms, whole, order in zip(sums, wholes, orders, strict=True):
         left = whole - np.cumsum(terms)

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from antiosc.closed_form import (
-    UniformBeam,
-    free_free,
-    pinned_pinned,
-)
+from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.closed_form.beams import even_odd, wave_roots
 from antiosc.closed_form.plates import SHEAR, SupportedPlate
 from spectral_beam import SpectralBeam
@@ -72,9 +68,7 @@ def test_frequencies_against_the_spectral_beam(supports):
     spectral = SpectralBeam(THICK, supports[0], supports[1], supports[2] * THICK.length)
     rigid = exact.rigid_modes
     np.testing.assert_allclose(
-        exact.natural_frequencies(25),
-        spectral.natural_frequencies()[rigid : rigid + 25],
-        rtol=1e-8,
+        exact.natural_frequencies(25), spectral.natural_frequencies()[rigid : rigid + 25], rtol=1e-8
     )
 
 

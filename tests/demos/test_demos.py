@@ -50,13 +50,12 @@ def test_impact_map(tmp_path):
         assert (tmp_path / name).stat().st_size > 0
 
 
-def test_drop_chance(pictured, capsys):
+def test_drop_chance(pictured):
     """The tilts and the height explain most of it together; floors hardly differ."""
     found = demo("drop_chance").main(falls=60, size=15e-3, out=pictured)
     assert found["low"] < found["quantile"] < found["high"]
     shares = np.array([found[name] for name in ("height", "pitch", "roll", "concrete")])
     assert np.all(shares < 1.1)
-    assert "0 of them failed" in capsys.readouterr().out
 
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -71,7 +70,7 @@ def test_forces_are_within_the_tolerance_in_49_of_50_scenes() -> None:
     assert min(result["errors"]) > 1e-4  # the truth is another run
 
 
-def test_plate_impact(pictured, capsys):
+def test_plate_impact(pictured):
     """No reflection returns on the large plate: Zener's restitution, within 1 %."""
     numbers = demo("plate_impact").main(
         inelasticities=(0.1, 0.3, 0.5), sizes=(3.0, 8.0), elements=20, n=40, out=pictured
@@ -81,7 +80,6 @@ def test_plate_impact(pictured, capsys):
     # on the small one waves return within the contact
     assert abs(numbers["0.5 3"] / numbers["0.5 zener"] - 1) > 0.05
     assert 0 < numbers["off-centre"] < 1
-    assert "Zener" in capsys.readouterr().out
 
 
 def test_stiffened_panel(pictured):
@@ -101,13 +99,12 @@ def test_stiffened_panel(pictured):
     assert len(list(pictured.glob("*.vtu"))) == 30
 
 
-def test_guard_thickness(pictured, capsys):
+def test_guard_thickness(pictured):
     """At equal mass a third less force and more, within 20 runs; bars beside the gradients."""
     numbers = demo("guard_thickness").main(size=0.1, n=12, out=pictured)
     assert numbers["best"] < 0.7 * numbers["uniform"]
     assert numbers["runs"] <= 20
     assert numbers["mass"] == pytest.approx(1.0, rel=1e-6)
-    assert "bar" in capsys.readouterr().out
 
 
 def test_measured_part(pictured):

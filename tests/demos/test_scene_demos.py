@@ -14,7 +14,7 @@ from paths import demo
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
-def test_drop_on_corners(pictured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_drop_on_corners(pictured: Path) -> None:
     numbers = demo("drop_on_corners").main(n=40, size=0.025, out=pictured)
     assert len(numbers) == 26
     for name, row in numbers.items():
@@ -28,7 +28,6 @@ def test_drop_on_corners(pictured: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert one["peak force"] == pytest.approx(other["peak force"], rel=0.05)
     # four corners share what one carries alone
     assert numbers["face -z"]["peak force"] / 4 < 0.6 * numbers["corner -x-y-z"]["peak force"]
-    assert "upper g" in capsys.readouterr().out
 
 
 def test_tube_between_stops(pictured: Path) -> None:
@@ -74,7 +73,7 @@ SMALL = {
 }
 
 
-def test_board_on_spacers(pictured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_board_on_spacers(pictured: Path) -> None:
     script = demo("board_on_spacers")
     numbers = script.main(**SMALL["board_on_spacers"], out=pictured)
     for row in numbers.values():
@@ -86,7 +85,6 @@ def test_board_on_spacers(pictured: Path, capsys: pytest.CaptureFixture[str]) ->
     # not its largest acceleration
     for name, share in (("k0", 1e-3), ("first", 1e-3), ("peak_force", 0.03), ("moved", 0.06)):
         assert springs[name] == pytest.approx(solid[name], rel=share)
-    assert "solid spacers" in capsys.readouterr().out
 
 
 @pytest.mark.filterwarnings("ignore:.*deflects by")  # by more than half its thickness
@@ -108,7 +106,7 @@ def test_machine_guard(tmp_path: Path) -> None:
         assert (tmp_path / name).stat().st_size > 0
 
 
-def test_assembly_accuracy(pictured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_assembly_accuracy(pictured: Path) -> None:
     """With one element the joined halves err as the solid with this element does, Rigid more."""
     bar, strip = demo("assembly_accuracy").main(most=2, out=pictured)
     for found, joined in ((bar, "beam on Mean"), (strip, "shell on Tie")):
@@ -117,7 +115,6 @@ def test_assembly_accuracy(pictured: Path, capsys: pytest.CaptureFixture[str]) -
             np.testing.assert_allclose(ours, mesh, atol=0.3 * mesh[0])
             assert abs(ours[1]) < 0.4 * abs(ours[0])
     assert (bar["beam on Rigid"][0] > bar["beam on Mean"][0]).all()
-    assert "strip: shell on Tie" in capsys.readouterr().out
 
 
 def test_spiders(tmp_path: Path) -> None:
@@ -135,7 +132,7 @@ def test_spiders(tmp_path: Path) -> None:
     assert "| Mean, 625 |" in (tmp_path / "spiders.md").read_text()
 
 
-def test_random_parts(tmp_path, capsys):
+def test_random_parts(tmp_path):
     out = tmp_path / "cases.jsonl"
     main = demo("error_budget").main
     assert len(main(parts=2, seed=4, dim=2, out=str(out))) == 2
@@ -147,7 +144,6 @@ def test_random_parts(tmp_path, capsys):
     rows = [json.loads(row) for row in out.read_text().splitlines()]
     assert [row["number"] for row in rows] == [0, 1, 2, 3]
     assert out.with_suffix(".png").exists()
-    assert "| all | 4 |" in capsys.readouterr().out
 
 
 def test_strike_over_lines(tmp_path):

@@ -19,13 +19,7 @@ from paths import BENCHMARKS, DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *(
-        "errors",
-        "howto/contacts",
-        "howto/chance",
-        "howto/cluster",
-        "howto/export",
-    ),
+    *("errors", "howto/contacts", "howto/chance", "howto/cluster", "howto/export"),
     *("howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),

@@ -50,7 +50,6 @@ def test_an_fmu_gives_the_impact_at_any_communication_step(struck, hit, steps):
     assert run.begin() == OK
     names = ["peak_force", "impulse", "displacement", "impactor_displacement", "force"]
     rows = np.array(run.run(DURATION, steps, names))
-    run.close()
     expected = [hit.peak_force, hit.impulse, hit.displacement[-1], hit.impactor_displacement[-1]]
     assert rows[-1, :4] == pytest.approx(expected, rel=1e-6)
     moments = DURATION * np.arange(1, steps + 1) / steps
@@ -88,8 +87,6 @@ def test_states_resets_and_two_instances(struck):
     damaged[len(damaged) // 2] ^= 0xFF
     assert one.state_of(bytes(damaged))[0] == ERROR
     assert one.state_of(b"")[0] == ERROR
-    one.close()
-    two.close()
 
 
 @VERSIONS
@@ -98,7 +95,6 @@ def test_the_initial_velocity_is_a_parameter(model, struck):
     assert run.begin(initial_velocity=0.3) == OK
     assert run.step(0.0, DURATION) == OK
     (peak,) = run.get("peak_force")
-    run.close()
     slower = ao.simulate(model, ao.RigidMass(0.05, 0.3), LAW, duration=DURATION, tol=1e-7)
     assert peak == pytest.approx(slower.peak_force, rel=1e-5)
 
@@ -122,8 +118,6 @@ def test_a_state_of_another_model_or_a_damaged_one_is_refused(model, struck, tmp
     assert run.call(keep, ctypes.byref(others)) == OK  # room for a smaller one grows
     assert run.step(0.0, 1e-4) == OK
     assert run.back_to(others) == OK
-    run.close()
-    port.close()
 
 
 @pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])
@@ -136,7 +130,6 @@ def test_the_start_of_simulate_is_that_of_the_export(tmp_path, direction):
     run = Fmu(tmp_path / "a.fmu", tmp_path / "unpacked").instance()
     assert run.begin() == OK
     found = run.run(DURATION, 3, ["peak_force", "impulse", "velocity"])[-1]
-    run.close()
     hit = ao.simulate(thrown, rest, LAW, DURATION, tol=1e-7, **given)
     assert found == pytest.approx([hit.peak_force, hit.impulse, hit.velocity[-1]], rel=1e-5)
 
@@ -158,7 +151,6 @@ def test_calls_in_a_wrong_order_are_errors(struck):
     assert run.call("Terminate") == OK
     assert run.step(1e-4, 1e-4) == ERROR
     assert run.said
-    run.close()
     run._function("FreeInstance", None)(None)
 
 
@@ -185,7 +177,6 @@ def test_a_port_answers_a_constant_force_as_its_modes_do(model, tmp_path, fmi):
     modes = model.modal()
     t = 3e-4
     rows = run.run(t, 3, ["displacement", "velocity"])
-    run.close()
     w, b = modes.omega, modes.b
     moved = 7.0 * (np.sum((b / w) ** 2 * (1 - np.cos(w * t))) + modes.r)
     speed = 7.0 * np.sum(b**2 / w * np.sin(w * t))
@@ -205,7 +196,6 @@ def test_a_scene_of_several_contacts(model, tmp_path):
     assert run.begin() == OK
     names = ["strip,ball.peak_force", "stop,strip.impulse", "strip.displacement"]
     found = run.run(1e-3, 7, names)[-1]
-    run.close()
     hit = scene.run(1e-3, tol=1e-6)
     expected = [
         hit["strip", "ball"].peak_force,
@@ -229,7 +219,6 @@ def test_the_c_file_is_the_same_run(model, tmp_path):
     assert run.begin() == OK
     names = [name for name in run.fmu.variables if name not in ("time", "initial_velocity")]
     found = np.array(run.run(DURATION, 1000, names))
-    run.close()
     size = np.abs(found).max(axis=0)
     assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
 

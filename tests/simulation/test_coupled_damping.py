@@ -19,8 +19,7 @@ DASHPOTS = RNG.normal(size=(2, N + 1)) * 8
 SPRINGS, TAU = RNG.normal(size=(1, N + 1)) * 100, 2e-4
 BARE = ao.AntiOscillators(m0=0.02, k0=2e4, m=MASS, omega=OMEGA)
 DAMPED = replace(
-    BARE,
-    damping=ao.DampingMatrix(DASHPOTS.T @ DASHPOTS, [(SPRINGS.T @ SPRINGS, TAU)]),
+    BARE, damping=ao.DampingMatrix(DASHPOTS.T @ DASHPOTS, [(SPRINGS.T @ SPRINGS, TAU)])
 )
 BALL, LAW, END = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e7), 4e-3
 SIZE = N + 1

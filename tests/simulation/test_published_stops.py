@@ -42,14 +42,9 @@ def rod(length: float, E: float, rho: float, area: float, held: bool = False) ->
     if not held:
         momentum[0, 0] = np.sqrt(mass)
     matrix = np.diag([mass, mass, mass, 1, 1, 1.0])
-    return ao.SiteModes(
-        omega,
-        b[:, None],
-        ("end",),
-        r=[[rest]],
-        directions=[(1.0, 0, 0)],
-        inertia=ao.Inertia(np.zeros(3), matrix, momentum),
-    )
+    inertia = ao.Inertia(np.zeros(3), matrix, momentum)
+    along = [(1.0, 0, 0)]
+    return ao.SiteModes(omega, b[:, None], ("end",), r=[[rest]], directions=along, inertia=inertia)
 
 
 def outside(rows) -> list[str]:
@@ -89,6 +84,3 @@ def test_rod_on_a_wall(book, case):
     momentum = data.speed * data.rho * data.area * data.length
     assert one.impulse == pytest.approx(2 * momentum, rel=0.01)
     assert hit.bodies["rod"].momentum[-1, 0] == pytest.approx(momentum, rel=0.02)
-
-
-# SDNL301. The book runs it by central differences, as it was published.

@@ -115,14 +115,9 @@ def test_what_is_given_is_told_in_one_line():
     """What differs from the defaults, arrays in short, as Python reads it where it is short."""
     law = ao.Tabulated(np.linspace(0, 1e-3, 500), np.linspace(0, 1e3, 500))
     shown = [
-        *(
-            ao.Site(vector=np.ones(1000)),
-            ao.Impactor(MODEL, 1.5),
-            law,
-            ao.Damping(ratio=[0.1] * 99),
-        ),
+        *(ao.Site(vector=np.ones(1000)), ao.Impactor(MODEL, 1.5), law, ao.SoftLayer(1e-3, 1e6)),
         ao.Scene({"a": MODEL, "b": BALL}, [ao.Contact("a", "b", law)]),
-        ao.SoftLayer(1e-3, 1e6),
+        ao.Damping(ratio=[0.1] * 99),
     ]
     for one in shown:
         text = repr(one)

@@ -44,36 +44,16 @@ def bar_on_two_springs() -> Posed:
     momentum[:, 2] = b[:, 2]
     mass = RHO_A * LENGTH
     matrix = np.diag([mass, mass, mass, 1, 1, 1.0])
-    body = ao.SiteModes(
-        omega,
-        b[:, :2],
-        ("left", "right"),
-        directions=[(0, 0, 1.0)] * 2,
-        inertia=ao.Inertia(np.zeros(3), matrix, momentum),
-    )
+    inertia = ao.Inertia(np.zeros(3), matrix, momentum)
+    up = [(0, 0, 1.0)] * 2
+    body = ao.SiteModes(omega, b[:, :2], ("left", "right"), directions=up, inertia=inertia)
+    ends, gaps = ("bar:left", "bar:right"), [2e-4, 0.0]
     law = ao.Linear(2e5)
-    contacts = [
-        ao.Contact("bar:left", "floor", law, gap=2e-4),
-        ao.Contact("bar:right", "floor", law),
-    ]
-    scene = ao.Scene(
-        {"bar": body, "floor": ao.Obstacle()},
-        contacts,
-        gravity=(0, 0, -9.81),
-        motion={"bar": ao.Motion(velocity=(0, 0, -0.6))},
-    )
-    direct = physical(
-        K,
-        M,
-        -columns.T,
-        np.array([2e-4, 0]),
-        2e5,
-        1.0,
-        -0.6 * translation,
-        6e-3,
-        -9.81 * M @ translation,
-    )
-    return scene, 6e-3, direct
+    contacts = [ao.Contact(e, "floor", law, gap=g) for e, g in zip(ends, gaps, strict=True)]
+    bodies, start = {"bar": body, "floor": ao.Obstacle()}, ao.Motion(velocity=(0, 0, -0.6))
+    scene = ao.Scene(bodies, contacts, gravity=(0, 0, -9.81), motion={"bar": start})
+    fall, pull = -0.6 * translation, -9.81 * M @ translation
+    return scene, 6e-3, physical(K, M, -columns.T, np.array(gaps), 2e5, 1.0, fall, 6e-3, pull)
 
 
 @cache
@@ -83,26 +63,18 @@ def beam_between_two_stops() -> Posed:
     omega, b = free_modes(K, M, columns)
     law = ao.Hertz(5e8)
     pulse = [0, 2e-3, 4e-3], [0, 60.0, 0]
-    contacts = [
-        ao.Contact("above", "beam:tip", law, gap=4e-4),
-        ao.Contact("beam:tip", "below", law, gap=4e-4),
-    ]
+    ends = ("above", "beam:tip"), ("beam:tip", "below")
+    contacts = [ao.Contact(*pair, law, gap=4e-4) for pair in ends]
     body = ao.SiteModes(omega, b, ("middle", "tip"))
     bodies = {"beam": body, "above": ao.Obstacle(), "below": ao.Obstacle()}
     scene = ao.Scene(bodies, contacts, loads=[ao.Load("beam:middle", *pulse)])
     rows = np.vstack((columns[:, 1], -columns[:, 1]))
-    direct = physical(
-        K,
-        M,
-        rows,
-        np.full(2, 4e-4),
-        5e8,
-        1.5,
-        np.zeros(len(K)),
-        0.012,
-        lambda t: columns[:, 0] * np.interp(t, *pulse),
-    )
-    return scene, 0.012, direct
+    gaps, rest = np.full(2, 4e-4), np.zeros(len(K))
+
+    def load(t):
+        return columns[:, 0] * np.interp(t, *pulse)
+
+    return scene, 0.012, physical(K, M, rows, gaps, 5e8, 1.5, rest, 0.012, load)
 
 
 @cache
@@ -123,18 +95,12 @@ def two_beams_at_three_points() -> Posed:
     both_K, both_M = np.block([[K, zero], [zero, 1.69 * K]]), np.block([[M, zero], [zero, M]])
     rows = np.hstack((columns.T, -columns.T))
     struck = np.concatenate((columns[:, 0], 0 * columns[:, 0]))
-    direct = physical(
-        both_K,
-        both_M,
-        rows,
-        gaps,
-        3e7,
-        1.3,
-        np.zeros(2 * len(K)),
-        8e-3,
-        lambda t: struck * np.interp(t, *pulse),
-    )
-    return scene, 8e-3, direct
+    rest = np.zeros(2 * len(K))
+
+    def load(t):
+        return struck * np.interp(t, *pulse)
+
+    return scene, 8e-3, physical(both_K, both_M, rows, gaps, 3e7, 1.3, rest, 8e-3, load)
 
 
 SCENES = [bar_on_two_springs, beam_between_two_stops, two_beams_at_three_points]

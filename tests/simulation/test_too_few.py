@@ -61,8 +61,7 @@ def test_batches_and_scenes_tell_it_too(kind):
             bodies = {"long string": model, "ball": BALL}
             names = list(bodies) if kind == "scene" else list(bodies)[::-1]
             scene = ao.Scene(
-                {name: bodies[name] for name in names},
-                [ao.Contact("long string", "ball", LAW)],
+                {name: bodies[name] for name in names}, [ao.Contact("long string", "ball", LAW)]
             )
             scene.run(4e-3)
 

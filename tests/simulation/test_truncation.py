@@ -137,10 +137,7 @@ def test_estimate_is_twice_what_the_two_extremes_differ_by():
     short = whole.truncated(2)
     run = struck(striker, law, 2e-3)
     soft = ao.AntiOscillators(
-        m0=0.0,
-        k0=short.k0,
-        m=[*short.m, short.m0],
-        omega=[*short.omega, whole.omega[2]],
+        m0=0.0, k0=short.k0, m=[*short.m, short.m0], omega=[*short.omega, whole.omega[2]]
     )
     rigid, hung = (run(model, tol) for model in (short, soft))
     apart = abs(hung.peak_force - rigid.peak_force) / max(hung.peak_force, rigid.peak_force)

@@ -12,12 +12,7 @@ from scenes import HERTZ, case_two, hertz_impact, rigid
 
 CUT = "The run ends during contact .* up to 0.0005 s"
 NOTHING = "nothing moves the bodies"
-LAWS = [
-    ao.Hertz(1e8),
-    ao.Linear(1e5),
-    ao.HuntCrossley(1e8, 0.7),
-    ao.Thornton(1e8, 1e-5),
-]
+LAWS = [ao.Hertz(1e8), ao.Linear(1e5), ao.HuntCrossley(1e8, 0.7), ao.Thornton(1e8, 1e-5)]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
