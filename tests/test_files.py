@@ -206,11 +206,9 @@ def test_damaged_copies_are_refused_or_right(tmp_path):
 
 @pytest.mark.parametrize("kind", ["folder", "pipe", "device", "long"])
 def test_what_is_no_file_is_no_model(tmp_path, kind):
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
     path = {"device": "/dev/zero", "long": "x" * 5000}.get(kind, tmp_path / kind)
-    if kind == "folder":
-        path.mkdir()
-    if kind == "pipe":
-        os.mkfifo(path)
     with pytest.raises(ao.InputError, match="no model file"):
         ao.AntiOscillators.load(path)
 

@@ -21,16 +21,17 @@ from antiosc.base.errors import InputError
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
 
 
+def ran(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """A fresh Python that runs the code."""
+    own = {**os.environ, **environment}
+    given = [sys.executable, "-c", textwrap.dedent(code)]
+    return subprocess.run(given, env=own, capture_output=True, text=True, timeout=600)
+
+
 def run_info(before: str = "", code: int = 0, **environment: str) -> str:
     """Output of `antiosc info` in a fresh Python that runs the statement `before` first."""
     program = f"import sys\n{before}\nfrom antiosc.app.cli import main\nsys.exit(main(['info']))"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    done = ran(program, **environment)
     assert done.returncode == code, done.stderr
     return done.stdout
 
@@ -125,10 +126,7 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
     info.report = report
     sys.exit(cli.main(["info"]))
     """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        env={**os.environ, "TMPDIR": str(tmp_path)}, capture_output=True, text=True,
-    )  # fmt: skip
+    done = ran(code, TMPDIR=str(tmp_path))
     assert done.returncode == 128 + signal.SIGTERM
     assert done.stdout.startswith(str(tmp_path))
     assert done.stderr == ""
@@ -139,13 +137,9 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
 def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     """Also where all of it is still in Python's buffer when the reader goes."""
     code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": ""},
-    ) as run:
+    given, own = [sys.executable, "-c", code], {**os.environ, "PYTHONUNBUFFERED": ""}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(given, env=own, **pipes) as run:
         run.stdout.close()
         assert run.stderr.read() == ""
     assert run.returncode == 1

@@ -15,33 +15,10 @@ from antiosc.simulation.march.engine import Run
 from antiosc.simulation.reference import Settings
 from antiosc.simulation.scene import exactly, solved, start
 from antiosc.simulation.states import forces, located, states
+from audited_scenes import Own
 
 Array = NDArray[np.float64]
 TOL, DURATION = 1e-5, 3e-3
-
-
-@dataclass(frozen=True)
-class Sticky(ao.ContactLaw):
-    """A law of the user's own that remembers its closing speed: Hunt and Crossley's."""
-
-    stiffness: float
-    restitution: float
-    rate_dependent = True
-
-    def touch(self, speed: float, state: Any = None) -> tuple[float, ...]:
-        return (1.5 * (1 - self.restitution) / speed if speed > 0 else 0.0,)
-
-    def force(self, delta: float, rate: float, state: Any) -> float:
-        return max(self.stiffness * max(delta, 0.0) ** 1.5 * (1 + state[0] * rate), 0.0)
-
-    def tangent(self, delta: float, rate: float, state: Any) -> tuple[float, float]:
-        grip, d = 1 + state[0] * rate, max(delta, 0.0)
-        if grip <= 0:
-            return 0.0, 0.0
-        return 1.5 * self.stiffness * d**0.5 * grip, self.stiffness * d**1.5 * state[0]
-
-    def energy(self, delta: float, state: Any) -> float:
-        return 0.4 * self.stiffness * max(delta, 0.0) ** 2.5
 
 
 @dataclass(frozen=True)
@@ -82,7 +59,7 @@ LAWS = {
     "Lankarani": ao.LankaraniNikravesh(1e8, 0.6),
     "Flores": ao.Flores(1e8, 0.4),
     "Gonthier": ao.Gonthier(1e8, 0.3, 1.0),
-    "user": Sticky(1e8, 0.6),
+    "user": Own(1e12),
     "Thornton": ao.Thornton(1e8, 1e-5),
     "Stronge": ao.Stronge(1e8, 1e-5),
     "Yang-Sun": ao.YangSun(1e8, 2e-5),
