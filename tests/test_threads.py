@@ -37,21 +37,16 @@ def two_threads(monkeypatch):
     ("cores", "load", "free"),
     [
         *((4, "1/300", 4), (4, "2/300", 3), (4, "4/300", 1), (4, "40/300", 1)),
-        *((2, "1/300", 2), (2, "2/300", 1), (1, "1/300", 1)),
+        *((2, "1/300", 2), (2, "2/300", 1), (1, "1/300", 1), (4, "", 1)),
     ],
 )
 def test_cores_in_use_are_not_free(monkeypatch, cores, load, free):
-    texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"}
+    """Where nothing is known only our own is."""
+    texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"} if load else {}
     monkeypatch.setattr(process, "_text", lambda path: texts.get(str(path), ""))
     monkeypatch.setattr(process, "cores", lambda: cores)
     monkeypatch.setattr(process.os, "cpu_count", lambda: cores)
     assert process.free_cores() == free
-
-
-def test_where_nothing_is_known_only_our_own_core_is_free(monkeypatch):
-    monkeypatch.setattr(process, "_text", lambda path: "")
-    monkeypatch.setattr(process, "cores", lambda: 4)
-    assert process.free_cores() == 1
 
 
 def test_a_container_s_quota_counts(monkeypatch):
