@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+import importlib
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from paths import BENCHMARKS
+from paths import demo
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -19,22 +19,9 @@ pytest.importorskip("dolfinx")
 @pytest.fixture(scope="module")
 def demos() -> dict[str, ModuleType]:
     """The demos' modules, which import one another by name."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        import article
-        import article_beam
-        import article_case1
-        import article_case2
-        import article_parts
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-    return {
-        "article": article,
-        "beam": article_beam,
-        "case1": article_case1,
-        "case2": article_case2,
-        "parts": article_parts,
-    }
+    names = {"article": "article", **{n: f"article_{n}" for n in ("case1", "case2", "parts")}}
+    demo("article")  # puts their folder on the path
+    return {short: importlib.import_module(name) for short, name in names.items()}
 
 
 @pytest.fixture(scope="module")
