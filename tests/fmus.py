@@ -92,7 +92,6 @@ class Instance:
         return max(status, self.call("ExitInitializationMode"))
 
     def step(self, at: float, h: float) -> int:
-        """One communication step."""
         if self.two:
             return self.call("DoStep", c_double(at), c_double(h), 1)
         flags = [byref(ctypes.c_bool()) for _ in range(3)]
@@ -100,7 +99,6 @@ class Instance:
         return self.call("DoStep", c_double(at), c_double(h), ctypes.c_bool(True), *flags, moment)
 
     def get(self, *names: str) -> list[float]:
-        """Values of variables."""
         refs = (c_uint32 * len(names))(*(self.fmu.variables[name] for name in names))
         values = (c_double * len(names))()
         count = c_size_t(len(names))
@@ -110,7 +108,6 @@ class Instance:
         return list(values)
 
     def set(self, name: str, value: float) -> int:
-        """Set one variable."""
         refs, values = (c_uint32 * 1)(self.fmu.variables[name]), (c_double * 1)(value)
         more = () if self.two else (c_size_t(1),)
         call = "SetReal" if self.two else "SetFloat64"
@@ -126,13 +123,11 @@ class Instance:
         return rows
 
     def state(self) -> c_void_p:
-        """The present state."""
         kept = c_void_p()
         assert self.call("GetFMUstate" if self.two else "GetFMUState", byref(kept)) == OK
         return kept
 
     def bytes_of(self, state: c_void_p) -> bytes:
-        """A state as bytes."""
         name = "FMUstate" if self.two else "FMUState"
         size = c_size_t()
         assert self.call(f"Serialized{name}Size", state, byref(size)) == OK
@@ -147,5 +142,4 @@ class Instance:
         return self.call(call, content, c_size_t(len(content)), byref(state)), state
 
     def back_to(self, state: c_void_p) -> int:
-        """Go back to a state."""
         return self.call("SetFMUstate" if self.two else "SetFMUState", state)

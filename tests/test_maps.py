@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import antiosc as ao
+import parts
+from antiosc.app import live as verdict, live_meshes as sites
+from antiosc.base.texts import engineering
 from paths import MESHES
 
 pytest.importorskip("dolfinx")
@@ -16,8 +21,6 @@ pytest.importorskip("gmsh")
 
 import meshio
 
-import antiosc as ao
-import parts
 from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
@@ -324,3 +327,58 @@ def test_given_points_of_a_sheet(cell):
         assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
     with pytest.raises(ao.InputError, match=r"1 of 4 points lie off the structure, one at \(0"):
         ao.impact_map(shell, [*[(*p, 0) for p in points], (0.05, 0.03, 1e-3)], direction=(0, 0, -1))
+
+
+THIN, YIELD = (0.12, 0.08, 0.01), 50e6
+STRIKER, LAW, DURATION = ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 4e-4
+POINTS = [(0.03, 0.02, 0.01), (0.07, 0.05, 0.01), (0.09, 0.03, 0.01)]
+
+
+@functools.cache
+def struck(supports, **options) -> tuple[ao.Structure, ao.ImpactMap]:
+    groups = {"left": (2, lambda x: np.isclose(x[0], 0))}
+    mesh = parts.box((6, 4, 1), THIN, "hexahedron", groups=groups)
+    steel = ao.Solid(**parts.STEEL, **options)
+    part = ao.Structure(mesh, steel, [ao.Support("left")] if supports else [])
+    found = ao.impact_map(
+        part, POINTS, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=0.02, n=16, modes=30,
+        band=4e4, accuracy=1.0, stress=True,
+    )  # fmt: skip
+    return part, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("supports", [True, False])
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
+def test_the_largest_stress_is_that_of_the_impact_by_itself(supports):
+    part, found = struck(supports, yield_strength=YIELD)
+    for i, point in enumerate(POINTS):
+        site = ao.Site(point, (0, 0, -1), radius=0.02)
+        hit = ao.simulate(ao.extract(part, site, n=40), STRIKER, LAW, DURATION)
+        field = ao.peak_field(part, hit, "yield", times=np.linspace(0, DURATION, 150))
+        value, place, _ = field.largest(1)[0]
+        assert found.exposure[i] == pytest.approx(value, rel=0.03)
+        assert found.peak_stress[i] == pytest.approx(value * YIELD, rel=0.03)
+        assert found.stress_points[i] == pytest.approx(place, abs=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
+def test_a_map_colours_by_danger():
+    part, found = struck(supports=True, yield_strength=YIELD)
+    own = sites.sites_of_map(found, part)[1]
+    assert own["units"]["peak_stress"] == "Pa"
+    assert own["quantities"]["exposure"] is found.exposure
+    worst = int(found.exposure.argmax())
+    told = found.summary().splitlines()[-1]
+    assert engineering(found.peak_stress[worst], "Pa", 3) in told
+    assert "refine" in told
+    assert f"{found.exposure[worst]:.3g}" in " ".join(verdict.headline_of_map(found).sentences)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
+def test_stress_needs_impacts_and_no_strength():
+    part, found = struck(supports=True)
+    assert found.exposure is None
+    assert "exposure" not in found.quantities()
+    with pytest.raises(ao.InputError):
+        ao.impact_map(part, POINTS, direction=(0, 0, -1), radius=0.02, stress=True)

@@ -498,7 +498,7 @@ class Refinement:
     A single rate may be accidental, if a yield point or a release lies between two steps. An
     extrapolated error is therefore multiplied by 1.5 until two successive rates agree. The peak is
     one value of the force, and its differences change sign from step to step; its error is never
-    taken below that of the force. tests/simulation/test_estimates.py measures how often the
+    taken below that of the force. tests/simulation/test_error_budget.py measures how often the
     estimates cover the true errors.
     """
 
