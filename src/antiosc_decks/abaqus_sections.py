@@ -201,10 +201,9 @@ class Sections:
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
             kind, arguments = self._shell(card, elements)
         elif card.keyword == "SOLIDSECTION" and roles == {"rod"}:
-            material = self._material(card.needed("MATERIAL"), card.place)
-            area = _positive(card, "area of rods")
-            self.builder.add_rods(elements, material, "solids", area, card.place)
-            return
+            area = _positive(card, "area of rods") * self.builder.units.length**2
+            own = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
+            kind, arguments = "Truss", own
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
@@ -213,7 +212,7 @@ class Sections:
             kind, arguments = self._beam(card, elements)
         else:
             self._refuse(card, roles, {block.type for block in blocks})
-        name = card.within.spelled(card.option("ELSET"))
+        name = card.within.spelled(card.option("ELSET")) if kind != "Truss" else "rods"
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,28 +35,16 @@ LEAST_TERM = 1e-12
 
 
 class Family(NamedTuple):
-    """The section of a group of elements, as a class of antiosc and its arguments."""
+    """The section of a group of elements, as a class of antiosc and its arguments.
+
+    "Truss" has a "torsion" beside, m⁴, which a truss does without. "Panel", of a shear panel, is no
+    class; its "sides" are F1, F2 of Nastran: what of it is in rods along its sides 12 and 34, 23
+    and 41, as shares of its thickness and width (from 1.01: of the square of its thickness).
+    """
 
     kind: str
     arguments: Json
     place: Place
-
-
-@dataclass(frozen=True)
-class Rod:
-    """The section of a rod or of a shear panel, in the deck's units."""
-
-    E: float
-    nu: float
-    #: area, of a panel thickness
-    across: float
-    #: mass per length, of a panel per area
-    mass: float
-    place: Place
-    torsion: float = 0.0
-    #: F1, F2 of a panel: what of it is in rods along its sides 12 and 34, 23 and 41, as shares of
-    #: its thickness and width (from 1.01: of the square of its thickness)
-    effective: tuple[float, float] | None = None
 
 
 class ModelBuilder:
@@ -74,8 +61,6 @@ class ModelBuilder:
         self.families: list[Family] = []
         self.names: list[str] = []
         self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
-        #: number of an element -> its section, of rods and shear panels
-        self.rods: dict[int, Rod] = {}
         #: (node, place, kg, [kg m²])
         self.masses: list[tuple[int, Place, float, list[float]]] = []
         #: whether the deck has no other elements: the rods are a truss
@@ -122,23 +107,6 @@ class ModelBuilder:
         """E, nu and rho of a material that must be isotropic."""
         E, nu = self.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.rho(material)}
-
-    def add_rods(
-        self,
-        elements: IntArray,
-        material: Material,
-        what: str,
-        across: float,
-        place: Place,
-        extra: float = 0.0,
-        torsion: float = 0.0,
-        effective: tuple[float, float] | None = None,
-    ) -> None:
-        """Set the section of rods or panels; `extra`: mass beside that of the density."""
-        own, units = self.isotropic(material, what), self.units
-        mass = own["rho"] / units.density * across + extra
-        rod = Rod(own["E"] / units.stress, own["nu"], across, mass, place, torsion, effective)
-        self.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
@@ -258,7 +226,7 @@ class ModelBuilder:
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
-DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2}
+DIMENSION = {"Beam": 1, "Truss": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Panel": 2}
 DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
@@ -295,17 +263,14 @@ def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
-    if element in builder.rods:
-        rod = builder.rods[element]
-        return 1 if rod.effective is None else 2, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
     across = 1.0
     density = a.get("rho", 0.0)
-    if family.kind == "Beam":
-        across = a["section"]["A"] / units.length**2
+    if family.kind in ("Beam", "Truss"):
+        across = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
     elif family.kind == "Laminate":
         thick = [layer["thickness"] for layer in a["layers"]]
         across = sum(thick) / units.length
@@ -318,11 +283,7 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    rods = np.array([int(element) in builder.rods for element in elements])
-    for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
-        rod = builder.rods[element]
-        builder.rods[element] = replace(rod, mass=rod.mass + more * rod.across)
-    for name, family, value, some in builder.alike(elements[~rods], density[~rods]):
+    for name, family, value, some in builder.alike(elements, density):
         more = value * builder.units.density
         builder.add(name, some, family._replace(arguments=_heavier(family.arguments, more)))
 

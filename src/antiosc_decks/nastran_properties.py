@@ -155,15 +155,19 @@ class Properties:
         else:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
-        material, extra = self._material(entry, k), extra * self.factor
-        self.builder.add_rods(elements, material, "rods", area, entry.place, extra, torsion)
+        length = self.builder.units.length
+        own = self.builder.isotropic(self._material(entry, k), "rods")
+        own |= {"area": area * length**2, "torsion": torsion * length**4}
+        own["rho"] += self._beside(extra, area)
+        self.builder.add("rods", elements, Family("Truss", own, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        t, extra, sides = entry.real(2, None), entry.real(3), (entry.real(4), entry.real(5))
+        t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        material, extra = self._material(entry, 1), extra * self.factor
-        what, place = "shear panels", entry.place
-        self.builder.add_rods(elements, material, what, t, place, extra, effective=sides)
+        own = self.builder.isotropic(self._material(entry, 1), "shear panels")
+        own |= {"thickness": t * self.builder.units.length, "sides": sides}
+        own["rho"] += self._beside(extra, t)
+        self.builder.add(name, elements, Family("Panel", own, entry.place))
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
