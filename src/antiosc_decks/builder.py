@@ -69,6 +69,7 @@ class ModelBuilder:
         self.apart: list[int] = []
         #: what is ignored, in the deck's terms
         self.ignored: list[str] = []
+        #: until `hold` along directions of their own of the nodes that have such
         self.fixed = np.zeros((nodes, 6), dtype=bool)
         #: nodes of chosen elements, of those with rotations, and of elements not chosen alone
         self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
@@ -169,6 +170,16 @@ class ModelBuilder:
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes."""
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+
+    def hold(self) -> None:
+        """Fix motions along directions of their own by supports along the axes, or constraints."""
+        for node, frame in self.joints.frames.items():
+            self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
+
+    def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
+        """The spring ("stiffness") or damper of a card, in the deck's units."""
+        place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
+        (self.sprung if what == "stiffness" else self.damped)(terms, value)
 
     def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
         """A point mass in the deck's units."""

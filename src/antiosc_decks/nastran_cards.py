@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile, zip_longest
 from typing import NamedTuple
 
@@ -69,8 +69,8 @@ class Entry(Placed):
         """Number of an element's property; by default that of the element."""
         return 0 if self.name == "CONROD" else self.whole(1, self.whole(0)) + self.place.scope
 
-    def its_property(self, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
-        """(entry, first field) of an element's property, among some."""
+    def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
+        """An element's property, among some."""
         number = self.property_number()
         self.needs(number in known, f"{self.name} has no {name} {number}.")
         return known[number]
@@ -381,7 +381,20 @@ OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
     **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
     "CRIGD2": ("CRIGD2", ()),
 }
-#: Of these, elements that name their material.
+#: Entries that define several of their kind in one line -> the number of fields of one.
+SEVERAL = {
+    **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS", "PVISC", "PQUAD2", "PTRIA2"), 4),
+    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), 4),
+    **dict.fromkeys(("PDAMP", "PMASS"), 2),
+}
+_OF_BARS = ((1,), (4, 5, 6), (7,))
+#: Entry -> the one that gives defaults, of which fields that are blank together.
+DEFAULTS = {
+    "GRID": ("GRDSET", ((1,), (5,), (6,))),
+    "CBAR": ("BAROR", _OF_BARS),
+    "CBEAM": ("BEAMOR", _OF_BARS),
+}
+#: Of the older ones, elements that name their material.
 OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
@@ -470,6 +483,31 @@ def account_for(entries: Sequence[Entry], name: str) -> Account:
     return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
 
 
+def separated(entries: Sequence[Entry]) -> list[Entry]:
+    """The entries, each with one definition."""
+    found = []
+    for entry in entries:
+        width = SEVERAL.get(entry.name, 8)
+        starts = [k for k in range(0, 8, width) if entry.text(k)] if width < 8 else [0]
+        own = (entry.fields[k : k + width] if width < 8 else entry.fields for k in starts)
+        found += [replace(entry, fields=fields) for fields in own]
+    return found
+
+
+def fill(entries: Sequence[Entry]) -> None:
+    """Blank fields are those of the entry that gives defaults in the same part."""
+    given = {(entry.name, entry.place.scope): entry for entry in entries}
+    for entry in entries:
+        name, groups = DEFAULTS.get(entry.name, ("", ()))
+        if default := given.get((name, entry.place.scope)):
+            entry.fields += [""] * (8 - len(entry.fields))
+            for some in groups:
+                if not any(entry.text(k) for k in some):
+                    if some in ((1,), (5,)):  # numbers of properties and systems
+                        default.whole(some[0], 0)
+                    entry.fields[some[0] : some[-1] + 1] = [default.text(k) for k in some]
+
+
 def renew(entries: Sequence[Entry]) -> list[Entry]:
     """Make entries of older versions what they are now; the further ones that this needs."""
     made: dict[str, Entry] = {}
@@ -491,11 +529,7 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
         elif old in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
-            every = (["" if k is None else entry.text(at + k) for k in order] for at in (0, 4))
-            first, second = every
-            if entry.name == "PSHELL" and second[0]:  # two of them in one entry
-                more.append(Entry(entry.name, entry.place, second))
-            entry.fields = first
+            entry.fields = ["" if k is None else entry.text(k) for k in order]
         known.update([entry.text(0)] if entry.name == "PSOLID" else [])
     return [entry for number, entry in made.items() if number not in known] + more
 
