@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import NoReturn
 
 import numpy as np
@@ -186,9 +186,18 @@ class Sections:
         self.whole, self.builder = whole, builder
         self.materials, self.ignored = materials_of(whole.cards)
         self.orientations = Orientations(whole.cards)
+        cards = whole.named("NODALTHICKNESS")
+        #: of nodes, nan without one; and in how many elements it varies
+        self.thickness = np.full(len(whole.deck.points) if cards else 0, np.nan)
+        self.varying = 0
+        for row in (row for card in cards for row in card.rows() if row.word(1)):
+            self.thickness[row.nodes()] = row.real(1)
         for card in whole.named(*SECTION_CARDS):
             self._read(card)
-        vary_thickness(whole, builder)
+        if self.varying:
+            told = f"the variation of the thickness within {self.varying} elements (*NODAL "
+            told += f"THICKNESS, {cards[0].place}), the mean of the corners is taken in each"
+            self.builder.tell_once(told)
 
     def _read(self, card: Card) -> None:
         """One section card."""
@@ -198,9 +207,11 @@ class Sections:
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
+        name = card.within.spelled(card.option("ELSET"))
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
-            kind, arguments = self._shell(card, elements)
-        elif card.keyword == "SOLIDSECTION" and roles == {"rod"}:
+            self._shells(card, name, elements)
+            return
+        if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
             own = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
             kind, arguments = "Truss", own
@@ -212,7 +223,7 @@ class Sections:
             kind, arguments = self._beam(card, elements)
         else:
             self._refuse(card, roles, {block.type for block in blocks})
-        name = card.within.spelled(card.option("ELSET")) if kind != "Truss" else "rods"
+        name = "rods" if kind == "Truss" else name
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
@@ -254,33 +265,50 @@ class Sections:
         plane = {"plane": min(roles).removeprefix("plane "), "thickness": thickness}
         return "Solid", {**self._isotropic(card, "solids"), **plane}
 
-    def _shell(self, card: Card, elements: IntArray) -> tuple[str, Json]:
-        if "COMPOSITE" in card.options:
-            return self._laminate(card, elements, card.rows())
-        material = self._material(card.needed("MATERIAL"), card.place)
-        thickness = card.first().real(0)
-        if material.constants is not None and material.isotropic is None:
-            row = Row(f"{thickness!r},,{material.name},0", card, card.place)
-            return self._laminate(card, elements, [row])
-        length = {"thickness": thickness * self.builder.units.length}
-        offset = self._offset(card, elements, thickness)
-        return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
-
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Json:
+    def _shells(self, card: Card, name: str, elements: IntArray) -> None:
         word = card.option("OFFSET").upper()
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
-        if not share:
-            return {}
-        if geometry.curved(self.whole.deck, elements):
-            told = f"the area of a curved shell with OFFSET={word} is that at its nodes."
-            self.whole.deck.told.append(f"{card.place}: {told}")
-        length = self.builder.units.length
-        side = geometry.side_of(self.whole.deck, elements, length)
-        return {"offset": -share * thickness * length, **side}
+        rows = card.rows()
+        if "COMPOSITE" not in card.options:
+            material = self._material(card.needed("MATERIAL"), card.place)
+            thickness = card.first().real(0)
+            if material.constants is None or material.isotropic is not None:
+                own = self.builder.isotropic(material, "shells")
+                for value, some in self._by_thickness(elements, thickness):
+                    given = {**own, "thickness": value * self.builder.units.length}
+                    label = f"{name} of thickness {value:g}" if len(self.thickness) else name
+                    family = Family("Shell", given, card.place)
+                    self.builder.add_shells(label, some, family, -share * value)
+                return
+            rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
+        layers, axes = self._laminate(card, elements, rows)
+        thickness = sum(one["thickness"] for one in layers) / self.builder.units.length
+        family = Family("Laminate", {"layers": layers}, card.place)
+        self.builder.add_shells(name, elements, family, -share * thickness, axes)
+        nodes = self.whole.deck.nodes_of(elements)
+        if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
+            self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
 
-    def _laminate(self, card: Card, elements: IntArray, rows: list[Row]) -> tuple[str, Json]:
-        deck, length = self.whole.deck, self.builder.units.length
-        normals = geometry.normals_of(deck, elements)
+    def _by_thickness(self, elements: IntArray, given: float) -> Iterator[tuple[float, IntArray]]:
+        """(mean of *NODAL THICKNESS, elements), whether or not the section says so (CalculiX)."""
+        if not len(self.thickness):
+            yield given, elements
+            return
+        found = np.zeros(len(elements))
+        for block, mine in self.whole.deck.blocks_of(elements):
+            nodes = np.hstack([block.corners, block.mids])
+            values = np.where(nodes >= 0, self.thickness[nodes], np.nan)
+            values = np.where(np.isfinite(values), values, given)
+            self.varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
+            found[mine] = np.round(values[:, : block.corners.shape[1]].mean(axis=1), 12)
+        for value in np.unique(found):
+            yield float(value), elements[found == value]
+
+    def _laminate(
+        self, card: Card, elements: IntArray, rows: list[Row]
+    ) -> tuple[list[dict[str, float]], Array]:
+        """(arguments of the layers, the direction of 0° in each element)."""
+        normals = geometry.normals_of(self.whole.deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), card)]
@@ -305,11 +333,7 @@ class Sections:
                 told = f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
                 told += " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
                 self.builder.tell_once(f"{told} has it")
-        alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
-        own_axis = axis[0].tolist() if alike else geometry.everywhere(deck, elements, axis, length)
-        offset = self._offset(card, elements, sum(one["thickness"] for one in layers) / length)
-        top = geometry.top_of(deck, elements, length)
-        return "Laminate", {"layers": layers, "axis": own_axis, **offset, "top": top}
+        return layers, axis
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
         """Direction 1 of an *ORIENTATION in each element; 2 where 1 is the normal of a shell."""
@@ -372,42 +396,3 @@ def _positive(card: Card, what: str) -> float:
     value = card.first().real(0, 1.0)
     card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value
-
-
-def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
-    """The means of *NODAL THICKNESS in elements, whether or not the section says so (CalculiX)."""
-    at_node = np.full(len(whole.deck.points), np.nan)
-    cards = whole.named("NODALTHICKNESS")
-    for card in cards:
-        for row in card.rows():
-            if row.word(1):
-                at_node[row.nodes()] = row.real(1)
-    if not cards:
-        return
-    place, varying = cards[0].place, 0
-    length = builder.units.length
-    families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
-    by_section = np.array([*families, np.nan])[builder.of_element]
-    for block, own in whole.deck.numbered():
-        if block.role == "shell":
-            nodes = np.hstack([block.corners, block.mids])
-            values = np.where(nodes >= 0, at_node[nodes], np.nan)
-            values = np.where(np.isfinite(values), values, by_section[own, None])
-            varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
-            _thin(builder, own, values[:, : block.corners.shape[1]].mean(axis=1), place)
-    if varying:
-        told = f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, "
-        builder.ignored.append(f"{told}{place}), the mean of the corners is taken in each")
-
-
-def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:
-    told = f"*NODAL THICKNESS of layers, which have theirs ({place})"
-    for name, family, value, some in builder.alike(elements, np.round(thickness, 12)):
-        if family.kind != "Shell":
-            if np.isfinite(value):
-                builder.tell_once(told)
-            continue
-        own = {**family.arguments, "thickness": value * builder.units.length}
-        if "offset" in own:
-            own["offset"] *= own["thickness"] / family.arguments["thickness"]
-        builder.add(f"{name} of thickness {value:g}", some, family._replace(arguments=own))

@@ -13,7 +13,15 @@ from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, IntArray, Place
 from antiosc.io.neutral import Json, Term, UnitSystem
 from antiosc_decks.constraints import SPRINGS, Constraints, one_piece
-from antiosc_decks.properties import Material, measures_of
+from antiosc_decks.properties import (
+    Material,
+    common_direction,
+    curved,
+    everywhere,
+    measures_of,
+    top_of,
+    unit,
+)
 
 
 def chosen_elements(deck: Deck) -> BoolArray:
@@ -150,6 +158,34 @@ class ModelBuilder:
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)
+
+    def add_shells(
+        self,
+        name: str,
+        elements: IntArray,
+        family: Family,
+        offset: float,
+        axes: Array | None = None,
+    ) -> None:
+        """Set the section of shells with an offset along their normals, in the deck's units.
+
+        `axes` (elements, 3): the directions of 0°, of layers and of given stiffnesses.
+        """
+        deck, length, own = self.deck, self.units.length, dict(family.arguments)
+        if axes is not None:
+            axes = unit(axes)
+            axis = common_direction(axes, least=1 - 1e-6)
+            own["axis"] = (everywhere(deck, elements, axes, length) if axis is None else
+                           axis.tolist())  # fmt: skip
+            own["top"] = top_of(deck, elements, length)
+        if offset:
+            own["offset"] = offset * length
+            if axes is None and isinstance(top := top_of(deck, elements, length), dict):
+                own["top"] = top
+            if curved(deck, elements):
+                self.tell_once(f"the area of the offset surface of curved shells ({family.place}), "
+                               "that at the nodes is taken")  # fmt: skip
+        self.add(name, elements, family._replace(arguments=own))
 
     def alike(
         self, elements: IntArray, values: Array

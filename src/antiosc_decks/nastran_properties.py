@@ -249,11 +249,7 @@ class Properties:
             else:
                 arguments = self.builder.isotropic(material, "shells") | {"thickness": own * length}
                 arguments["rho"] += extra
-                if offset:
-                    arguments["offset"] = offset * length
-                    arguments |= geometry.side_of(self.found.deck, some, length)
-                    self._tell_curved(entry, some)
-                self.builder.add(name, some, Family("Shell", arguments, entry.place))
+                self.builder.add_shells(name, some, Family("Shell", arguments, entry.place), offset)
 
     def _by_thickness(
         self, elements: IntArray, thickness: float, entry: Entry
@@ -342,22 +338,9 @@ class Properties:
         self, entry: Entry, name: str, elements: IntArray, kind: str, own: Json, offset: float
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
-        deck, length = self.found.deck, self.builder.units.length
-        normals = geometry.normals_of(deck, elements)
+        normals = geometry.normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        axis = geometry.common_direction(axes, least=1 - 1e-6)
-        own = {**own, "top": geometry.top_of(deck, elements, length)}
-        given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
-        own["axis"] = given
-        if offset:
-            own["offset"] = offset * length
-            self._tell_curved(entry, elements)
-        self.builder.add(name, elements, Family(kind, own, entry.place))
-
-    def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
-        if geometry.curved(self.found.deck, elements):
-            told = f"the area of the offset surface of {entry.name} {entry.text(0)}"
-            self.builder.tell_once(f"{told}, that at the nodes is taken")
+        self.builder.add_shells(name, elements, Family(kind, own, entry.place), offset, axes)
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
