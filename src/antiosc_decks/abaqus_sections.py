@@ -14,7 +14,7 @@ from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import Family, ModelBuilder
-from antiosc_decks.properties import Material, Profile, isotropic, of_stiffness, symmetric
+from antiosc_decks.properties import Material, Profile, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
@@ -55,7 +55,7 @@ def _elastic(material: Material, card: Card) -> str:
     v = np.array(values[:count])
     material.place = card.place
     if kind == "ISO":
-        material.constants = isotropic(v[0], v[1])
+        material.set_isotropic(v[0], v[1])
     elif kind == "LAMINA":  # E1, E2, nu12, G12, G13, G23
         material.constants = np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])
     elif kind == "ENGINEERINGCONSTANTS":
@@ -111,8 +111,7 @@ class Orientations:
         if degrees := self.degrees(name, by):
             row = card.rows()[1]
             row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-            angle = math.radians(degrees)
-            one = math.cos(angle) * one + math.sin(angle) * np.cross(z, one)
+            one = geometry.turned(one, z, degrees)
         return np.broadcast_to(np.stack([one, np.cross(z, one), z]), (len(x), 3, 3))
 
     def degrees(self, name: str, by: Card) -> float:
@@ -238,9 +237,8 @@ class Sections:
         raise card.place.error(f"{told} carries in this way.")
 
     def _material(self, name: str, place: Place) -> Material:
-        there = name.upper() in self.materials
-        place.needs(there, f"there is no material {name!r} (*MATERIAL, NAME=).")
-        return self.materials[name.upper()]
+        told = f"there is no material {name!r} (*MATERIAL, NAME=)."
+        return place.found(self.materials, name.upper(), told)
 
     def _isotropic(self, card: Card, what: str) -> Json:
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -346,8 +344,7 @@ class Sections:
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-            angle = math.radians(self.orientations.degrees(name, card))
-            first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
+            first = geometry.turned(first, normals, self.orientations.degrees(name, card))
         return first
 
     def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:

@@ -268,8 +268,9 @@ class ModelBuilder:
                 self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
+        own = self.joints.alias
         free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
-        return [term for term in free if abs(term[2]) > LEAST_TERM]
+        return [(*own.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.

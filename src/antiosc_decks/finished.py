@@ -161,22 +161,24 @@ def finished(builder: ModelBuilder) -> Model:
     _drop_alone(builder)
     joints = builder.joints
     grounded = [one for one in joints.springs if len(one[0]) == 1]
-    joints.springs = [one for one in joints.springs if len(one[0]) > 1]
+    among = len(joints.every()) > len(grounded)  # anything that joins nodes
     mixed = "shell" in present and kept_apart(builder.deck)
-    stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
+    stiffened = present == {"shell", "beam"} and not mixed and not among
     stiffened = stiffened and _on_edges(builder)
     several = mixed or (len(present) > 1 and not stiffened)
     attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
     beside = any(not builder.used[node] for node in attached)
-    joined = several or beside or bool(builder.joints.every())
+    joined = several or beside or among
     if joined:
-        _attach(builder, grounded)
+        _attach(builder)
     if stiffened:
         _shear_with_shells(builder)
     plane = not builder.truss and not present <= JOINED
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
+    pieces, held = _held(builder, count, fixed_points)
+    if not joined:
+        joints.springs = []
     # N/m, and N m of rotations
     size, force = builder.units.length, builder.units.force
     units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
@@ -211,9 +213,7 @@ def finished(builder: ModelBuilder) -> Model:
     }
 
 
-def _held(
-    builder: ModelBuilder, count: int, fixed_points: Held, grounded: list[list[Term]]
-) -> tuple[int, bool]:
+def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
     """(pieces of the deck, whether they are several and supports or springs hold each)."""
     joints, nodes = builder.joints, len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
@@ -225,7 +225,7 @@ def _held(
     moves[loose] = True
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
-    rows = [*joints.equations, *(terms for terms, _ in joints.springs), *grounded]
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
     return held_apart(builder.deck, x, moves, fixed, rows)
 
 
@@ -261,15 +261,13 @@ def _drop_alone(builder: ModelBuilder) -> None:
         builder.ignored.append(f"{left} {told}")
 
 
-def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
-    """Masses and grounded springs as those between numbered nodes."""
+def _attach(builder: ModelBuilder) -> None:
+    """Masses at places as those of numbered nodes."""
     masses, builder.masses = builder.masses, []
-    size, joints = builder.units.length, builder.joints
+    size = builder.units.length
     for node, place, mass, inertia in masses:
         own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
-    for ((node, motion, _),), value in grounded:
-        joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:

@@ -72,8 +72,7 @@ class Entry(Placed):
     def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
         """An element's property, among some."""
         number = self.property_number()
-        self.needs(number in known, f"{self.name} has no {name} {number}.")
-        return known[number]
+        return self.place.found(known, number, f"{self.name} has no {name} {number}.")
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""

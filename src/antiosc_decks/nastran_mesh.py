@@ -95,11 +95,11 @@ class Systems:
             return self._moved.get(place.scope, BASIC)
         number += place.scope
         if number not in self._placed:
-            place.needs(number in self._given, f"there is no coordinate system {own}.")
+            entry = place.found(self._given, number, f"there is no coordinate system {own}.")
             closed = number not in self._open and len(self._open) <= 200
             place.needs(closed, f"the coordinate system {own} depends on itself.")
             self._open.add(number)
-            self._placed[number] = self._place(self._given[number])
+            self._placed[number] = self._place(entry)
             self._open.discard(number)
         return self._placed[number]
 

@@ -205,6 +205,7 @@ class Joints:
             entry = Entry(entry.name, entry.place, fields)
         acts = [bool(k or c) for k, c in zip(*constants, strict=True)]
         rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
+        entry.needs(rows, f"{entry.name} acts on no node.")
         x = self.found.deck.points[rows]
         apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
         own_place = entry.name == "CBUSH"

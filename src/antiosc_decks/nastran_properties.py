@@ -16,7 +16,7 @@ from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
 from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of
-from antiosc_decks.properties import Material, isotropic, symmetric, tube
+from antiosc_decks.properties import Material, symmetric, tube
 
 #: Material -> the field of its density.
 MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}
@@ -79,7 +79,7 @@ class Properties:
         material.density = density * self.factor if density else None
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
-            material.constants = isotropic(E, nu)
+            material.set_isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
                 told = f"G of MAT1 {number}, which does not follow from E and NU"
@@ -106,9 +106,8 @@ class Properties:
     def _material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field k (from 0)."""
         number = entry.number(k)
-        entry.needs(number in self._materials, "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with "
-                    f"the number {number % SCOPE}.")  # fmt: skip
-        return self._materials[number]
+        told = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
+        return entry.place.found(self._materials, number, f"{told}{number % SCOPE}.")
 
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
@@ -357,8 +356,7 @@ class Properties:
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
-        angle = math.radians(entry.real(where))
-        rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
+        rotated = geometry.turned(side, normal, entry.real(where))
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 

@@ -28,6 +28,11 @@ class Material(Placed):
     #: E and G of beams and rods, where they do not follow from `constants`
     of_lines: tuple[float, float] | None = None
 
+    def set_isotropic(self, E: float, nu: float) -> None:
+        """Give it the constants of an isotropic material."""
+        self.needs(nu > -1, f"Poisson's ratio lies above -1; it is {nu:g}.")
+        self.constants = isotropic(E, nu)
+
     def elasticity(self) -> Array:
         """The constants; MeshError without such."""
         found = self.constants
@@ -209,6 +214,12 @@ def unit(v: Array) -> Array:
     """Rows as vectors of length 1; zero stays zero."""
     length = np.linalg.norm(v, axis=1, keepdims=True)
     return np.asarray(v / np.where(length > 0, length, 1.0))
+
+
+def turned(v: Array, axis: Array, degrees: float) -> Array:
+    """Vectors across unit vectors, rotated about these."""
+    angle = math.radians(degrees)
+    return np.asarray(math.cos(angle) * v + math.sin(angle) * np.cross(axis, v))
 
 
 def tangents_of(deck: Deck, elements: IntArray) -> Array:
