@@ -14,7 +14,7 @@ from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along, separate_copies
+from antiosc_decks.constraints import along
 from antiosc_decks.finished import finished
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
@@ -35,7 +35,6 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
     whole.deck.told += whole.account.unknown(options=True)
-    copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder)
     for card in whole.named("NONSTRUCTURALMASS"):
@@ -54,10 +53,9 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
-    builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
-    builder.ignored += [*sections.ignored, *whole.account.ignored()]
+    builder.ignored += whole.account.ignored()
     return finished(builder)
 
 

@@ -22,10 +22,9 @@ ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 
 VOIGT = [0, 1, 2, 5, 4, 3]
 
 
-def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
-    """(materials by name in upper case, what is ignored of them)."""
+def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material]:
+    """The materials by name in upper case."""
     found: dict[str, Material] = {}
-    ignored: list[str] = []
     current: Material | None = None
     for card in cards:
         if card.keyword == "MATERIAL":
@@ -37,10 +36,10 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
         elif current is not None and card.keyword == "ELASTIC":
             kind = _elastic(current, card)
             if kind == "ISO" and len(card.lines) > 1:
-                ignored.append(f"*ELASTIC of other temperatures ({card.place})")
+                builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
-    return found, ignored
+    return found
 
 
 def _elastic(material: Material, card: Card) -> str:
@@ -183,7 +182,7 @@ class Sections:
 
     def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
         self.whole, self.builder = whole, builder
-        self.materials, self.ignored = materials_of(whole.cards)
+        self.materials = materials_of(whole.cards, builder)
         self.orientations = Orientations(whole.cards)
         cards = whole.named("NODALTHICKNESS")
         #: of nodes, nan without one; and in how many elements it varies

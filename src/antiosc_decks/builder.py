@@ -12,7 +12,7 @@ from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, IntArray, Place
 from antiosc.io.neutral import Json, Term, UnitSystem
-from antiosc_decks.constraints import SPRINGS, Constraints, one_piece
+from antiosc_decks.constraints import SPRINGS, Constraints, one_piece, separate_copies
 from antiosc_decks.properties import (
     Material,
     common_direction,
@@ -61,6 +61,8 @@ class ModelBuilder:
     def __init__(
         self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
     ) -> None:
+        #: own nodes of elements that repeat others, and those that they follow
+        self.copies = separate_copies(deck)
         nodes = len(deck.points)
         #: density in kg/m³, of materials without one; lumped: whether the deck gives masses at
         #: nodes, so that materials may have none
@@ -208,9 +210,16 @@ class ModelBuilder:
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:
-        """Fix motions along directions of their own by supports along the axes, or constraints."""
+        """Fix motions along directions of their own by supports along the axes, or constraints.
+
+        Nodes of copies follow those of what they repeat.
+        """
         for node, frame in self.joints.frames.items():
             self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
+        for own, node in self.copies:
+            self.apart.append(own)
+            for motion in range(6 if self.has_rotations[own] else 3):
+                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
         """The spring ("stiffness") or damper of a card, in the deck's units."""
@@ -259,13 +268,6 @@ class ModelBuilder:
         moving = self._moving(terms)
         if moving and damping:
             self.joints.dampers.append((moving, damping))
-
-    def join_copies(self, copies: list[tuple[int, int]]) -> None:
-        """Let nodes of copies follow those of what they repeat: (own node, node)."""
-        for own, node in copies:
-            self.apart.append(own)
-            for motion in range(6 if self.has_rotations[own] else 3):
-                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
         own = self.joints.alias

@@ -364,8 +364,8 @@ CELLS = {
 }
 #: Entries that are read as the nearest that is here -> what of them is not taken.
 NEAREST = {
-    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "the rigidity in transverse shear of {} {}"),
-    "BEGIN SUPER": "the reduction of {} superelements ({}), the whole that they divide is read",
+    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "rigidity in transverse shear"),
+    "BEGIN SUPER": "reduction of superelements (the whole that they divide is read)",
 }
 _PLATE, _MEMBRANE = (0, 1, 2, 1, None, 1, None, 3), (0, 1, 2, None, None, None, None, 3)
 #: Entries of older versions -> those that they are now, and which of the older fields is in each of
@@ -479,7 +479,12 @@ def is_other(name: str) -> bool:
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
     """What becomes of the entries of a deck."""
-    return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+    found = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+    for entry in entries:
+        if entry.name in NEAREST:
+            label = f"{entry.name}, {NEAREST[entry.name]}"
+            found.options.append((label, entry.place, Fate("ignored")))
+    return found
 
 
 def separated(entries: Sequence[Entry]) -> list[Entry]:

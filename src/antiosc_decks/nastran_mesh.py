@@ -20,7 +20,7 @@ from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whol
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards
 from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
-from antiosc_decks.sources import Account, Sources
+from antiosc_decks.sources import Account, Fate, Sources
 
 
 @dataclass(frozen=True)
@@ -211,8 +211,6 @@ class NastranDeck:
     systems_of: dict[int, int] = field(default_factory=dict)
     #: what is special about elements that are beams, by their number
     beams: dict[int, Beam] = field(default_factory=dict)
-    #: entries that are read as others, in the deck's terms
-    converted: list[str] = field(default_factory=list)
 
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
@@ -352,9 +350,6 @@ def read(sources: Sources) -> NastranDeck:
     cards.fill(bulk.entries)
     found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown()]
-    for name, sentence in cards.NEAREST.items():
-        if count := len(found.named(name)):
-            found.converted.append(sentence.format(count, name))
     bulk.entries += cards.renew(bulk.entries)
     _rods_of_bars(found)
     _elements(found)
@@ -437,10 +432,11 @@ def _rods_of_bars(found: NastranDeck) -> None:
     for entry in found.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in bare:
             entry.name, entry.fields = "CROD", entry.fields[:4]
-    for number, entry in bare.items():
+    for entry in bare.values():
         area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
         entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
-        found.converted.append(f"bending, pins and offsets of PBAR {number} (no I1, I2): rods")
+        told = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
+        found.account.options.append((told, entry.place, Fate("ignored")))
 
 
 def _elements(found: NastranDeck) -> None:

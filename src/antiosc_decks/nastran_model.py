@@ -11,7 +11,7 @@ from antiosc.io.deck import Array, Place, real_number, whole_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along, lever, separate_copies
+from antiosc_decks.constraints import along, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
@@ -372,22 +372,20 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
     given = found.parameter("WTMASS")
     factor = given.real(1, None) if given else 1.0
     ends = beams.divide(found)
-    copies = separate_copies(found.deck)
-    found.set_groups()
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
+    found.set_groups()
     Properties(found, builder, factor).read()
     builder.find_nodes()
     _supports(found, builder)
     joints = Joints(found, builder, factor)
     joints.read()
     beams.join(builder, ends)
-    builder.join_copies(copies)
     joints.read_masses()
     autospc = found.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*found.converted, *found.account.ignored()]
+    builder.ignored += found.account.ignored()
     return finished(builder)
 
 

@@ -205,7 +205,7 @@ def test_parts_with_numbers_of_their_own_are_the_whole(tmp_path, how):
              "SELOC,3,1,2,3,91,92,93"]  # fmt: skip
     own = [*grids, "CQUAD4,1,1,1,2,3,4", *(line.format(1) for line in OTHER)]
     before = seloc if how == "moved" else []
-    with pytest.warns(ao.AntioscWarning, match="reduction of 1 superelement"):
+    with pytest.warns(ao.AntioscWarning, match="reduction of superelements"):
         parts = strip(tmp_path / "parts.bdf", [*before, "BEGIN SUPER=3", *own])
     assert parts.mass == pytest.approx(expected.mass)
     found, wanted = (ao.natural_modes(part, 3).frequency for part in (parts, expected))
