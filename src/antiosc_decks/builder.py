@@ -317,18 +317,17 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
-    across = 1.0
-    density = a.get("rho", 0.0)
+    across, per_area = 1.0, a.get("mass", 0.0)
     if family.kind in ("Beam", "Truss"):
         across = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
-    elif family.kind == "Laminate":
-        thick = [layer["thickness"] for layer in a["layers"]]
-        across = sum(thick) / units.length
-        density = sum(t * layer["rho"] for t, layer in zip(thick, a["layers"], strict=True))
-        density /= sum(thick)
+    elif "layers" in a:
+        across = sum(layer["thickness"] for layer in a["layers"]) / units.length
+        per_area = sum(layer["thickness"] * layer["rho"] for layer in a["layers"])
     elif "thickness" in a:
         across = a["thickness"] / units.length
-        density = a.get("rho", a.get("mass", 0.0) / a["thickness"])
+    place.needs(across > 0, "the nonstructural mass is on an element without thickness "
+                "or area; give its section one.")  # fmt: skip
+    density = a["rho"] if "rho" in a else per_area / (across * units.length)
     return DIMENSION[family.kind], across, density / units.density
 
 
