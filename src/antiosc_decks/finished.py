@@ -185,10 +185,9 @@ def finished(builder: ModelBuilder) -> Model:
     alone = [] if joined else grounded
     springs = [(_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in alone]
     groups: list[tuple[str, str, Json, str]] = []
-    for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
+    for number in np.unique(builder.of_element).tolist():
+        name, family = builder.names[number], builder.families[number]
         elements = np.flatnonzero(builder.of_element == number)
-        if not len(elements):
-            continue
         sets = builder.deck.element_sets
         if name not in sets or not np.array_equal(sets[name], elements):
             name = f"{name} ({family.place})"

@@ -491,17 +491,19 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
     """The entries, each with one definition."""
     found = []
     for entry in entries:
-        width = SEVERAL.get(entry.name, 8)
-        starts = [k for k in range(0, 8, width) if entry.text(k)] if width < 8 else [0]
-        own = (entry.fields[k : k + width] if width < 8 else entry.fields for k in starts)
-        found += [replace(entry, fields=fields) for fields in own]
+        if (width := SEVERAL.get(entry.name)) is None:
+            found.append(entry)
+            continue
+        starts = (k for k in range(0, 8, width) if entry.text(k))
+        found += [replace(entry, fields=entry.fields[k : k + width]) for k in starts]
     return found
 
 
 def fill(entries: Sequence[Entry]) -> None:
     """Blank fields are those of the entry that gives defaults in the same part."""
-    given = {(entry.name, entry.place.scope): entry for entry in entries}
-    for entry in entries:
+    names = {name for name, _ in DEFAULTS.values()}
+    given = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
+    for entry in entries if given else ():
         name, groups = DEFAULTS.get(entry.name, ("", ()))
         if default := given.get((name, entry.place.scope)):
             entry.fields += [""] * (8 - len(entry.fields))

@@ -392,7 +392,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     for row in found.systems_of:
         builder.joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
-    every = [(np.array([row]), grid.text(6), grid) for row, grid in enumerate(found.grids)]
+    every = [(np.array([row]), text, grid)
+             for row, grid in enumerate(found.grids) if (text := grid.text(6))]  # fmt: skip
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in found.constraints(number):
