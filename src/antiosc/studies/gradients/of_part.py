@@ -24,6 +24,7 @@ import ufl
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
+from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import ErrorOption, extract
@@ -393,6 +394,7 @@ class DesignMap(ReprMixin):
         return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
 
 
+@one_thread()
 def design_map(
     part: Structure,
     hit: Any,
@@ -438,8 +440,8 @@ def design_map(
     for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
         if change:
             shares, turn = _principal(by_reduced, reduced)
-            block = turn.T @ to.shapes.T
-            relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
+            vectors = to.shapes @ turn
+            relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     if by == "E" and to.by_local:
         relative += _of_patch(meshed, to, relative.size)
     size = np.array(own)[meshed.part_of_cells()[: relative.size]]
