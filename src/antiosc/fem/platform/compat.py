@@ -459,12 +459,12 @@ def quadratic(
     if not total.size:
         return total
     compiled = _compiled(form, FAST)
-    ufcx, pack = compiled.ufcx_form, fem.assemble.pack_coefficients
+    ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)
 
     def packed(first: int) -> Array:
         """Coefficients (cells, n), with the numbers of the dofs from `first` on as those of x."""
         x.x.array[:] = np.arange(first, first + x.x.array.size)
-        (values,) = pack(compiled).values()
+        (values,) = fem.assemble.pack_coefficients(in_cpp).values()
         return np.ascontiguousarray(values)
 
     of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
@@ -474,7 +474,7 @@ def quadratic(
     entries = np.flatnonzero(coefficients[0] != packed(1)[0])
     arrays = (
         nodes, np.ascontiguousarray(space.mesh.geometry.x), coefficients,
-        np.asarray(fem.assemble.pack_constants(compiled)),
+        np.asarray(fem.assemble.pack_constants(in_cpp)),
         np.ascontiguousarray(with_ghosts(space, vectors)), np.ascontiguousarray(weights),
     )  # fmt: skip
     sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count

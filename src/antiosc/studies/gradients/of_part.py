@@ -36,9 +36,8 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.modal import ModalBody
 from antiosc.results.fields import checked_shapes
-from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values
+from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc.studies.gradients.goals import Sampled
 from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
 
@@ -113,9 +112,7 @@ class Chain:
         return total
 
 
-def chain(
-    model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
-) -> Chain:
+def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     """The chain to the part of a model with shapes.
 
     Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
@@ -124,7 +121,7 @@ def chain(
     assert model.shapes is not None
     beside = np.eye(model.n + 1)
     beside[1:, 0] = -1.0
-    motions, hidden = [], model.hidden_count
+    motions, hidden, modes = [], model.hidden_count, by.modes
     for slope, value in ((by.start, by.v), (by.load, by.g)):
         if modes.inertia is not None and value.any():
             assert modes.shape is not None
@@ -133,7 +130,7 @@ def chain(
             motions.append((beside @ own, motion))
     K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
-    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in m))
+    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
