@@ -440,51 +440,44 @@ def by_coupled(
     model = found.bodies[name].body
     if not isinstance(model, AntiOscillators) or model.sites or found.driven:
         return {}
-    result: Values = {"m0": None, "k0": None, "m": np.zeros(model.n), "omega": np.zeros(model.n)}
-    for key, place in _parameters(model):
-        slope = _slope(model, key, place, change)
-        if place is None or slope is None:
-            result[key] = slope
-        elif result[key] is not None:
-            result[key][place] = slope
+    result: Values = {}
+    for key in ("m0", "k0", "m", "omega", "damping"):
+        size = np.asarray(1.0 if key == "damping" else getattr(model, key))
+        shares = np.eye(size.size).reshape(size.size, *size.shape)
+        slopes = [_slope(model, key, share, change) for share in shares] if size.all() else [None]
+        own = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
+        result[key] = own if own is None or own.ndim else float(own)
     at, s = found.places[name], found.system.marched
     if closing and not found.system.q[found.spans[name]].any():
         result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
     return result
 
 
-def _parameters(model: AntiOscillators) -> Iterator[tuple[str, int | None]]:
-    """Name and place in its array of each parameter."""
-    yield from ((name, None) for name in ("m0", "k0") if getattr(model, name) > 0)
-    yield from ((name, i) for name in ("m", "omega") for i in range(model.n))
-    yield "damping", None
-
-
 def _slope(
     model: AntiOscillators,
     name: str,
-    place: int | None,
+    share: Array,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> float | None:
-    """The derivative by a parameter; None where two modes turn into each other at once."""
-    given = getattr(model, name)
-    size = 1.0 if name == "damping" else float(given if place is None else given[place])
+    """The derivative by the relative change of a parameter, of the entries that `share` says.
+
+    None where two modes turn into each other at once.
+    """
     for step in STEPS:
         with suppress(NotDifferentiableError):
-            ends = (_changed(model, name, place, by) for by in (-step, step))
-            return change(*ends) / (2 * step * size)
+            ends = (_changed(model, name, by * share) for by in (-step, step))
+            return change(*ends) / (2 * step)
     return None
 
 
-def _changed(model: AntiOscillators, name: str, place: int | None, by: float) -> AntiOscillators:
+def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
     """The model with another value of a parameter, relatively."""
     given: Any = getattr(model, name)
     if isinstance(given, DampingMatrix):
         root = np.sqrt(1 + by)
-        scaled = of_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
-        return replace(model, damping=scaled)
-    share = 1.0 if place is None else np.eye(model.n)[place]
-    changes: dict[str, Any] = {name: given * (1 + by * share)}
+        factors = [(root * L, tau) for L, tau in given.factors]
+        return replace(model, damping=of_factors(root * given.factor, factors))
+    changes: dict[str, Any] = {name: given * (1 + by)}
     return replace(model, **changes)
 
 
