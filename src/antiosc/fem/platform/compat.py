@@ -456,9 +456,9 @@ def quadratic(
     given = {each: x for form in forms for each in form.arguments()}
     form = ufl.replace(ufl.Form([of_cells(one) for one in integrals]), own | given)
     total = np.zeros(cell_map(space.mesh).size_local)
-    if not total.size:
-        return total
     compiled = _compiled(form, FAST)
+    if not total.size:  # the other ranks wait for this one until the form is compiled
+        return total
     ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)
 
     def packed(first: int) -> Array:
