@@ -27,7 +27,7 @@ from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
 from antiosc.simulation.truncation import softest
-from antiosc.studies.map_results import ImpactMap, hardest
+from antiosc.studies.map_results import ImpactMap, hardest, trusted
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -258,15 +258,16 @@ def headline_of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        worst_site = hardest(found)
-        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[worst_site])
-        numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
-        times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
-        numbers.append(("contact time", " to ".join(times)))
+        worst_site, own = hardest(found), trusted(found)
+        high = float(found.peak_force[worst_site])
+        for name, unit in (("peak_force", "N"), ("contact_time", "s")):
+            ends = (float(end(getattr(found, name)[own])) for end in (np.nanmin, np.nanmax))
+            told = " to ".join(engineering(each, unit) for each in ends)
+            numbers.append((name.replace("_", " "), told))
         where = place(found.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
-            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
+            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of these.")
     if found.peak_stress is not None:
         sentences.append(_most_dangerous(found))
     worst = float(found.error.max())

@@ -40,7 +40,7 @@ from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES
 from antiosc.simulation.histories.results import covers
 from antiosc.studies.advice import advise
-from antiosc.studies.map_results import hardest
+from antiosc.studies.map_results import hardest, trusted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -664,9 +664,13 @@ def _sample(found: Results) -> Told:
 def _map(results: Results) -> Told:
     """A map: the range of each quantity, and the hardest impact of each of several surfaces."""
     found, quantities, surfaces = results.map, results.map.quantities(), results.map.surfaces()
-    rows = [("sites", f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else ""))]
+    sites = f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else "")
+    if found.doubtful.any():
+        sites += f"; {found.doubtful.sum()} doubtful ones are not in these ranges"
+    rows = [("sites", sites)]
     for name, values in quantities.items():
-        known = values[np.isfinite(values)]
+        known = values[trusted(found)]
+        known = known[np.isfinite(known)]
         if known.size:
             rows.append((_words(name), span(known.min(), known.max(), MAP_UNITS.get(name, ""))))
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
