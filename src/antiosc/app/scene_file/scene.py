@@ -16,6 +16,7 @@ import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -31,6 +32,7 @@ from antiosc.app.scene_file.schema import (
     SECTIONS,
     SOURCES,
     Parameter,
+    headed,
     resolved,
 )
 from antiosc.base._types import Array
@@ -157,71 +159,50 @@ _ONE = "simulate strike"
 _SEVERAL = f"{_MANY} loads base motion scene"
 _REDUCED = "sites extract probes sweep map stress"
 _KEEP = "keep one of the two"
-#: (sections, whether they stand "beside" or "without" others, what is wrong with that).
-RULES = (
-    ("joints at points assembly", "without", "parts",
-     "[{0}] belongs to an assembly; this scene has no [parts.NAME]."),
-    ("material structure", "beside", "deck",
-     "[{0}] has no place beside [deck]: a deck has its own materials."),
-    ("material structure", "beside", "parts",
-     "[{0}] has no place beside [parts]: each part has its own: [parts.NAME.{0}]."),
-    ("material structure supports attached", "beside", "matrices",
-     "[{0}] has no place beside [matrices]: matrices have their own; fix nodes by"
-     ' supports = {{12 = "all"}} in [matrices].'),
-    ("material structure supports attached", "beside", "model",
-     "[{0}] has no place beside [model]: a saved model has its own."),
-    ("material structure supports attached", "beside", "frf",
-     "[{0}] has no place beside [frf]: a measurement has none."),
-    ("from_frf", "without", "frf",
-     "[from_frf] belongs to a measurement; this scene has no [frf]."),
-    ("sites", "without", f"{_MESHED} matrices",
-     "[sites] belong to a structure; this scene has none of its own."),
-    ("scene loads base motion", "without", _MANY,
-     "[{0}] belongs to a scene of several contacts: give [[contacts]]."),
-    ("simulate extract", "beside", "strike", f"[strike] chooses what [{{0}}] says; {_KEEP}."),
-    ("strike", "without", f"{_MESHED} matrices",
-     "[strike] needs a structure and one site, [sites.NAME]."),
-    ("accelerometers worst", "without", "drop",
-     "[{0}] belongs to a fall; this scene has no [drop]."),
-    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "beside", "drop",
-     f"[drop] describes a fall and [{{0}}] an impact; {_KEEP}."),
-    ("supports", "beside", "drop",
-     "a part that is dropped is free: leave its [[supports]] out."),
-    ("drop", "without", f"{_MESHED} matrices frf",
-     "[drop] needs a structure, by one of [geometry], [deck], [matrices], [parts], [frf]."),
-    ("sensors", "without", "find",
-     "[sensors] belong to [find]; motion is told by [probes]."),
-    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "beside", "find",
-     f"[find] looks for a blow, and [{{0}}] belongs to one that is described; {_KEEP}."),
-    ("find map", "without", _MESHED,
-     "[{0}] needs a structure of [geometry], [deck] or [parts]."),
-    ("find", "without", "sensors",
-     "[find] needs sensors: give [sensors.NAME] in the order of signals."),
-    *(("probes", "without", others,
-        "[probes] need a structure of this scene and its simulation.")
-       for others in (f"{_MESHED} matrices", f"{_ONE} run")),
-    *(("stress", "without", others, "[stress] needs a structure with a mesh, and its simulation.")
-       for others in (_MESHED, f"{_ONE} run")),
-    *(("sweep", "without", other,
-        "[sweep] varies [impactor], [contact] and [simulate]; give all three.")
-       for other in ("impactor", "contact", "simulate")),
-    *(("monte_carlo", "without", other,
-        "[monte_carlo] needs [impactor], [contact] and [simulate].")
-       for other in ("impactor", "contact", "simulate")),
-)  # fmt: skip
+#: Sections, and others of which each of them needs one.
+NEEDS = (
+    ("joints at points assembly", "parts"),
+    ("from_frf", "frf"),
+    ("sites strike", f"{_MESHED} matrices"),
+    ("scene loads base motion", _MANY),
+    ("accelerometers worst", "drop"),
+    ("drop", f"{_MESHED} matrices frf"),
+    ("sensors", "find"),
+    ("find map stress", _MESHED),
+    ("find", "sensors"),
+    ("probes", f"{_MESHED} matrices"),
+    ("probes stress", f"{_ONE} run"),
+    *(("sweep monte_carlo", other) for other in ("impactor", "contact", "simulate")),
+)
+#: Sections, others beside which they have no place, and what to do.
+EXCLUDES = (
+    ("material structure", "parts", "give each part its own"),
+    ("material structure", "deck matrices model frf", "leave it out"),
+    ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
+    ("supports attached", "model frf", "leave it out"),
+    ("supports", "drop", "a part that is dropped is free: leave it out"),
+    ("simulate extract", "strike", _KEEP),
+    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
+    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "find", _KEEP),
+)
 
 
 def _check_together(build: Builder) -> None:
     """Note sections that contradict each other, or lack what they need."""
     there = {name for name, value in build.data.items() if value or name != "sensors"}
-    for names, how, others, sentence in RULES:
+    for names, others in NEEDS:
         for name in names.split():
-            if name in build.data and bool(there & set(others.split())) == (how == "beside"):
-                build.note((name,), sentence.format(name))
+            if name in build.data and not there & set(others.split()):
+                build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
+    for names, others, remedy in EXCLUDES:
+        for name, other in product(names.split(), others.split()):
+            if name in build.data and other in there:
+                what = f"{headed(name)} has no place beside {_one_of(other)}"
+                build.note((name,), f"{what}; {remedy}.")
     sources = [name for name in SOURCES if name in there]
     if len(sources) > 1:
         both = f"[{sources[0]}] and [{sources[1]}]"
-        build.note((sources[1],), f"{both} both say what is struck; keep one of them.")
+        build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
     if not sources and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
         build.note((), f"the scene does not say what is struck: give one of {names}.")
@@ -231,10 +212,16 @@ def _check_together(build: Builder) -> None:
         told = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
         build.note((many[0],), f"{told}; {_KEEP}.")
     if "ensemble" in build.part("drop"):
-        for name in ("accelerometers", "worst"):
-            told = f"[{name}] is of one fall; [drop] has an ensemble: keep one of them."
-            if name in there:
-                build.note((name,), told)
+        for name in there.intersection(("accelerometers", "worst")):
+            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
+
+
+def _one_of(names: str) -> str:
+    """A section with what it is, or several that may be chosen from."""
+    first, *rest = names.split()
+    if rest:
+        return f"one of {', '.join(map(headed, names.split()))}"
+    return f"{headed(first)}, {SECTIONS[first].about}"
 
 
 # -- the objects
@@ -453,16 +440,16 @@ def own_laws(variable: str, table: object, body: Call | None) -> Methods:
 
     Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
     """
-    made = None if body is None else body.made
-    classes: list[type] = [type(made)]
-    if made is None:
+    if body is not None:
+        classes: list[type] = [type(body.made)]
+    else:
         kind = table.get(KIND) if isinstance(table, dict) else None
         classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
         classes = [each for each in classes if each.__name__ == kind] or classes
     return {
-        f"{variable}.{name}": (f"{each.__name__}.{name}", made)
+        f"{variable}.{law}": (f"{each.__name__}.{law}", body)
         for each in classes
-        for name in _laws_of(each)
+        for law in _laws_of(each)
     }
 
 
@@ -484,7 +471,7 @@ def _several(build: Builder, found: Compiled) -> None:
     named, tables = build.named("bodies"), build.part("bodies")
     if STRUCTURE in tables and own:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
-    methods: dict[str, tuple[str, object]] = {}
+    methods: dict[str, tuple[str, Call | None]] = {}
     for name, table in tables.items():
         methods |= own_laws(name, table, named.get(name))
     ends = _Ends(build, {**own, **dict.fromkeys(tables), **named, **own})

@@ -211,8 +211,11 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
     described = descriptions(call)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
-    # constructors check their values themselves; the values of a batch are lists
-    checked = not light(function) and function != "simulate_many"
+    # fields of dataclasses have checks; the values of a batch are lists
+    checked = CHECKS if not light(function) and function != "simulate_many" else {}
+    if dataclasses.is_dataclass(call):
+        own = {one.name: one.metadata for one in dataclasses.fields(call)}
+        checked = {key: each["check"] for key, each in own.items() if "check" in each}
     found = {}
     for name, given in inspect.signature(
         call, globals=names, locals=names, eval_str=True
@@ -227,7 +230,7 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
         elif kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
             needed = given.default is given.empty
             default = None if needed else given.default
-            check = CHECKS.get(full, CHECKS.get(name)) if checked else None
+            check = CHECKS.get(full, checked.get(name))
             found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
     return found
 
@@ -305,6 +308,10 @@ CHECKS: dict[str, Check] = {
     ),
     "read_frf.unit": checks.positive,
     "until": _by("antiosc.studies.drops.drop:end_of"),
+    "Sphere.radius": _of("m"),
+    "Sphere.E": _of("Pa"),
+    "Sphere.nu": lambda _, value: checks.poisson(value),
+    "Sphere.rho": _of("kg/m³"),
 }
 
 # -- sections
@@ -389,6 +396,21 @@ def constructors_of(kind: type) -> tuple[str, ...]:
         return ()
     made = {n: inspect.signature(m).return_annotation for n, m in methods if n[0] != "_"}
     return (name, *(f"{name}.{n}" for n, returned in made.items() if returned in (name, kind)))
+
+
+#: Form of a section -> its type, what it must be, and its heading.
+FORMS: dict[str, tuple[type, str, str]] = {
+    "table": (dict, "a table, ", "[{0}]"),
+    "named": (dict, "a table of names, ", "[{0}.NAME]"),
+    "list": (list, "a list of tables, ", "[[{0}]]"),
+    "text": (str, 'a text in "quotes"', ""),
+}
+
+
+def headed(name: str) -> str:
+    """The heading of a section: "[material]", "[[contacts]]", "[sites.NAME]"."""
+    section = SECTIONS[name]
+    return FORMS["table" if section.alone else section.form][2].format(name)
 
 
 _STRUCTURE: dict[str, Section] = {
