@@ -130,13 +130,6 @@ def variant(
     return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
 
 
-def _pair(build: Builder) -> Objects[Call | None]:
-    """Impactor and contact of a variant."""
-    found = Objects[Call | None]()
-    pair(build, found)
-    return found
-
-
 # -- [sweep]
 
 
@@ -197,11 +190,6 @@ def _batch(
 ) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
-    taken = [name for name in parameters("simulate_many") if name not in _GIVEN]
-    if lost := [name for name in table if name not in taken]:
-        told = f"[simulate] has {lost[0]!r}, which a sweep does not take"
-        build.note(("simulate", lost[0]), f"{told}; it takes {listed(taken)}.")
-        return None
     swept = {place[0] for place in lists}
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
@@ -210,22 +198,18 @@ def _batch(
         origins = {place: ("sweep", *place, i) for place in lists}
         other = variant(build, values, origins, build.document.problems)
         # only what the values change is made anew
-        own = _pair(other) if swept & {"impactor", "contact"} else found
+        same = (found.impactor, found.contact)
         part = found.model if swept <= {*VARIED} else _model(other)
-        rows.append((part, own.impactor, own.contact))
+        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
         if times:
-            hit = other.table(
-                "simulate", given=dict(zip(("model", "impactor", "contact"), rows[-1], strict=True))
-            )
+            named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
+            hit = other.table("simulate", given=dict(named))
             for name, each in times.items():
                 each.append(None if hit is None else hit.arguments[name])
         build.told += [sentence for sentence in other.told if sentence not in build.told]
     if None in chain(*rows, *times.values()):
         return None
-    of_law = "impactor" in swept and str(build.data["contact"].get(KIND)).startswith("impactor.")
-    many = (bool(swept - {*VARIED}), "impactor" in swept, "contact" in swept or of_law)
-    made = ([row[k] for row in rows] if many[k] else rows[0][k] for k in range(3))
-    given = {**dict(zip(_GIVEN, made, strict=True)), **times}
+    given = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
     rest = {name: value for name, value in table.items() if name not in times}
     return build.call(("simulate_many",), rest, ("simulate",), given)
 
@@ -285,7 +269,7 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
             other = variant(build, middle, {place: at}, build.document.problems)
-            _pair(other) if place[0] in VARIED else structure(other)
+            pair(other) if place[0] in VARIED else structure(other)
     return found
 
 
@@ -335,11 +319,11 @@ def _run(
     def run(**values: Any) -> tuple[object, ...]:
         own = {place: values[name] for name, place in places.items() if name not in shared}
         other = _drawn(build, own)
-        found = _pair(other)
+        both = pair(other)
         other.document.problems.raise_if_any()
         for sentence in other.told:
             warn(sentence)
-        made = (None if one is None else one.made for one in (found.impactor, found.contact))
+        made = (None if one is None else one.made for one in both)
         model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
         return (model, *made, duration)
 

@@ -242,7 +242,7 @@ def compiled(document: Document) -> Compiled:
     elif set(_MANY.split()) & set(build.data):
         _several(build, found)
     elif {"impactor", "contact", *_ONE.split()} & set(build.data):
-        pair(build, found)
+        found.impactor, found.contact = pair(build)
         _single(build, found)
     _told(build, found)
     if "drop" in build.data:
@@ -381,11 +381,11 @@ def model(build: Builder, structure: Call | None) -> Call | None:
 # -- one impact, a blow that is looked for, or several contacts
 
 
-def pair(build: Builder, found: Objects[Call | None]) -> None:
+def pair(build: Builder) -> tuple[Call | None, Call | None]:
     """Impactor and contact, whose law may be one of the impactor's."""
-    found.impactor = build.table("impactor")
-    methods = own_laws("impactor", build.data.get("impactor"), found.impactor)
-    found.contact = build.table("contact", methods=methods)
+    impactor = build.table("impactor")
+    methods = own_laws("impactor", build.data.get("impactor"), impactor)
+    return impactor, build.table("contact", methods=methods)
 
 
 def _single(build: Builder, found: Compiled) -> None:
@@ -426,13 +426,11 @@ def _tell_opening(build: Builder, found: Compiled) -> None:
 
 
 def _find(build: Builder, found: Compiled) -> None:
-    pair(build, found)
     sensors = list(build.named("sensors").values())
     given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
-    both = {"impactor": found.impactor, "contact": found.contact}
-    given |= {name: call for name, call in both.items() if name in build.data}
+    both = zip(("impactor", "contact"), pair(build), strict=True)
+    given |= {name: call for name, call in both if name in build.data}
     found.found = build.table("find", given=given)
-    found.impactor = found.contact = None  # of the one that is looked for
 
 
 def own_laws(variable: str, table: object, body: Call | None) -> Methods:
