@@ -10,7 +10,7 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -69,27 +69,35 @@ def policy(program: str) -> str:
 
 def embedded(data: Data) -> str:
     """Data as JSON that may stand in a script element: no text in it can end that."""
-    text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    text = json.dumps(
+        plain(data, _packed), allow_nan=False, separators=(",", ":"), ensure_ascii=True
+    )
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, dict):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, np.ndarray):
-        own = np.ascontiguousarray(value)
-        kind = KINDS[own.dtype.newbyteorder("<").str]
-        packed = own.astype(own.dtype.newbyteorder("<")).tobytes()
-        return {"$": kind, "of": base64.b64encode(packed).decode("ascii")}
+def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist) -> object:
+    """A value of JSON; NaN and infinity become None, and arrays what `of_array` returns."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(each, of_array) for key, each in value.items()}
     if isinstance(value, bytes):
-        return {"$": "u1", "of": base64.b64encode(value).decode("ascii")}
+        value = np.frombuffer(value, dtype=np.uint8)
+    if isinstance(value, np.ndarray):
+        return plain(of_array(value), of_array)
+    if isinstance(value, list | tuple):
+        return [plain(each, of_array) for each in value]
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, int | str) else str(value)
+
+
+def _packed(values: Array) -> Data:
+    """An array as base64 text with its kind."""
+    own = np.ascontiguousarray(values)
+    own = own.astype(own.dtype.newbyteorder("<"))
+    text = base64.b64encode(own.tobytes()).decode("ascii")
+    return {"$": KINDS[own.dtype.str], "of": text}
 
 
 #: Relative error of the forces of the runs on the page, and of those that colour a map.

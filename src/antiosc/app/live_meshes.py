@@ -8,7 +8,6 @@ run, as many as it needs. Of a map it gets the free modes of every site, one aft
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,13 +21,10 @@ from antiosc.fem.fields import source
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import checked_body
 from antiosc.results.fields import shapes_of
+from antiosc.results.pictures import MAP_QUANTITIES
 from antiosc.simulation.histories import History
 from antiosc.studies.map_results import ImpactMap, hardest
 from antiosc.studies.maps import sides
-
-if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.
 FIELDS, MISSED = (12, 8), 0.01
@@ -203,15 +199,9 @@ def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
 MOST = 5000
 #: Area of the part over that of the map from which the part is drawn behind it.
 BEHIND = 1.02
-#: Quantities of a map that the page shows: what it strikes anew first.
-SHOWN = {
-    "peak_force": ("peak force", "N"),
-    "contact_time": ("contact time", "s"),
-    "peak_deflection": ("peak deflection (computed case)", "m"),
-    "peak_stress": ("largest stress (computed case)", "Pa"),
-    "exposure": ("danger: stress over yield (computed case)", ""),
-    "k0": ("static stiffness", "N/m"),
-}
+#: Quantities of a map that the page shows: first those that it strikes anew.
+SHOWN = ("peak_force", "contact_time", "peak_deflection", "peak_stress", "exposure", "k0")
+COMPUTED = ("peak_deflection", "peak_stress", "exposure")
 
 
 def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
@@ -251,8 +241,11 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
         .ravel(),
         "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
         "first": hardest(found),
-        "names": {name: SHOWN[name][0] for name in quantities},
-        "units": {name: SHOWN[name][1] for name in quantities},
+        "names": {
+            name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)
+            for name in quantities
+        },
+        "units": {name: MAP_QUANTITIES[name][1] for name in quantities},
         "quantities": quantities | every,
     }
     if structure is not None:
@@ -262,17 +255,15 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
 
 def _skin(structure: Structure, mapped: float) -> Data | None:
     """The surface of a part, the same on all ranks; None where there is none behind the map's."""
-    from antiosc.app import live_meshes as body
-
     try:
-        points, faces, _ = body.surface(structure, np.zeros((structure.rows, 0)))
+        points, faces, _ = surface(structure, np.zeros((structure.rows, 0)))
     except InputError:
         return None
     points, faces = structure.comm.bcast((points, faces), root=0)
     if _area(points, faces) < BEHIND * mapped:
         return None
     used, faces = np.unique(faces, return_inverse=True)
-    return body.geometry(points[used], faces.reshape(-1, 3))
+    return geometry(points[used], faces.reshape(-1, 3))
 
 
 def _area(points: Array, faces: IntArray) -> float:

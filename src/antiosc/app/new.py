@@ -22,10 +22,9 @@ from scipy.spatial import cKDTree
 
 import antiosc
 from antiosc.app.report import rendered
-from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
+from antiosc.app.scene_file.outline import GEOMETRIES, Outline, check_size
 from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -142,10 +141,7 @@ class Look:
             held = "supports and materials are those of the deck"
         if self.plane:
             held = f"held at the nodes on the plane through {_rounded(self.plane[0])} m"
-        groups = ", ".join(self.groups) or "none"
-        told.append(
-            f"it reaches from {in_words(self.low)} to {in_words(self.high)}; groups: {groups}."
-        )
+        told.append(f"it reaches {Outline(name, self.groups, self.low, self.high, 0.0).text()}.")
         if drop:
             point = _rounded(self.point)
             how = "dropped without supports, z up, as [drop] says"
@@ -161,8 +157,7 @@ def look_at_part(path: Path) -> Look:
     AntioscError
         It cannot be read or meshed, or is too large to be looked at.
     """
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
+    check_size(path)
     with finite_element_packages():
         from antiosc.io.reading import STATES_UNIT, outline
     read: Read = {}
@@ -195,8 +190,7 @@ def look_at_deck(path: Path) -> Look:
     AntioscError
         It cannot be read, or is too large to be looked at.
     """
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
+    check_size(path)
     with finite_element_packages():
         from antiosc.fem.assembly import with_parts
     for unit in ("mm", "m"):

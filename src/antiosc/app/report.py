@@ -69,22 +69,9 @@ def _cell(value: object) -> object:
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     """A JSON file; NaN and infinity become null."""
     head = {"antiosc": info.version(), "units": "SI"}
-    text = json.dumps(_plain({**head, **content}), indent=1, allow_nan=False)
+    text = json.dumps(live.plain({**head, **content}), indent=1, allow_nan=False)
     files.write_text(path, text + "\n", "the numbers")
     return path
-
-
-def _plain(value: object) -> object:
-    """A value of JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def write_output(found: Results, target: Path) -> list[Path]:

@@ -34,7 +34,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, place as placed, prefixed, span
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of, places_of
-from antiosc.results.pictures import plot_deformed, plot_map
+from antiosc.results.pictures import MAP_QUANTITIES, plot_deformed, plot_map
 from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES
@@ -159,11 +159,6 @@ SECTION_FORCES = {
     8: dict.fromkeys(("N1", "N2", "N12"), "N/m")
     | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
     | dict.fromkeys(("Q1", "Q2"), "N/m"),
-}
-#: Units of the quantities of a map.
-MAP_UNITS = {
-    **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
-    **{"impulse": "N s", "peak_deflection": "m", "peak_stress": "Pa"},
 }
 #: How a part in space is shown: name -> (elevation, azimuth) in degrees; None: the usual view.
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
@@ -668,11 +663,12 @@ def _map(results: Results) -> Told:
     if found.doubtful.any():
         sites += f"; {found.doubtful.sum()} doubtful ones are not in these ranges"
     rows = [("sites", sites)]
+    units = {name: MAP_QUANTITIES[name][1] for name in quantities if name in MAP_QUANTITIES}
     for name, values in quantities.items():
         known = values[trusted(found)]
         known = known[np.isfinite(known)]
         if known.size:
-            rows.append((_words(name), span(known.min(), known.max(), MAP_UNITS.get(name, ""))))
+            rows.append((_words(name), span(known.min(), known.max(), units.get(name, ""))))
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
@@ -680,7 +676,7 @@ def _map(results: Results) -> Told:
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))
-    heads = {n: f"{n} ({MAP_UNITS[n]})" if n in MAP_UNITS else n for n in quantities}
+    heads = {n: f"{n} ({units[n]})" if units.get(n) else n for n in quantities}
     table = {"surface": found.names.tolist()} if len(surfaces) > 1 else {}
     table |= {f"{axis} (m)": found.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": found.points, "surface": found.names.tolist(), **quantities}

@@ -158,6 +158,12 @@ def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
             yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
 
 
+def check_size(path: Path) -> None:
+    """AntioscError for a file that is too large to be read for its outline."""
+    if path.stat().st_size > LARGEST:
+        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
+
+
 def _path(call: Call) -> Path:
     """The file that a call of read_mesh or read_model reads."""
     return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
@@ -174,8 +180,7 @@ def outline(call: Call) -> Outline:
         A file that is not read for this: too large, or a package for it is missing.
     """
     path = _path(call)
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
+    check_size(path)
     with without_warnings():  # a run tells what of the file it does not take
         try:
             groups, pieces = _read(call, path)

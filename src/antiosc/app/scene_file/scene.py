@@ -17,7 +17,7 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -460,6 +460,8 @@ def _laws_of(body: type) -> list[str]:
     return [name for name, law in made.items() if law in known]
 
 
+#: The bodies of a scene by name; None: one that is wrong.
+Bodies: TypeAlias = Mapping[str, Call | None]
 #: The name of the structure among the bodies of a scene.
 STRUCTURE = "structure"
 
@@ -472,14 +474,14 @@ def _several(build: Builder, found: Compiled) -> None:
     methods: dict[str, tuple[str, Call | None]] = {}
     for name, table in tables.items():
         methods |= own_laws(name, table, named.get(name))
-    ends = _Ends(build, {**own, **dict.fromkeys(tables), **named, **own})
+    every = {**own, **dict.fromkeys(tables), **named, **own}
     bodies = {**own, **named}
     given: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
-    given["contacts"] = _contacts(build, methods, ends)
+    given["contacts"] = _contacts(build, methods, every)
     for i, table in enumerate(build.part("loads", list)):
-        ends.check(table, "end", ("loads", i))
+        _check_end(build, every, table, "end", ("loads", i))
     for name in build.part("motion"):
-        build.names("body", name, ends.bodies, ("motion", name))
+        build.names("body", name, every, ("motion", name))
     more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
     more |= {"motion": build.named("motion")}
     given |= {name: one for name, one in more.items() if one}
@@ -489,7 +491,7 @@ def _several(build: Builder, found: Compiled) -> None:
     found.history = build.table("run", given={"self": found.scene})
 
 
-def _contacts(build: Builder, methods: Methods, ends: _Ends) -> list[Call | None]:
+def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
     """[[contacts]], whose `law` may be one of a body."""
     if not build.part("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
@@ -506,39 +508,29 @@ def _contacts(build: Builder, methods: Methods, ends: _Ends) -> list[Call | None
             like = 'law = {kind = "Hertz", stiffness = 1e9}'
             build.note(at, f"{label(at)} must be a table, as {like}.")
         for key in ("a", "b"):
-            ends.check(table, key, place)
+            _check_end(build, bodies, table, key, place)
         rest = {key: value for key, value in table.items() if key != "law"}
         found.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
     return found
 
 
-@dataclass(frozen=True)
-class _Ends:
-    """Checks that "body:site" exists, among the bodies of a scene; None: a body that is wrong."""
-
-    build: Builder
-    bodies: Mapping[str, Call | None]
-
-    def check(self, table: object, key: str, place: Place) -> None:
-        """Note an end of a table that names no body, or no site of it."""
-        end = table.get(key) if isinstance(table, dict) else None
-        if not isinstance(end, str):
-            return
-        body, _, site = end.partition(":")
-        if not self.build.names("body", body, self.bodies, (*place, key)):
-            return
-        sites = self._sites(body)
-        if sites is not None and (site or sites):
-            self.build.names(f"site of {body!r}", site, sites, (*place, key))
-
-    def _sites(self, body: str) -> list[str] | None:
-        """Names of the sites of a body; None where the file does not tell them."""
-        if body == STRUCTURE and source(self.build):
-            return None if source(self.build) in MODELS else list(self.build.part("sites"))
-        made = self.bodies[body]
+def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
+    """Note an end "body:site" of a table that names no body of a scene, or no site of it."""
+    end = table.get(key) if isinstance(table, dict) else None
+    if not isinstance(end, str):
+        return
+    body, _, site = end.partition(":")
+    if not build.names("body", body, bodies, (*place, key)):
+        return
+    made, sites = bodies[body], list(build.part("sites"))
+    if body != STRUCTURE or not source(build):
         if made is None or made.name == "AntiOscillators.load":
-            return None
-        return list(made.arguments.get("sites", ()))
+            return  # of bodies that are wrong or not read yet nobody knows the sites
+        sites = list(made.arguments.get("sites", ()))
+    elif source(build) in MODELS:
+        return
+    if site or sites:
+        build.names(f"site of {body!r}", site, sites, (*place, key))
 
 
 # -- what a simulation is asked for
