@@ -19,7 +19,7 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.app.live import headline_of_map
-from antiosc.app.results import told
+from antiosc.app.results import presentations
 from antiosc.app.scene_file.run import Results
 from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import sites_of, surface
@@ -227,7 +227,7 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
     assert hardest(hard) == 0
     assert "1 doubtful" in hard.summary()
-    rows = dict(told(Results(map=hard))[1].sections["Map"][0])
+    rows = dict(presentations(Results(map=hard))[1].sections["Map"][0])
     assert "1 doubtful" in rows["sites"]
     assert rows["peak force"] == "1.000 N to 1.000 N"
     assert headline_of_map(dataclasses.replace(hard, contact_time=hard.peak_force)).numbers[1:] == [

@@ -52,18 +52,18 @@ def _new(options: Namespace) -> int:
     file, part = options.file, options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
-    path, told = new.write_scene(file or "scene.toml", part, options.drop)
+    path, sentences = new.write_scene(file or "scene.toml", part, options.drop)
     say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
-    for sentence in told:
+    for sentence in sentences:
         say(sentence)
     return 0
 
 
 def _check(options: Namespace) -> int:
     found = compiled(read(options.file))
-    told = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
+    sentences = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
     say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
-    for sentence in told:
+    for sentence in sentences:
         say(f"{options.file}: {sentence}")
     return 0
 
@@ -89,7 +89,7 @@ def _export(options: Namespace) -> int:
             given |= {"impactor": scene.impactor, "contact": scene.contact}
         shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
         given |= {name: asked[name] for name in ("duration", *shared) if name in asked}
-    with run.telling(scene.warnings):
+    with run.collected_warnings(scene.warnings):
         Evaluation(scene.document)(Call(antiosc.export, given))
     for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)

@@ -189,7 +189,7 @@ def _ratio(model: LinearBody) -> float | None:
 
 
 def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
-    """Relative errors by quantity and cause, and the bodies whose impacts tell mesh and truncation.
+    """Relative errors by quantity and cause, and bodies for those of mesh and truncation.
 
     On the page the bar of such a cause grows as the difference that its body makes there.
     """
@@ -212,8 +212,8 @@ def _computed(hit: History) -> Data:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
-    told = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
-    return {"time": time, "force": force, **numbers, **told}
+    counts = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    return {"time": time, "force": force, **numbers, **counts}
 
 
 #: The cause of the largest share of a bar -> what reduces it.
@@ -227,7 +227,7 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
 }
-#: What is told of a striker, with its unit, and the word before it.
+#: What is said of a striker, with its unit, and the word before it.
 STRIKERS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
@@ -270,8 +270,8 @@ def headline_of_map(found: ImpactMap) -> Headline:
         high = float(found.peak_force[worst_site])
         for name, unit in (("peak_force", "N"), ("contact_time", "s")):
             ends = (float(end(getattr(found, name)[own])) for end in (np.nanmin, np.nanmax))
-            told = " to ".join(engineering(each, unit) for each in ends)
-            numbers.append((name.replace("_", " "), told))
+            text = " to ".join(engineering(each, unit) for each in ends)
+            numbers.append((name.replace("_", " "), text))
         where = place(found.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
@@ -293,15 +293,15 @@ def _most_dangerous(found: ImpactMap) -> str:
     assert found.stress_points is not None
     share = found.exposure
     i = hardest(found, of=found.peak_stress if share is None else share)
-    told = (
+    text = (
         f"A blow at {place(found.points[i])} stresses the part most:"
         f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"
     )
     if share is None:
-        return f"{told}; the material has no yield_strength to compare it with."
+        return f"{text}; the material has no yield_strength to compare it with."
     count = int(np.sum(share >= 1))
     where = f"at {count} of {len(found)} sites" if count else "nowhere"
-    return f"{told}, {share[i]:.3g} of the yield strength; yield is reached {where}."
+    return f"{text}, {share[i]:.3g} of the yield strength; yield is reached {where}."
 
 
 def _struck(hit: History, structure: Structure | None) -> str:
@@ -314,12 +314,12 @@ def _struck(hit: History, structure: Structure | None) -> str:
 def _body(body: LinearBody | None) -> str:
     """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
     kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
-    told = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
+    text = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
     for name, (unit, word) in STRIKERS.items():
         value = getattr(body, name, None)
         if isinstance(value, float) and value:
-            told.append(f"{word} {engineering(value, unit)}")
-    return " ".join(told)
+            text.append(f"{word} {engineering(value, unit)}")
+    return " ".join(text)
 
 
 def _named(described: str) -> str:
@@ -329,20 +329,20 @@ def _named(described: str) -> str:
 
 def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     """Whether strengths are reached, and where; else the largest stress of the picture."""
-    told = []
+    sentences = []
     for peak in fields.values():
         if peak.exposure is not None:
             sentence = peak.margin().sentence
-            told.append(f"{sentence[0].upper()}{sentence[1:]}.")
+            sentences.append(f"{sentence[0].upper()}{sentence[1:]}.")
         if peak.doubt:
-            told.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+            sentences.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
     if not fields and worst is not None:
         value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
-        told.append(
+        sentences.append(
             f"The largest von Mises stress is about {value} at {place(worst['place'])}, {time};"
             " the material has no yield_strength to compare it with."
         )
-    return told
+    return sentences
 
 
 def _absorbed(hit: History) -> str:
@@ -406,11 +406,11 @@ def data_of_history(
 
 def drawn(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
-    told = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
+    text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
     if place and place["radius"] and not data["blow"]["radius"]:
-        told += " The striker is drawn as a steel ball of its mass."
-    return told
+        text += " The striker is drawn as a steel ball of its mass."
+    return text
 
 
 def _place(hit: History, own: Data) -> Data | None:

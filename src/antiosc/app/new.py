@@ -131,22 +131,25 @@ class Look:
         """What was found, for the terminal; of a part that is dropped not how it is struck."""
         side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         unit = self.read.get("unit")
-        told = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
+        sentences = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
         if unit:
-            told.append(f'its coordinates are taken as millimetres (unit = "{unit}"): look at it.')
+            sentences.append(
+                f'its coordinates are taken as millimetres (unit = "{unit}"): look at it.'
+            )
         if "merge" in self.read:
-            told.append("its pieces are joined at nodes that coincide (merge).")
+            sentences.append("its pieces are joined at nodes that coincide (merge).")
         held = f"held at the group {self.where!r}" if self.where else "free: it has no supports"
         if self.of_deck:
             held = "supports and materials are those of the deck"
         if self.plane:
             held = f"held at the nodes on the plane through {_rounded(self.plane[0])} m"
-        told.append(f"it reaches {Outline(name, self.groups, self.low, self.high, 0.0).text()}.")
+        outline = Outline(name, self.groups, self.low, self.high, 0.0)
+        sentences.append(f"it reaches {outline.text()}.")
         if drop:
             point = _rounded(self.point)
             how = "dropped without supports, z up, as [drop] says"
-            return [*told, f"{how}; an accelerometer is at {point} m."]
-        return [*told, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
+            return [*sentences, f"{how}; an accelerometer is at {point} m."]
+        return [*sentences, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
 
 
 def look_at_part(path: Path) -> Look:
@@ -194,10 +197,10 @@ def look_at_deck(path: Path) -> Look:
     with finite_element_packages():
         from antiosc.fem.assembly import with_parts
     for unit in ("mm", "m"):
-        told: list[str] = []
-        with warnings_to(told.append):
+        messages: list[str] = []
+        with warnings_to(messages.append):
             part = antiosc.read_model(str(path), unit=unit)
-        if not any("wave speed" in sentence for sentence in told):
+        if not any("wave speed" in sentence for sentence in messages):
             break
     members = [m for m, _ in with_parts(part).fields(np.zeros((part.rows, 0)), None)]
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
@@ -411,7 +414,7 @@ def _band() -> float:
 
 
 def _looked(part: Path, drop: bool) -> tuple[Look | None, list[str]]:
-    """What is found in a file, and sentences that tell it or why it is not known."""
+    """What is found in a file, and sentences that describe it, or say why it is not known."""
     deck = part.suffix.lower() in DECK_ENDINGS
     try:
         with progress.doing(f"looking at {part.name}"):
@@ -436,40 +439,40 @@ def _pictured(found: Look, path: Path, drop: bool) -> list[str]:
 def write_scene(
     path: str | os.PathLike[str], part: str | None = None, drop: bool = False
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; its path, and what is told of the part.
+    """Write a new scene file, complete or absent; its path, and what is sentences of the part.
 
     InputError if it exists.
     """
     target = checks.new_file("the scene file", path)
     _absent(target)
-    told: list[str] = []
+    sentences: list[str] = []
     source = target.with_suffix(".geo") if part is None else Path(part)
     if part is None:
         _absent(source)
         files.write_text(source, PLATE, "the geometry")
-        told.append(f"{source} is a plate to begin with; put your own part in its place.")
+        sentences.append(f"{source} is a plate to begin with; put your own part in its place.")
     else:
         checks.path("the file of the part", part)
     part = os.path.relpath(source, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    found, sentences = _looked(source, drop)
-    told += sentences
+    found, of_part = _looked(source, drop)
+    sentences += of_part
     content = text(target.name, part, found, drop)
-    beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
+    temporary = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
-        with beside.open("x", encoding="utf-8") as stream:
+        with temporary.open("x", encoding="utf-8") as stream:
             stream.write(content)
         try:
-            os.link(beside, target)  # fails if the target exists; a rename would replace it
+            os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
-            beside.unlink()
+            temporary.unlink()
     except FileExistsError:
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
     picture = target.with_suffix(".png")
-    return target, told + ([] if found is None else _pictured(found, picture, drop))
+    return target, sentences + ([] if found is None else _pictured(found, picture, drop))
 
 
 def _absent(target: Path) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 import antiosc
 from antiosc.app import info, live
 from antiosc.app.live import Data
-from antiosc.app.results import advice_of, drawn, error_budget, shown, told, with_prefixes
+from antiosc.app.results import advice_of, drawn, error_budget, presentations, shown, with_prefixes
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.app.scene_file.scene import by_strengths
 from antiosc.app.scene_file.schema import Output
@@ -82,8 +82,8 @@ def write_output(found: Results, target: Path) -> list[Path]:
     if wanted.fields and found.history is not None and found.structure is not None:
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
-    # what structures tell is asked on every rank, and written on the first
-    parts = told(found)
+    # what structures hold is asked on every rank, and written on the first
+    parts = presentations(found)
     tables = {n: t for one in parts for n, t in one.tables.items()} if wanted.csv else {}
     content: dict[str, object] = {}
     if wanted.json:
@@ -205,9 +205,9 @@ def page(found: Results) -> str:
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = path.read_text(encoding="utf-8")
     script = "" if data is None else live.script()
-    model, *parts = told(found)
+    model, *parts = presentations(found)
     views = (each for one in (*parts, model) for each in one.pictures)
-    pictures = list(drawn(each for each in views if not (one_view and each.again)))
+    pictures = list(drawn(each for each in views if not (one_view and each.same_view)))
     stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]
     return rendered(
         Path(__file__).with_name("page") / "report.html",

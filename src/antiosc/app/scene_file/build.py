@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -108,28 +107,6 @@ def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -
     return value
 
 
-#: What is called -> what a progress line says meanwhile.
-DOING = {
-    "read_mesh": "reading the mesh",
-    **dict.fromkeys(
-        ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
-    ),
-    **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
-    "from_frf": "fitting the measurement",
-    **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
-    "simulate_many": "simulating the sweep",
-    "impact_map": "mapping the surface",
-    "nearby": "reducing structures nearby",
-    "probe": "motion of the probes",
-    **dict.fromkeys(
-        ("peak_field", "by_strengths", "Fall.worst", "worst_by_strengths"), "largest stresses"
-    ),
-    "drop": "computing the fall",
-    "find_impact": "finding the blow",
-    "Fall.peak": "peaks of the accelerometers",
-}
-
-
 class Evaluation:
     """Makes the object of each call once; an InputError becomes a SceneFileError with its line."""
 
@@ -144,8 +121,7 @@ class Evaluation:
     def _object(self, call: Call) -> object:
         if call.made is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
-            text = DOING.get(call.name)
-            with progress.doing(text) if text else contextlib.nullcontext():
+            with progress.doing(f"computing [{label(call.place)}]" if call.place else call.name):
                 try:
                     self._made[call] = call.make(**arguments)
                 except InputError as error:
@@ -164,7 +140,7 @@ class Builder:
         #: (place, sentence): notes a mistake
         self.note = document.problems.add
         #: warnings of the objects that were made
-        self.told: list[str] = []
+        self.warnings: list[str] = []
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
@@ -306,16 +282,16 @@ class Builder:
         """The call with its object; None after noting what its constructor refuses."""
         if any(each.made is None for each in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
-        told: list[str] = []
+        messages: list[str] = []
         try:
-            with warnings_to(told.append):
+            with warnings_to(messages.append):
                 made = call.make(**replaced(dict(call.arguments)))
                 if isinstance(made, plausible.Material):
                     plausible.tell([plausible.of_material(made)])
         except Exception as error:
             self.note(*call.refused(error))
             return None
-        self.told += [one for one in told if one not in self.told]
+        self.warnings += [one for one in messages if one not in self.warnings]
         return replace(call, made=made)
 
     # -- values
@@ -360,8 +336,8 @@ class Builder:
             nodes = kind.kind is int
             for key in value if nodes else ():
                 if not re.fullmatch(r"\d{1,15}", key):
-                    told = f"{label(place)} has node numbers as keys; got {key!r}."
-                    self._wrong((*place, key), told)
+                    sentence = f"{label(place)} has node numbers as keys; got {key!r}."
+                    self._wrong((*place, key), sentence)
             return {
                 int(key) if nodes else key: self._converted(kind.items, one, (*place, key), about)
                 for key, one in value.items()
@@ -388,8 +364,8 @@ class Builder:
             if path.exists():
                 what = "which is no regular file"
             elif path.parent.is_dir():
-                beside = [each.name for each in islice(path.parent.iterdir(), 1000)]
-                close = nearest(path.name, beside, 0.7)
+                siblings = [each.name for each in islice(path.parent.iterdir(), 1000)]
+                close = nearest(path.name, siblings, 0.7)
                 what += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes
             pass

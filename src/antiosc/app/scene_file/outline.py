@@ -87,9 +87,9 @@ class Outline:
 def check(found: Compiled) -> list[str]:
     """Note groups that do not exist and points outside the part, and raise; return sentences.
 
-    They tell the box and the groups of each file, or why it was not read.
+    They describe the box and the groups of each file, or say why it was not read.
     """
-    problems, told = found.document.problems, []
+    problems, sentences = found.document.problems, []
     known: dict[str, Outline] = {}
     calls = list(dict.fromkeys(calls_in(list(vars(found).values()))))
     for part, call in _meshes(found):
@@ -99,9 +99,9 @@ def check(found: Compiled) -> list[str]:
             problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
             continue
         except AntioscError as error:
-            told.append(f"{_path(call).name} was not looked at: {error}")
+            sentences.append(f"{_path(call).name} was not looked at: {error}")
             continue
-        told.append(f"{one.name} reaches {one.text()}.")
+        sentences.append(f"{one.name} reaches {one.text()}.")
         for place, group in _named(calls, part):
             if group not in one.groups:
                 what = f"{label(place)}: in {one.name} the group"
@@ -109,7 +109,7 @@ def check(found: Compiled) -> list[str]:
     if known and len(known) == sum(1 for _ in _meshes(found)):
         _check_points(found, calls, known)
     problems.raise_if_any()
-    return told
+    return sentences
 
 
 def outlines(found: Compiled) -> list[Outline]:
@@ -141,9 +141,9 @@ def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outlin
         off, place = nearest.distance(x), (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):
             box = f"{checks.in_words(nearest.low)} to {checks.in_words(nearest.high)}"
-            told = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
-            told += f" the box of {nearest.name}, from {box}: coordinates are in metres."
-            found.document.problems.add(place, told)
+            sentence = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
+            sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
+            found.document.problems.add(place, sentence)
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
@@ -181,7 +181,7 @@ def outline(call: Call) -> Outline:
     """
     path = _path(call)
     check_size(path)
-    with without_warnings():  # a run tells what of the file it does not take
+    with without_warnings():  # a run warns of what it does not take
         try:
             groups, pieces = _read(call, path)
         except (MissingDependencyError, InputError):

@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from antiosc.studies.drops.fall import Fall, WorstField
 
 T = TypeVar("T")
-#: Even times over a run at which its probes are taken, beside those of the run.
-LOOKS = 1001
+#: Number of even times over a run at which probes are evaluated, besides those of the run.
+PROBE_TIMES = 1001
 #: Of a section that is missing.
-NOTHING: Any = None
+MISSING: Any = None
 
 
 @dataclass(kw_only=True)
@@ -66,24 +66,24 @@ class Objects(Generic[T]):
     batch, map, sample : of [sweep], [map] and [monte_carlo].
     fall : of [drop]; `peaks` by name, and `worst`, of the fall.
     found : of [find].
-    warnings : sentences that were told on the way.
+    warnings : sentences of warnings, each once.
     """
 
-    structure: T = NOTHING
-    model: T = NOTHING
-    impactor: T = NOTHING
-    contact: T = NOTHING
-    scene: T = NOTHING
-    history: T = NOTHING
+    structure: T = MISSING
+    model: T = MISSING
+    impactor: T = MISSING
+    contact: T = MISSING
+    scene: T = MISSING
+    history: T = MISSING
     probes: Mapping[str, T] = field(default_factory=dict)
-    stresses: T = NOTHING
-    batch: T = NOTHING
-    map: T = NOTHING
-    sample: T = NOTHING
-    fall: T = NOTHING
+    stresses: T = MISSING
+    batch: T = MISSING
+    map: T = MISSING
+    sample: T = MISSING
+    fall: T = MISSING
     peaks: Mapping[str, T] = field(default_factory=dict)
-    worst: T = NOTHING
-    found: T = NOTHING
+    worst: T = MISSING
+    found: T = MISSING
     warnings: list[str] = field(default_factory=list)
 
 
@@ -209,8 +209,8 @@ def _check_together(build: Builder) -> None:
     single = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
     many = [n for n in _MANY.split() if n in there]
     if single and many:
-        told = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
-        build.note((many[0],), f"{told}; {_KEEP}.")
+        sentence = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
+        build.note((many[0],), f"{sentence}; {_KEEP}.")
     if "ensemble" in build.part("drop"):
         for name in there.intersection(("accelerometers", "worst")):
             build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
@@ -234,7 +234,7 @@ def compiled(document: Document) -> Compiled:
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)
-    found = Compiled(document=document, warnings=build.told)
+    found = Compiled(document=document, warnings=build.warnings)
     found.structure = structure(build)
     found.model = model(build, found.structure)
     if "find" in build.data:
@@ -244,7 +244,7 @@ def compiled(document: Document) -> Compiled:
     elif {"impactor", "contact", *_ONE.split()} & set(build.data):
         found.impactor, found.contact = pair(build)
         _single(build, found)
-    _told(build, found)
+    _requested(build, found)
     if "drop" in build.data:
         found.fall = build.table("drop", given={"part": found.structure})
         given = {"self": found.fall}
@@ -313,8 +313,8 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
     table, at = data.get("material"), (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
-        told = f"there is no [{label(at)}]; it takes kind and the constants"
-        build.note(place, f'{told}, as in `[{label(at)}]` `kind = "Solid"`.')
+        sentence = f"there is no [{label(at)}]; it takes kind and the constants"
+        build.note(place, f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`.')
         return None
     if table and all(isinstance(each, dict) for each in table.values()):
         made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
@@ -372,8 +372,8 @@ def model(build: Builder, structure: Call | None) -> Call | None:
         build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
     several = len(build.part("sites")) > 1 or "contacts" in build.data
     if several and "contacts" not in build.data and "simulate" in build.data:
-        told = "[simulate] takes one site, and there are several: give [[contacts]] between"
-        build.note(("sites",), f'{told} "structure:SITE" and [bodies.NAME].')
+        sentence = "[simulate] takes one site, and there are several: give [[contacts]] between"
+        build.note(("sites",), f'{sentence} "structure:SITE" and [bodies.NAME].')
     site = sites if several else next(iter(sites.values()), None)
     return build.table("extract", always=True, given={"structure": structure, "site": site})
 
@@ -395,7 +395,7 @@ def _single(build: Builder, found: Compiled) -> None:
             build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
     if "strike" not in build.data:
         found.history = build.table("simulate", given={"model": found.model, **both})
-        _tell_opening(build, found)
+        _warn_of_opening(build, found)
         return
     sites = list(build.named("sites").values())
     if len(build.part("sites")) != 1:
@@ -415,11 +415,11 @@ def _single(build: Builder, found: Compiled) -> None:
 _CLOSING = {"initial_velocity", "gravity"}
 
 
-def _tell_opening(build: Builder, found: Compiled) -> None:
+def _warn_of_opening(build: Builder, found: Compiled) -> None:
     """Warn of an impactor that flies away from the structure."""
     speed = getattr(getattr(found.impactor, "made", None), "velocity", 0.0)
     if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
-        build.told.append(
+        build.warnings.append(
             f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
             f"touched: a positive one leads along the direction of the site; give {-speed:g}."
         )
@@ -536,19 +536,19 @@ def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: P
 # -- what a simulation is asked for
 
 
-def looked_at(history: History) -> Array:
-    """Times [s] at which probes tell of a history: its own lie far apart in flights."""
-    return np.union1d(history.time, np.linspace(0.0, history.time[-1], LOOKS))
+def probe_times(history: History) -> Array:
+    """Times [s] of probes: those of a history lie far apart while bodies fly."""
+    return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def _told(build: Builder, found: Compiled) -> None:
+def _requested(build: Builder, found: Compiled) -> None:
     """[probes] and [stress]; without it the criteria for which the materials have strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:
         part = Call(lambda history: history.structure, {"history": found.history})
     given = {"structure": part, "history": found.history}
     found.probes = build.named("probes", given)
-    times = Call(looked_at, {"history": found.history})
+    times = Call(probe_times, {"history": found.history})
     found.probes = {
         name: probe and replace(probe, arguments={"times": times, **probe.arguments})
         for name, probe in found.probes.items()

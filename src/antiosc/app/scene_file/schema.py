@@ -256,9 +256,9 @@ def descriptions(call: object) -> dict[str, str]:
     for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
         head, _, body = entry.partition("\n")
         names, _, rest = head.partition(" : ")
-        # the text after the colon is a type, or tells more than that
-        tells = rest if len(rest.split()) > 6 and "optional" not in rest else ""
-        about = " ".join(f"{tells} {body}".split())
+        # the text after the colon is a type, or says more than that
+        more = rest if len(rest.split()) > 6 and "optional" not in rest else ""
+        about = " ".join(f"{more} {body}".split())
         about = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", about, maxsplit=1)[0].rstrip(".")
         about = about if len(about) <= 160 else f"{about[:157].rsplit(' ', 1)[0]} …"
         found |= {name.strip(): about for name in names.split(",")}
@@ -470,10 +470,10 @@ SECTIONS: dict[str, Section] = {
         "the fall of the structure from a height onto a floor, in place of an impact",
         "part executor"),
     "accelerometers": Section("named", "Fall.peak",
-        "points of a fall whose peak acceleration is told", "self quantity"),
+        "points of a fall whose peak acceleration is reported", "self quantity"),
     "worst": Section("table", "Fall.worst", "the largest stress of a fall at every node",
         "self"),
-    "sensors": Section("named", "Sensor", "sensors whose signals tell a blow, in their order"),
+    "sensors": Section("named", "Sensor", "sensors whose signals identify a blow, in their order"),
     "find": Section("table", "find_impact",
         "a blow that is looked for in the signals of sensors, in place of an impact",
         "structure sensors impactor contact"),
