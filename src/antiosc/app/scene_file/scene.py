@@ -12,6 +12,7 @@ evaluated.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 from collections.abc import Mapping
@@ -28,11 +29,10 @@ from antiosc.app.scene_file.schema import (
     KIND,
     LAWS,
     MODELS,
-    NUMBERS,
     SECTIONS,
     SOURCES,
-    Parameter,
     headed,
+    parameters,
     resolved,
 )
 from antiosc.base._types import Array
@@ -298,12 +298,6 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
     """The arguments `supports` and `attached`, where there are any."""
-    fixed = ("all", "x", "y", "z", "rx", "ry", "rz")
-    for i, table in enumerate(build.part("supports", list, data)):
-        fix = table.get("fix", "all") if isinstance(table, dict) else "all"
-        for name in fix if isinstance(fix, list) else [fix]:
-            if isinstance(name, str):
-                build.names("component", name, fixed, (*place, "supports", i, "fix"))
     given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in given.items() if value}
 
@@ -335,13 +329,10 @@ def _assembly(build: Builder) -> Call | None:
             parts[name] = _part(build, data, place)
         else:
             build.note(place, f"{label(place)} lacks a geometry or a deck.")
-    points = {}
-    for name, value in build.part("points").items():
-        try:
-            coordinates = Parameter("point", (NUMBERS,), about="coordinates, m")
-            points[name] = build.value(coordinates, value, ("points", name))
-        except Mistake:
-            continue
+    points: object = {}
+    with contextlib.suppress(Mistake):
+        rule = parameters("assemble")["points"]
+        points = build.value(rule, build.part("points"), ("points",))
     joints, placed = build.listed("joints"), build.named("at")
     for call in joints:
         for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point

@@ -282,6 +282,8 @@ def _of(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
+#: What a support may fix.
+COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
 #: Parameter, or function and parameter, -> the check of its value. A function checks its values
 #: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
@@ -309,6 +311,9 @@ CHECKS: dict[str, Check] = {
     "read_frf.unit": checks.positive,
     "until": _by("antiosc.studies.drops.drop:end_of"),
     "Sphere.radius": _of("m"),
+    "Support.fix": lambda _, value: [
+        checks.choice("fix", each, COMPONENTS) for each in np.ravel(value).tolist()
+    ],
     "Sphere.E": _of("Pa"),
     "Sphere.nu": lambda _, value: checks.poisson(value),
     "Sphere.rho": _of("kg/m³"),
@@ -525,7 +530,7 @@ def _section(name: str, section: Section) -> dict[str, object]:
     if section.form == "text":
         return {"type": "string"}
     if name == "points":
-        return _many({"type": "array", "items": {"type": "number"}})
+        return _any(parameters("assemble")[name].kinds)
     if name == "sweep":  # of a named section: tables of lists
         return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
     if name == "monte_carlo":
