@@ -159,7 +159,7 @@ def _forecast(scene: Compiled) -> str:
     if found.impactor is not None and found.contact is not None:
         rows += _of_impact(scene, found)
     rows += [("warning", sentence) for sentence in found.warnings]
-    return results.lines(rows)
+    return results.format_rows(rows)
 
 
 def _factor(structure: Structure) -> str:

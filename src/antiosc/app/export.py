@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc import __version__
 from antiosc.app.fmu import identifier, write_c, write_fmu
-from antiosc.app.run_data import LASTING, of_model, of_scene
+from antiosc.app.run_data import CONTACT_TIMES, of_model, of_scene
 from antiosc.base import checks, files
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact import ContactLaw, Linear
@@ -190,7 +190,7 @@ def equal_stiffness(
     if isinstance(law, Linear):
         return float(law.stiffness)
     if duration is None:  # contact times on a rigid wall
-        duration = LASTING * BAND_OVER_PULSE * np.pi / impact_band(impactor, law)
+        duration = CONTACT_TIMES * BAND_OVER_PULSE * np.pi / impact_band(impactor, law)
     hit = simulate(model, impactor, law, duration=duration)
     deepest = float(hit.indentation.max())
     if not hit.peak_force > 0 or not deepest > 0:

@@ -105,7 +105,7 @@ TOL, COARSE = 1e-6, 1e-3
 #: Nodes of the curve of the computed case that the page keeps.
 CURVE = 2000
 #: Digits of an exponent.
-RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
+SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
@@ -126,17 +126,17 @@ def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
     local = getattr(law, "compliance", 0.0)
     speed = abs(float(system.beta[0] @ system.v))
     return {
-        **given(law, modal(striker.modes, striker.start, loads[1]), hit.impactor, speed),
+        **impact_data(law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed),
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
-        "body": modal(body.modes, body.start, loads[0], local),
+        "body": modal_data(body.modes, body.start, loads[0], local),
         "bars": _bars(hit, bars, local),
         "computed": _computed(hit),
     }
 
 
-def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
+def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
     """What does not depend on the site: the law, the striker, and where the sliders stand.
 
     None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.
@@ -152,7 +152,9 @@ def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) ->
             "kind": law.kind,
             "name": type(law).__name__,
             "params": [value for value in values if np.isfinite(value)],
-            "unit": "N/m" if exponent == 1 else f"N/m{format(exponent, 'g').translate(RAISED)}",
+            "unit": "N/m"
+            if exponent == 1
+            else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
@@ -162,7 +164,7 @@ def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) ->
     }
 
 
-def modal(
+def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
     """A body in free modes, as `pose` of engine.js takes it; `local`: compliance of its patch."""
@@ -201,7 +203,7 @@ def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
     moving = hit.assembly.bodies["structure"].start.any()
     if shares and not moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest(model)}
-        variants = {cause: modal(one.modal(), local=local) for cause, one in bodies.items()}
+        variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
     return {"shares": shares, "variants": variants}
 
 
@@ -228,7 +230,7 @@ REMEDIES = {
     "model": "use solid elements in place of beams or shells",
 }
 #: What is said of a striker, with its unit, and the word before it.
-STRIKERS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
+STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
 class Headline(NamedTuple):
@@ -315,7 +317,7 @@ def _body(body: LinearBody | None) -> str:
     """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
     kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
     text = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
-    for name, (unit, word) in STRIKERS.items():
+    for name, (unit, word) in STRIKER_WORDS.items():
         value = getattr(body, name, None)
         if isinstance(value, float) and value:
             text.append(f"{word} {engineering(value, unit)}")
@@ -400,11 +402,11 @@ def data_of_history(
         from antiosc.app import live_meshes
 
         part = live_meshes.of_structure(structure, hit)
-    place = _place(hit, own) if part is not None else None
+    place = _striker_place(hit, own) if part is not None else None
     return {"engine": engine(), "blow": own, "part": part, "place": place}
 
 
-def drawn(data: Data) -> str:
+def caption(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
     text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
@@ -413,7 +415,7 @@ def drawn(data: Data) -> str:
     return text
 
 
-def _place(hit: History, own: Data) -> Data | None:
+def _striker_place(hit: History, own: Data) -> Data | None:
     """The place of the striker in the picture; None for a site without coordinates."""
     points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

@@ -23,7 +23,14 @@ import numpy as np
 import antiosc
 from antiosc.app import info, live
 from antiosc.app.live import Data
-from antiosc.app.results import advice_of, drawn, error_budget, presentations, shown, with_prefixes
+from antiosc.app.results import (
+    advice_of,
+    drawn,
+    error_budget,
+    format_number,
+    presentations,
+    with_prefixes,
+)
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.app.scene_file.scene import by_strengths
 from antiosc.app.scene_file.schema import Output
@@ -225,7 +232,7 @@ def page(found: Results) -> str:
         script=script,
         policy=live.policy(script),
         live="" if data is None else live.embedded(data),
-        drawn="" if data is None else live.drawn(data),
+        drawn="" if data is None else live.caption(data),
     )
 
 
@@ -260,8 +267,10 @@ def rendered(template: Path, **content: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"shown": shown, "prefixed": with_prefixes, "zipped": _zipped}
-    environment.tests["numeric"] = lambda cell: shown(cell).strip("-–+.0123456789eE% ") == ""
+    environment.filters |= {"shown": format_number, "prefixed": with_prefixes, "zipped": _zipped}
+    environment.tests["numeric"] = lambda cell: (
+        format_number(cell).strip("-–+.0123456789eE% ") == ""
+    )
     return str(environment.get_template(template.name).render(content))
 
 

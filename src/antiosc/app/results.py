@@ -113,7 +113,7 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
 def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
     """Curves over time: (name, times in s, values)."""
     for name, time, values in islice(given, CURVES):
-        ax.plot(1e3 * time, values, lw=1.2, label=plain(name))
+        ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
     legend_beside(ax)
@@ -132,7 +132,7 @@ def spectrum(model: AntiOscillators, ax: Axes) -> None:
     ax.set_ylabel("share of the static mass" if several else "mass (kg)")
 
 
-def plain(name: str) -> str:
+def escaped(name: str) -> str:
     """A name of the scene in a picture: not read as a formula."""
     shown = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
     return shown if len(shown) <= 60 else f"{shown[:57]}…"
@@ -167,17 +167,17 @@ ENERGIES = ("kinetic", "strain", "contact", "dissipated")
 # -- words and tables
 
 
-def lines(rows: Rows) -> str:
+def format_rows(rows: Rows) -> str:
     """Names and values in two columns."""
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
 
 
-def columns(table: Columns) -> str:
+def format_columns(table: Columns) -> str:
     """A table with a line of names; of long ones the first rows; units with prefixes."""
     own = with_prefixes(table)
     rows = list(zip(*own.values(), strict=True))
-    cells = [list(own), *([shown(value) for value in row] for row in rows[:ROWS])]
+    cells = [list(own), *([format_number(value) for value in row] for row in rows[:ROWS])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
     text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
@@ -201,7 +201,7 @@ def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     return f"{title} ({own})", [factor * v for v in numbers]
 
 
-def shown(value: object) -> str:
+def format_number(value: object) -> str:
     """A number to five digits; a dash for one that is not finite."""
     if isinstance(value, float | np.floating):
         return f"{value:.5g}" if np.isfinite(value) else "–"
@@ -276,7 +276,7 @@ def _model(found: Results) -> Presentation:
         shown.numbers["structure"] = part.describe()
     if model is not None:
         rows = _model_rows(model)
-        shown.text = [*shown.text, lines(rows)]
+        shown.text = [*shown.text, format_rows(rows)]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         own = {name: getattr(model, name, None) for name in names}
         shown.numbers["model"] = own | {"points": places_of(model)}
@@ -357,7 +357,7 @@ def _impact(found: Results) -> Presentation:
     }
     several = isinstance(hit, SceneHistory)
     return Presentation(
-        text=[hit.summary(), str(budget or ""), lines([*asked, *stresses])],
+        text=[hit.summary(), str(budget or ""), format_rows([*asked, *stresses])],
         tables={"history.csv": own, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
@@ -596,7 +596,7 @@ def _fall(found: Results) -> Presentation:
         about = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", about, worst.plot))
     return Presentation(
-        text=[fall.summary() if single else columns(table), lines(rows)],
+        text=[fall.summary() if single else format_columns(table), format_rows(rows)],
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
@@ -631,13 +631,13 @@ def _sweep(found: Results) -> Presentation:
         name, values = next(iter(lists.items()))
         numbers = all(isinstance(v, int | float) for v in values)
         ax.plot(values if numbers else range(len(values)), batch.peak_force, "o-", ms=4, lw=1)
-        ax.set_xlabel(plain(f"{name} (SI)"))
+        ax.set_xlabel(escaped(f"{name} (SI)"))
         ax.set_ylabel("peak force (N)")
 
     about = "Peak force (N) of each impact, over the first value that varies."
     return Presentation(
-        [columns(table)], {"sweep.csv": table}, {"sweep": table}, sections={"Sweep": [table]},
-        pictures=[chart("Sweep", about, draw)],
+        [format_columns(table)], {"sweep.csv": table}, {"sweep": table},
+        sections={"Sweep": [table]}, pictures=[chart("Sweep", about, draw)],
     )  # fmt: skip
 
 
@@ -647,7 +647,7 @@ def _sample(found: Results) -> Presentation:
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     about = "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     return Presentation(
-        text=[columns(table)],
+        text=[format_columns(table)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={"monte_carlo": table},
         plotted={"monte_carlo": sample},
@@ -681,7 +681,7 @@ def _map(results: Results) -> Presentation:
     table |= {f"{axis} (m)": found.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": found.points, "surface": found.names.tolist(), **quantities}
     return Presentation(
-        text=[lines(rows)],
+        text=[format_rows(rows)],
         tables={"map.csv": table | {heads[name]: values for name, values in quantities.items()}},
         numbers={"map": numbers | {"doubtful": found.doubtful}},
         plotted={"map": found},

@@ -29,7 +29,7 @@ from antiosc.app.scene_file.schema import (
     Parameter,
     Section,
     constructors_of,
-    light,
+    only_checks,
     parameters,
     resolved,
     words,
@@ -229,7 +229,7 @@ class Builder:
         if not whole or None in arguments.values():
             return None
         made = Call(resolved(function), arguments, place)
-        return self._tried(made) if light(function) else made
+        return self._tried(made) if only_checks(function) else made
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
         """The callable that `kind` chooses."""
@@ -308,7 +308,7 @@ class Builder:
 
     def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> object:
         fitting = [kind for kind in kinds if kind.fits(value)]
-        for kind in [kind for kind in fitting if kind.holds(value)] or fitting:
+        for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
             return self._of_kind(kind, value, place, about)
         hint = "."
         if isinstance(value, str):

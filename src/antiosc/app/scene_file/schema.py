@@ -76,7 +76,7 @@ class Kind:
         types = (dict,) if self.name == "table" else _KINDS[self.name][0]
         return isinstance(value, types) and (bool in types or not isinstance(value, bool))
 
-    def holds(self, value: object) -> bool:
+    def first_entry_fits(self, value: object) -> bool:
         """Whether a value of this kind is a list whose first entry is of its kinds, or no list."""
         if not isinstance(value, list) or not value or self.name != "list":
             return True
@@ -94,7 +94,7 @@ class Kind:
         return _KINDS[self.name][1]
 
     @property
-    def many(self) -> str:
+    def plural_text(self) -> str:
         """Several of them, in words."""
         if self.name == "list":
             return f"lists of {plural(self.items or self.each[0])}"
@@ -115,7 +115,7 @@ def words(kinds: Sequence[Kind]) -> str:
 
 def plural(kinds: Sequence[Kind]) -> str:
     """Several of such values, in words."""
-    return " or ".join(dict.fromkeys(kind.many for kind in kinds))
+    return " or ".join(dict.fromkeys(kind.plural_text for kind in kinds))
 
 
 class Unknown:
@@ -212,7 +212,7 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
     # fields of dataclasses have checks; the values of a batch are lists
-    checked = CHECKS if not light(function) and function != "simulate_many" else {}
+    checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
     if dataclasses.is_dataclass(call):
         own = {one.name: one.metadata for one in dataclasses.fields(call)}
         checked = {key: each["check"] for key, each in own.items() if "check" in each}
@@ -242,7 +242,7 @@ def resolved(function: str) -> Any:
     return functools.reduce(getattr, function.split("."), antiosc)
 
 
-def light(function: str) -> bool:
+def only_checks(function: str) -> bool:
     """Whether a call only checks and stores values: a class of antiosc that holds data."""
     head = function.partition(".")[0]
     return function in LIGHT or (inspect.isclass(resolved(head)) and head not in HEAVY)
