@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -270,7 +271,7 @@ class Builder:
     ) -> NoReturn:
         """Note a key that does not exist, with the nearest that does and what that holds."""
         at = (*place, key)
-        if key in WITHHELD and key in parameters(function, withheld=True):
+        if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
         close = nearest(key, known)
         about = f": {known[close].about}" if close and known[close].about else ""

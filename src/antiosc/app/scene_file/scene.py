@@ -163,7 +163,7 @@ _KEEP = "keep one of the two"
 NEEDS = (
     ("joints at points assembly", "parts"),
     ("from_frf", "frf"),
-    ("sites strike", f"{_MESHED} matrices"),
+    ("sites", f"{_MESHED} matrices"),
     ("scene loads base motion", _MANY),
     ("accelerometers worst", "drop"),
     ("drop", f"{_MESHED} matrices frf"),

@@ -202,11 +202,8 @@ class Parameter:
 
 
 @functools.cache
-def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]:
-    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii".
-
-    `withheld`: those that no file may give, instead.
-    """
+def parameters(function: str) -> Mapping[str, Parameter]:
+    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
     call = resolved(function)
     described = descriptions(call)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
@@ -225,9 +222,7 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
             kinds = (Kind("object", kind=resolved(OBJECTS[full])),)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
-        if withheld and name in WITHHELD:
-            found[name] = Parameter(name, ())
-        elif kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
+        if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
             needed = given.default is given.empty
             default = None if needed else given.default
             check = CHECKS.get(full, checked.get(name))
@@ -265,17 +260,13 @@ def descriptions(call: object) -> dict[str, str]:
     return found
 
 
-def _named(name: str) -> Any:
-    """What stands under "module:name", imported when it is needed: it may need dolfinx."""
-    return pkgutil.resolve_name(name)
-
-
 def _among(name: str) -> Check:
-    return lambda key, value: checks.choice(key, value, tuple(_named(name)))
+    """A choice from "module:name", which is imported when it is needed: it may need dolfinx."""
+    return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
 def _by(name: str) -> Check:
-    return lambda _, value: _named(name)(value)
+    return lambda _, value: pkgutil.resolve_name(name)(value)
 
 
 def _of(unit: str) -> Check:
