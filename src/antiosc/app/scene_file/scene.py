@@ -538,11 +538,10 @@ def _requested(build: Builder, found: Compiled) -> None:
     if found.striking and part is None:
         part = Call(lambda history: history.structure, {"history": found.history})
     given = {"structure": part, "history": found.history}
-    found.probes = build.named("probes", given)
     times = Call(probe_times, {"history": found.history})
     found.probes = {
-        name: probe and replace(probe, arguments={"times": times, **probe.arguments})
-        for name, probe in found.probes.items()
+        name: replace(probe, arguments={"times": times, **probe.arguments})
+        for name, probe in build.named("probes", given).items()
     }
     meshed = found.history is not None and source(build) in _MESHED.split()
     if "stress" in build.data:
