@@ -46,7 +46,6 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse, largest, nested_basis, rounded, row_numbers
 from antiosc.fem.assembly.parts import (
-    TURN,
     Share,
     checked_parts,
     checked_places,
@@ -57,9 +56,8 @@ from antiosc.fem.assembly.parts import (
 from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.petsc_algebra import from_csr
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.structure import Placement
+from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
-from antiosc.fem.structure.meshed import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -488,7 +486,8 @@ def _joined(
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
     fixed = _fixed(layout)
-    scale = _scale(layout)
+    places = layout.places
+    scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
     held = several("supports", supports, Support, "Support(where, fix)")
     rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
@@ -501,7 +500,7 @@ def _joined(
     if not apart:
         _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
-    basis = nested_basis(everything, fixed, layout.positions)
+    basis = nested_basis(everything, fixed, places.points)
     eliminated = eliminate(rows, fixed, scale, basis)
     constraints = Constraints(rows, fixed, scale, basis)
     _tell_redundant(eliminated.redundant)
@@ -538,20 +537,6 @@ def _fixed(layout: Layout) -> BoolArray:
     return fixed
 
 
-def _scale(layout: Layout) -> Array:
-    """1 for displacements, 1/size for rotations."""
-    scale = np.ones(layout.count)
-    for member in layout.members.values():
-        nodes = np.arange(len(member.nodes))
-        for name in member.part.form.components.keys() & set(ROTATIONS):
-            scale[layout.dofs(member, nodes, name)] = 1 / layout.size
-    for one in layout.condensed.values():
-        scale[one.rows][one.part.kind == TURN] = 1 / layout.size
-    for name in layout.points:
-        scale[layout.of_point(name)[3:]] = 1 / layout.size
-    return scale
-
-
 def _tell_redundant(redundant: Sequence[Redundant]) -> None:
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, times) for name, others, times in redundant if name == label]
@@ -566,26 +551,26 @@ def _tell_redundant(redundant: Sequence[Redundant]) -> None:
 
 
 def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffness]) -> None:
-    """InputError for a part, a piece of one, or a reference point that is joined to nothing."""
-    loose = list(assembled.pieces(layout))
-    piece = np.zeros(layout.count, dtype=int)
-    for k, one in enumerate(loose):
-        piece[one.rows] = k
+    """InputError for a part, a body of one, or a reference point that is joined to nothing."""
+    bodies = assembled.unjoined_bodies(layout)
+    body = np.zeros(layout.count, dtype=int)
+    for k, one in enumerate(bodies):
+        body[one.rows] = k
     # all functionals of one spring belong together
     springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
     links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
     of_row = row_numbers(links)
     touched = scipy.sparse.csr_matrix(
-        (np.ones(links.nnz), (piece[links.indices], of_row)), shape=(len(loose), links.shape[0])
+        (np.ones(links.nnz), (body[links.indices], of_row)), shape=(len(bodies), links.shape[0])
     )
     label = scipy.sparse.csgraph.connected_components(touched @ touched.T, directed=False)[1]
-    largest = np.bincount(label, [len(one.rows) for one in loose]).argmax()
+    largest = np.bincount(label, [len(one.rows) for one in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
-        one = loose[k]
+        one = bodies[k]
         if one.name in layout.points:
             raise InputError(f"the reference point {one.name!r} is joined to nothing.")
-        pieces = sum(other.name == one.name for other in loose)
-        which = f"a piece at {in_words(one.centre)} of the part" if pieces > 1 else "the part"
+        several = sum(other.name == one.name for other in bodies) > 1
+        which = f"a piece at {in_words(one.centre)} of the part" if several else "the part"
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )

@@ -7,7 +7,7 @@ K: the rigid motions of the whole, and the mechanisms that the joints leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import ClassVar, TypeVar
@@ -23,21 +23,21 @@ from antiosc.base.checks import array
 from antiosc.base.errors import AccuracyError, InputError, known, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
-from antiosc.fem.assembly.parts import MOVE, TURN, Share
+from antiosc.fem.assembly.parts import Share
 from antiosc.fem.linalg.algebra import by_strains, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure import (
     SHIFT,
     Dissipation,
+    DofPlaces,
     Plausibility,
     StructureMatrices,
     orthonormal,
-    skew,
     support,
 )
 from antiosc.fem.structure.meshed import Member
-from antiosc.fem.structure.support import on_dofs, polynomials
+from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
 
 #: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
@@ -49,49 +49,32 @@ STILL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Loose:
-    """A piece of a part, or a reference point, that moves by itself before it is joined."""
+class RigidBody:
+    """Dofs that move together without strain: before the parts are joined, or of the whole."""
 
-    name: str  # for messages
+    name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
     centre: Array  # (3,) [m]
     size: float  # half of its extent [m]
     motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
 
 
-def rigid_motions(layout: Layout, point: Array) -> Array:
-    """The six rigid motions (n, 6) of u: translations along x, y, z, rotations about `point`."""
-    result = np.zeros((layout.count, 6))
+def unjoined_bodies(layout: Layout) -> list[RigidBody]:
+    """Connected bodies of the parts, superelements and points: what moves before it is joined."""
+    found: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
-        result[member.rows] = member.rigid(point)
-    for one in layout.condensed.values():
-        result[one.rows] = one.motions(point)
-    for name, x in layout.points.items():
-        six = np.eye(6)
-        six[:3, 3:] = -skew(x - point)
-        result[layout.of_point(name)] = six
-    if layout.plane:
-        result[:, [2, 3, 4]] = 0.0
-    return result
-
-
-def pieces(layout: Layout) -> Iterator[Loose]:
-    """What moves by itself before it is joined."""
-    for member in layout.members.values():
-        labels = member.pieces
+        labels = member.connected
         for label in range(int(labels.max()) + 1):
             nodes = np.flatnonzero(labels == label)
-            centre, size = _around(member.nodes[nodes], layout)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
-            motions = member.rigid(centre)[rows]
-            yield _loose(layout, member.name, member.first + rows, centre, size, motions)
+            found.append((member.name, member.first + rows, *_around(member.nodes[nodes], layout)))
     for one in layout.condensed.values():
-        centre, size = _around(one.points, layout)
         rows = np.arange(one.first, one.first + one.size)
-        yield _loose(layout, one.name, rows, centre, size, one.motions(centre))
+        found.append((one.name, rows, *_around(one.points, layout)))
     for name, x in layout.points.items():
-        size = layout.size / 2
-        yield _loose(layout, name, layout.of_point(name), x, size, np.eye(6))
+        found.append((name, layout.of_point(name), x, layout.size / 2))
+    places = layout.places
+    return [_rigid_body(places, *one) for one in found]
 
 
 def _around(x: Array, layout: Layout) -> tuple[Array, float]:
@@ -100,58 +83,54 @@ def _around(x: Array, layout: Layout) -> tuple[Array, float]:
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
-def whole(layout: Layout, point: Array) -> Loose:
-    """The whole assembly as one piece that moves about `point`."""
-    rows = np.arange(layout.count)
-    return _loose(layout, "all", rows, point, layout.size / 2, rigid_motions(layout, point))
+def whole_body(layout: Layout) -> RigidBody:
+    """The whole assembly as one body, about its middle."""
+    return _rigid_body(
+        layout.places, "all", np.arange(layout.count), layout.middle, layout.size / 2
+    )
 
 
-def _loose(
-    layout: Layout, name: str, rows: IntArray, centre: Array, size: float, motions: Array
-) -> Loose:
-    motions = motions.copy()
+def _rigid_body(
+    places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
+) -> RigidBody:
+    motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
-    if layout.plane:
-        motions[:, [2, 3, 4]] = 0.0
-    return Loose(name, rows, centre, size, motions)
+    return RigidBody(name, rows, centre, size, motions)
 
 
 def free_motions(
     layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
-) -> tuple[Array, Array, list[Loose]]:
+) -> tuple[Array, Array, list[RigidBody]]:
     """Motions without strain that satisfy the constraints and leave fixed dofs at zero.
 
-    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the pieces that move in them).
+    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
     """
-    point = (layout.low + layout.high) / 2
-    together = whole(layout, point).motions
+    together = whole_body(layout).motions
     together = together[:, np.abs(together).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
     rigid = together @ _null(rows @ together)
-    loose = list(pieces(layout))
-    if len(loose) == 1:
+    bodies = unjoined_bodies(layout)
+    if len(bodies) == 1:
         return rigid, np.zeros((layout.count, 0)), []
-    N = _side_by_side(layout, loose)
-    found = N @ _null(rows @ N)
-    mechanisms = _beside(found, rigid)
+    N = _motions_of(bodies, layout.count)
+    mechanisms = _excluding_rigid(N @ _null(rows @ N), rigid)
     moving = [
-        one for one in loose if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
+        one for one in bodies if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
     ]
     return rigid, mechanisms, moving
 
 
-def _side_by_side(layout: Layout, loose: Sequence[Loose]) -> Sparse:
-    """The motions of all pieces as columns of u."""
+def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
+    """The motions of all bodies as columns (size, k) of u."""
     rows, columns, values, count = [], [], [], 0
-    for one in loose:
+    for one in bodies:
         own = one.motions[:, np.abs(one.motions).max(axis=0) > 0]
         rows.append(np.repeat(one.rows, own.shape[1]))
         columns.append(np.tile(count + np.arange(own.shape[1]), len(own)))
         values.append(own.ravel())
         count += own.shape[1]
     where = np.concatenate(rows), np.concatenate(columns)
-    shape = layout.count, count
-    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=shape)
+    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=(size, count))
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
@@ -179,7 +158,7 @@ def _null(E: Array | Sparse) -> Array:
     return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
 
 
-def _beside(found: Array, rigid: Array) -> Array:
+def _excluding_rigid(found: Array, rigid: Array) -> Array:
     """The motions among `found` that are orthogonal to `rigid`, orthonormal."""
     if not found.shape[1]:
         return found
@@ -191,32 +170,11 @@ def _beside(found: Array, rigid: Array) -> Array:
     return np.asarray(U[:, :count] * values[:count])
 
 
-def described(one: Loose, motions: Array) -> str:
-    """The motions (rows of u, m) of a piece in words."""
+def described(one: RigidBody, motions: Array) -> str:
+    """The motions (rows of u, m) of a body in words."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
-
-
-def fields(layout: Layout) -> Array:
-    """Quadratic polynomial displacement fields (n, k) of the whole; the rigid ones come first."""
-    centre, size = (layout.low + layout.high) / 2, float((layout.high - layout.low).max())
-    columns = []
-    for _, field in polynomials(2 if layout.plane else 3):
-        column = np.zeros(layout.count)
-        for member in layout.members.values():
-            column[member.rows] = on_dofs(member.part.form, field, centre, size, member.at)
-        for one in layout.condensed.values():
-            move, turn = field((one.positions - centre) / size)
-            kind, axes = one.part.kind, one.axes.T
-            column[one.rows] = (kind == MOVE) * (axes * move).sum(axis=0) + (
-                (kind == TURN) * (axes * turn).sum(axis=0) / size
-            )
-        for name, x in layout.points.items():
-            move, turn = field(((x - centre) / size)[None])
-            column[layout.of_point(name)] = np.concatenate([move[:, 0], turn[:, 0] / size])
-        columns.append(column)
-    return np.column_stack(columns)
 
 
 #: Share of the largest motion below which a part is at rest, but for rounding.
@@ -234,7 +192,7 @@ def modes_of(
     eliminated: Eliminated,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[Loose],
+    moving: Sequence[RigidBody],
 ) -> tuple[Array, float]:
     """(M-orthonormal motions without strain, first shift)."""
     found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
@@ -262,7 +220,11 @@ def modes_of(
         )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
-    polynomial = eliminated.coordinates(fields(layout))
+    size, places = float((layout.high - layout.low).max()), layout.places
+    fields = [field for _, field in polynomials(2 if layout.plane else 3)]
+    polynomial = eliminated.coordinates(
+        np.column_stack([places.values(field, layout.middle, size) for field in fields])
+    )
     return modes, SHIFT * support.first_elastic(comm, K, M, polynomial, modes)
 
 
@@ -282,7 +244,7 @@ def tell_motions(
     layout: Layout,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[Loose],
+    moving: Sequence[RigidBody],
     *,
     supported: bool,
 ) -> None:
@@ -293,15 +255,14 @@ def tell_motions(
             f"{_in_words(mechanisms, moving)}; join or hold them unless it is intended.",
         )
     if supported and rigid.shape[1]:
-        together = whole(layout, (layout.low + layout.high) / 2)
         warn(
             "the supports leave the assembly free to move as a rigid body: "
-            f"{described(together, rigid)}; hold that too unless it is intended.",
+            f"{described(whole_body(layout), rigid)}; hold that too unless it is intended.",
         )
 
 
-def _in_words(mechanisms: Array, moving: Sequence[Loose]) -> str:
-    """The motion of each piece in mechanisms."""
+def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
+    """The motion of each body in mechanisms."""
     names: dict[str, str] = {}
     for one in moving:
         names.setdefault(one.name, described(one, mechanisms))
@@ -410,7 +371,7 @@ class AssembledMatrices(StructureMatrices):
         direction = array("direction", direction, (3,))
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
-        moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
+        moving = self.layout.places.rigid_motions(np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
             own = np.zeros(self.layout.count)
@@ -426,8 +387,8 @@ class AssembledMatrices(StructureMatrices):
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
         if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
-        point = (self.layout.low + self.layout.high) / 2
-        motions = rigid_motions(self.layout, point)
+        point = self.layout.middle
+        motions = self.layout.places.rigid_motions(point)
         added, S = self.added.inertial_loads(motions)
         loads = np.zeros(motions.shape)
         for member in self.layout.members.values():
@@ -438,8 +399,7 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        point = (self.layout.low + self.layout.high) / 2
-        motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
+        motions = self.eliminated.coordinates(self.layout.places.rigid_motions(self.layout.middle))
         return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:

@@ -24,9 +24,9 @@ import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.parts import MOVE, Condensed, Superelement
+from antiosc.fem.assembly.parts import Condensed, Superelement
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import Placement
+from antiosc.fem.structure import MOVE, TURN, DofPlaces, Placement
 from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
@@ -100,6 +100,11 @@ class Layout:
         return self._first_point + POINT_DOFS * len(self.points)
 
     @property
+    def middle(self) -> Array:
+        """Middle (3,) of the box around everything [m]."""
+        return np.asarray((self.low + self.high) / 2)
+
+    @property
     def size(self) -> float:
         """Diagonal of the box around everything, m."""
         return float(np.linalg.norm(self.high - self.low))
@@ -124,16 +129,21 @@ class Layout:
         return scipy.sparse.csr_matrix((count, self.count))
 
     @property
-    def positions(self) -> Array:
-        """Coordinates (n, 3) of the node of each dof of u [m]."""
-        x = np.zeros((self.count, 3))
-        for member in self.members.values():
-            x[member.rows] = np.repeat(member.nodes, member.block, axis=0)
-        for one in self.condensed.values():
-            x[one.rows] = one.positions
-        for name, point in self.points.items():
-            x[self.of_point(name)] = point
-        return x
+    def places(self) -> DofPlaces:
+        """Where and what each dof of u is; a dof that the plane lacks has no direction."""
+        x = np.array(list(self.points.values())).reshape(-1, 3)
+        axes = np.vstack([np.eye(3), np.eye(3)])
+        if self.plane:
+            axes[[2, 3, 4]] = 0.0
+        six = DofPlaces(
+            x,
+            np.repeat(np.arange(len(x)), POINT_DOFS),
+            np.tile(axes, (len(x), 1)),
+            np.tile(np.repeat([MOVE, TURN], 3), len(x)),
+        )
+        members, condensed = self.members.values(), self.condensed.values()
+        own = [*(one.places for one in members), *(one.places for one in condensed)]
+        return DofPlaces.joined([*own, six])
 
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
@@ -211,7 +221,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
         )
     flat = any(plane.values())
     for name, one in condensed.items():
-        if flat and np.abs(one.axes[one.part.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
+        if flat and np.abs(one.places.axes[one.places.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
             raise InputError(
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."

@@ -15,7 +15,7 @@ from antiosc.base.checks import in_words as text
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices, rigid_motions
+from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import Motion
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -423,9 +423,8 @@ class Released:
 
     def _rigid(self, point: Array) -> Array:
         """Six rigid motions about `point` on the dofs of all parts."""
-        if self._assembly:
-            return rigid_motions(self._assembly.layout, point)
-        return self._of.members()[0].rigid(point)
+        of = self._assembly.layout if self._assembly else self._of.members()[0]
+        return of.places.rigid_motions(point)
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
         """(centres, pulled)."""
@@ -435,12 +434,13 @@ class Released:
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in held_dofs(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
-                held.append((prefix + name, member.first + dofs, member.rigid(centre)[dofs]))
+                moved = member.places.rigid_motions(centre, dofs)
+                held.append((prefix + name, member.first + dofs, moved))
         constraints = self._assembly.constraints if self._assembly else None
         names = names_of(supports, centres) if constraints else []
         rows = constraints.rows if constraints else []
         if constraints and self._assembly:
-            positions = self._assembly.layout.positions
+            positions = self._assembly.layout.places.points
             for name, one in zip(names, rows, strict=False):
                 centres[name] = positions[np.unique(one.matrix.indices)].mean(axis=0)
         if not centres:

@@ -42,7 +42,14 @@ from antiosc.fem.mesh.surface import (
     quadrature,
 )
 from antiosc.fem.platform import bounds, compat, warn
-from antiosc.fem.structure import Dissipation, Placement, Plausibility, StructureMatrices, support
+from antiosc.fem.structure import (
+    Dissipation,
+    DofPlaces,
+    Placement,
+    Plausibility,
+    StructureMatrices,
+    support,
+)
 from antiosc.fem.structure.attachments import (
     Attachment,
     Matrices,
@@ -51,7 +58,7 @@ from antiosc.fem.structure.attachments import (
     add_beams,
     attachments_of,
 )
-from antiosc.fem.structure.support import NO_DOFS, Support, about, dofs_of_group, fixed_dofs
+from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group, fixed_dofs
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
@@ -91,7 +98,12 @@ class Member:
     @cached_property
     def nodes(self) -> Array:
         """Coordinates (nodes, 3) of the nodes of the displacements in the assembly [m]."""
-        return self.at.placed(self.part.form.space.tabulate_dof_coordinates())
+        return self.places.nodes
+
+    @cached_property
+    def places(self) -> DofPlaces:
+        """Where its dofs of this rank are in the assembly."""
+        return support.places_of(self.part.form).placed(self.at)
 
     @cached_property
     def vertices(self) -> Array:
@@ -99,8 +111,8 @@ class Member:
         return self.at.placed(self.part.mesh.dolfinx.geometry.x)
 
     @cached_property
-    def pieces(self) -> IntArray:
-        """Number of the connected piece of the mesh to which each node belongs (nodes,)."""
+    def connected(self) -> IntArray:
+        """Number of the connected body of the mesh to which each node belongs (nodes,)."""
         space = self.part.form.space
         own = compat.cell_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
@@ -127,10 +139,6 @@ class Member:
         mesh = self.part.mesh
         own = quadrature(mesh, *largest(mesh, group), DEGREE)
         return replace(own, x=self.at.placed(own.x))
-
-    def rigid(self, point: Array) -> Array:
-        """Six rigid motions about `point` on the dofs of this rank, in the axes of the part."""
-        return about(self.part.form, point, self.at)
 
 
 @dataclass(eq=False)
@@ -248,7 +256,7 @@ class MeshedStructure(StructureMatrices):
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         point = (low + high) / 2
-        motions = support.about(self.form, point)
+        motions = support.places_of(self.form).rigid_motions(point)
         loads = self.inertial_loads(motions)
         S = dot(self.comm, motions, loads)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
