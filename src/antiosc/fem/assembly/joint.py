@@ -90,9 +90,13 @@ class Motion:
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
-        arm = point - self.point
-        moved = self.displacements - scipy.sparse.csr_matrix(skew(arm)) @ self.rotations
-        return replace(self, displacements=moved.tocsr(), point=point)
+        return replace(self, displacements=self.displacements_at(point[None]), point=point)
+
+    def displacements_at(self, points: Array) -> Sparse:
+        """Displacements (3P, n) of points (P, 3) that are rigidly connected to the end."""
+        arms = scipy.sparse.csr_matrix(skew(points - self.point).reshape(-1, 3))
+        same = scipy.sparse.vstack([self.displacements] * len(points))
+        return (same - arms @ self.rotations).tocsr()
 
 
 def checked_end(name: str, end: object) -> End:
@@ -313,6 +317,24 @@ class Rows:
     def free(cls, matrix: Sparse, label: str) -> Rows:
         """Rows that may be solved for any of their dofs."""
         return cls(matrix, np.full(matrix.shape[0], -1), label)
+
+
+def following(
+    layout: Layout,
+    member: Member,
+    nodes: IntArray,
+    motions: Sequence[tuple[tuple[str, ...], Sparse]],
+    label: str,
+) -> Rows:
+    """The dofs of P nodes of a part follow motions [(names of components, (3P, n))]."""
+    rows, pivots = [], []
+    for names, motion in motions:
+        for name, own in layout.of_components(member, names, motion):
+            pivots.append(layout.dofs(member, nodes, name))
+            rows.append(layout.units(pivots[-1]) - own)
+    matrix = scipy.sparse.vstack(rows).tocsr()
+    matrix.eliminate_zeros()
+    return Rows(matrix, np.concatenate(pivots), label)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ act. A dof takes part in k vectors for each of log(c) levels, so that K stays sp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -198,6 +198,18 @@ class Layout:
             total = self.matrix(row, column, value, 3 * count)
             total.eliminate_zeros()
         return total
+
+    def of_components(
+        self, member: Member, names: tuple[str, ...], motions: Sparse
+    ) -> Iterator[tuple[str, Sparse]]:
+        """(name, its functionals (P, n)) of the components of a part in its own axes.
+
+        `motions` (3P, n): displacements, or rotations, of P points in the axes of the assembly.
+        """
+        for axis, name in enumerate(names):
+            if name in member.part.form.components:
+                along = member.at.rotation[:, axis]
+                yield name, sum(along[c] * motions[c::3] for c in range(3) if along[c])
 
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
         """Dofs in u of one component (in the axes of the part) of nodes."""

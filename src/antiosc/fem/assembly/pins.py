@@ -25,6 +25,7 @@ from antiosc.fem.assembly.joint import (
     Stiffness,
     checked_end,
     end_text,
+    following,
     group_end,
     mean,
     motion,
@@ -530,8 +531,8 @@ class Rigid(Joint):
         nodes = member.nodes_of(group)
         if self.point is None:
             leader = motion(layout, label)
-            rows = following(layout, member, nodes, leader, label)
-            return [rows, *_untold(member, nodes, leader)]
+            rows = _as_rigid_body(layout, member, nodes, leader, label)
+            return [rows, *_undetermined(member, nodes, leader)]
         leader = motion(layout, self.point)
         own = leader.displacements.indices, leader.rotations.indices
         columns = np.unique(np.concatenate(own))
@@ -546,7 +547,7 @@ class Rigid(Joint):
             )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
-        return [following(layout, member, nodes, leader, label)]
+        return [_as_rigid_body(layout, member, nodes, leader, label)]
 
 
 @dataclass(frozen=True)
@@ -594,34 +595,17 @@ class Mean(Joint):
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
 
 
-def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str) -> Rows:
+def _as_rigid_body(
+    layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str
+) -> Rows:
     """The nodes of a part follow the rigid motion of a point."""
-    arm = member.nodes[nodes] - leader.point
-    form, R = member.part.form, member.at.rotation
-    rows, pivots = [], []
-    for kind in (DISPLACEMENTS, ROTATIONS):
-        for axis, name in enumerate(kind):
-            if name not in form.components:
-                continue
-            dofs = layout.dofs(member, nodes, name)
-            along = R[:, axis]
-            if kind is DISPLACEMENTS:
-                # along·(u + θ × r) = along·u + (r × along)·θ
-                once = scipy.sparse.csr_matrix(along) @ leader.displacements
-                rotated = scipy.sparse.csr_matrix(np.cross(arm, along)) @ leader.rotations
-            else:
-                once = scipy.sparse.csr_matrix(along) @ leader.rotations
-                rotated = layout.nothing(len(nodes))
-            repeated = scipy.sparse.csr_matrix(np.ones((len(nodes), 1))) @ once
-            rows.append(layout.units(dofs) - repeated - rotated)
-            pivots.append(dofs)
-    matrix = scipy.sparse.vstack(rows).tocsr()
-    matrix.eliminate_zeros()
-    return Rows(matrix, np.concatenate(pivots), label)
+    rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
+    led = leader.displacements_at(member.nodes[nodes])
+    return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
 
 
-def _untold(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
-    """Rotations of a point that no node shows: they are fixed."""
+def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+    """Rotations of a point that move no node: they are fixed."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point

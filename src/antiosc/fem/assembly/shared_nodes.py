@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
+from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh import projected
 from antiosc.fem.platform import compat
@@ -476,16 +476,11 @@ def _following(layout: Layout, follower: _Cells, leaders: Sequence[_Cells]) -> l
     for names in (DISPLACEMENTS, ROTATIONS):
         done: set[int] = set()
         for leader in leaders:
-            common = [
-                name
-                for name in names
-                if name in follower.member.part.form.components
-                and name in leader.member.part.form.components
-            ]
-            where = _shared(follower, leader, done) if common else {}
+            both = [one.member.part.form.components.keys() for one in (follower, leader)]
+            where = _shared(follower, leader, done) if both[0] & both[1] & set(names) else {}
             done |= set(where)
             if where:
-                found.append(_tied(layout, follower.member, leader.member, where, names, common))
+                found.append(_tied(layout, follower.member, leader.member, where, names))
     return found
 
 
@@ -522,7 +517,6 @@ def _tied(
     leader: Member,
     where: Mapping[int, int],
     names: tuple[str, ...],
-    common: Sequence[str],
 ) -> Rows:
     """Nodes of one part follow the cells of another in which they lie."""
     nodes, cells = np.array(list(where)), np.array(list(where.values()))
@@ -533,13 +527,7 @@ def _tied(
     for exact in (0.0, 1.0):
         X = np.where(np.abs(X - exact) < 1e-12, exact, X)
     led = layout.at_points(leader, cells, X, names)
-    rows, pivots = [], []
-    for name in common:
-        dofs = layout.dofs(follower, nodes, name)
-        axis = follower.at.rotation[:, names.index(name)]
-        rows.append(layout.units(dofs) - sum(axis[c] * led[c::3] for c in range(3)))
-        pivots.append(dofs)
-    return Rows(scipy.sparse.vstack(rows).tocsr(), np.concatenate(pivots), "shared nodes")
+    return following(layout, follower, nodes, [(names, led)], "shared nodes")
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,12 +200,8 @@ def _projection(
             found.append(rotation_rows(layout, follower, nodes[free], middle, own, label))
     else:
         led = _led(layout, follower, leader, common)
-    for kind, motion in led:
-        for axis, name in enumerate(kind):
-            if name not in follower.member.part.form.components:
-                continue
-            along = follower.member.at.rotation[:, axis]
-            one = sum(along[c] * motion[c::3] for c in range(3) if along[c])
+    for names, motion in led:
+        for name, one in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
             free = follows & ~taken[dofs]
             if free.any():
