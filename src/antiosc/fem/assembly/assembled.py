@@ -270,6 +270,7 @@ def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
 
 
 Found = TypeVar("Found")
+Loads = TypeVar("Loads", Array, Sparse)
 
 
 class Added:
@@ -371,7 +372,7 @@ class AssembledMatrices(StructureMatrices):
         direction = array("direction", direction, (3,))
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
-        moving = self.layout.places.rigid_motions(np.zeros(3))[:, :3] @ direction
+        moving = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
             own = np.zeros(self.layout.count)
@@ -388,7 +389,7 @@ class AssembledMatrices(StructureMatrices):
         if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
         point = self.layout.middle
-        motions = self.layout.places.rigid_motions(point)
+        motions = self.places.rigid_motions(point)
         added, S = self.added.inertial_loads(motions)
         loads = np.zeros(motions.shape)
         for member in self.layout.members.values():
@@ -445,14 +446,13 @@ class AssembledMatrices(StructureMatrices):
         parts = [member for member in self.layout.members.values() if member.part.lossy]
         if not parts:
             return None
-        q = self.share.whole(V)
-        own = [member.part.loss_stiffness(self.T[member.rows] @ q) for member in parts]
+        u = self.expanded(V)
+        own = [member.part.loss_stiffness(u[member.rows]) for member in parts]
         return np.asarray(np.sum([each for each in own if each is not None], axis=0))
 
     # -- from u to the parts
 
     def members(self, name: str | None = None) -> list[Member]:
-        """All parts in their places, or the one that is named."""
         if name is None:
             return list(self.layout.members.values())
         if name in self.layout.condensed:
@@ -465,17 +465,30 @@ class AssembledMatrices(StructureMatrices):
             raise InputError(f"the assembly has no part {name!r}; {parts}.")
         return [self.layout.members[name]]
 
+    #: every rank has u whole and works alone
+    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
+
+    @property
+    def places(self) -> DofPlaces:
+        """Where the dofs of u are."""
+        return self.layout.places
+
+    def expanded(self, q: Array) -> Array:
+        """u, whole, of columns of q (rows of this rank, k). All ranks must call it."""
+        return np.asarray(self.T @ self.share.whole(q))
+
+    def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
+        """Loads on some rows of u as loads on q, whole."""
+        return self.T[rows].T @ loads
+
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """(part, its dofs (rows, k)) of all parts, or of the one named, for columns of q.
 
-        `shapes` (rows of this rank, k); every rank has the parts whole. All ranks must call it.
+        All ranks must call it.
         """
         members = self.members(name)
-        q = self.share.whole(shapes)
-        return [(member, np.asarray(self.T[member.rows] @ q)) for member in members]
-
-    #: every rank has the parts whole and works alone
-    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
+        u = self.expanded(shapes)
+        return [(member, u[member.rows]) for member in members]
 
     def decided(self, work: Callable[[], Found]) -> Found:
         """The result of `work()` by rank 0, since another may choose otherwise by rounding."""
@@ -484,10 +497,6 @@ class AssembledMatrices(StructureMatrices):
     def own(self, rows: Array) -> Array:
         """The rows of this rank of what `decided` work has found whole."""
         return self.share.own(rows)
-
-    def joined(self, member: Member, loads: Sparse) -> Sparse:
-        """Loads (rows, …) on the dofs of a part as loads on q, whole."""
-        return self.T[member.rows].T @ loads
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:

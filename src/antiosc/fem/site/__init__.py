@@ -541,6 +541,5 @@ def motions_without_mesh(
                 else " along all axes: extract its model with Site(..., tangential=True)."
             )
         )
-    q = matrices.share.whole(shapes)
     functionals = end.rotations if rotated else end.displacements
-    return np.asarray(wanted @ (functionals @ (matrices.T @ q)))
+    return np.asarray(wanted @ (functionals @ matrices.expanded(shapes)))

@@ -227,9 +227,9 @@ def _on_part(
     sites = found.sites
     if not len(sites):
         return found
-    loads = structure.joined(member, sites.loads).tocsr()
+    loads = structure.joined(sites.loads, member.rows).tocsr()
     moves = np.ones(len(sites), dtype=bool)
-    if isinstance(structure, AssembledMatrices):
+    if structure.assembled:
         size = scipy.sparse.linalg.norm(loads, axis=0)
         moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
     placed = replace(

@@ -77,8 +77,8 @@ class Member:
 
     @property
     def size(self) -> int:
-        """Number of dofs."""
-        return int(self.part.K.getSize()[0])
+        """Number of dofs of this rank."""
+        return int(self.part.K.getLocalSize()[0])
 
     @property
     def rows(self) -> slice:
@@ -103,7 +103,7 @@ class Member:
     @cached_property
     def places(self) -> DofPlaces:
         """Where its dofs of this rank are in the assembly."""
-        return support.places_of(self.part.form).placed(self.at)
+        return self.part.places.placed(self.at)
 
     @cached_property
     def vertices(self) -> Array:
@@ -173,9 +173,9 @@ class MeshedStructure(StructureMatrices):
         """The MPI communicator that shares the mesh."""
         return self.mesh.comm
 
-    # -- the one part of an assembly without joints
+    # -- the one part of an assembly without joints: the dofs u of all parts are those of K and M
 
-    #: each rank has its own rows, and all ranks work on them together
+    #: the ranks that work on u together: each has its own rows
     workers = comm
 
     def members(self, name: str | None = None) -> list[Member]:
@@ -186,6 +186,19 @@ class MeshedStructure(StructureMatrices):
             )
         return [Member("", self, Placement(), 0)]
 
+    @property
+    def places(self) -> DofPlaces:
+        """Where the dofs of u are, those of this rank."""
+        return support.places_of(self.form)
+
+    def expanded(self, q: Array) -> Array:
+        """u of columns of q (rows of this rank, k)."""
+        return q
+
+    def joined(self, loads: T, rows: slice = slice(None)) -> T:
+        """Loads on some rows of u as loads on q."""
+        return loads
+
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """[(part, its dofs)] for `shapes` (rows of this rank, k)."""
         return [(member, shapes) for member in self.members(name)]
@@ -195,12 +208,8 @@ class MeshedStructure(StructureMatrices):
         return work()
 
     def own(self, rows: T) -> T:
-        """The rows of this rank of what `decided` work has found: those that it has."""
+        """The rows of this rank of what `decided` work has found."""
         return rows
-
-    def joined(self, member: Member, loads: T) -> T:
-        """Loads on the dofs of the part as loads on those of the structure: the same."""
-        return loads
 
     @property
     def kind(self) -> Kind:
@@ -256,7 +265,7 @@ class MeshedStructure(StructureMatrices):
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         point = (low + high) / 2
-        motions = support.places_of(self.form).rigid_motions(point)
+        motions = self.places.rigid_motions(point)
         loads = self.inertial_loads(motions)
         S = dot(self.comm, motions, loads)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
