@@ -47,7 +47,7 @@ def table(supports: list[ao.Support]) -> ao.Structure:
 @pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
 def test_it_is_the_same_structure(monkeypatch, supports):
     dense = table(supports)
-    monkeypatch.setattr(layout, "WIDE", 60)
+    monkeypatch.setattr(layout, "DENSE_ROW", 60)
     sparse = table(supports)
     assert sparse.eliminated.basis is not None
     assert dense.eliminated.basis is None
@@ -70,7 +70,7 @@ def test_it_is_the_same_structure(monkeypatch, supports):
 
 
 def test_the_basis_of_many_dofs(monkeypatch):
-    monkeypatch.setattr(layout, "WIDE", 100)
+    monkeypatch.setattr(layout, "DENSE_ROW", 100)
     rng = np.random.default_rng(1)
     places = rng.random((900, 3))
     values = np.where(np.arange(900) < 850, rng.standard_normal((6, 900)), 0.0)

@@ -30,7 +30,7 @@ from antiosc.fem.assembly.assembled import (
     reduced,
     stacked,
     take_by_strains,
-    tell_motions,
+    warn_of_motions,
 )
 from antiosc.fem.assembly.joint import (
     Constraints,
@@ -46,7 +46,7 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse, largest, nested_basis, rounded, row_numbers
 from antiosc.fem.assembly.parts import (
-    Share,
+    RowRange,
     checked_parts,
     checked_places,
     checked_points,
@@ -438,23 +438,23 @@ def put_together(
     made = on_root(comm, work)
     layout.points = made.points
     block = block_of(layout)
-    share = Share.of(comm, layout.count, block)
+    local = RowRange.of(comm, layout.count, block)
     constraints, *whole = kept[0] if kept else (None, None, None)
-    K, M = (share.matrix(one, block) for one in whole)
+    K, M = (local.matrix(one, block) for one in whole)
     if comm.size > 1 and not made.rigid:
-        take_by_strains(K, layout, made.eliminated, made.added, share)
+        take_by_strains(K, layout, made.eliminated, made.added, local)
     self = object.__new__(Structure)
     matrices = AssembledMatrices(
         K,
         M,
-        np.flatnonzero(share.own(made.eliminated.dependent)),
-        share.own(made.modes),
+        np.flatnonzero(local.own(made.eliminated.dependent)),
+        local.own(made.modes),
         made.shift,
         solver,
         layout=layout,
         eliminated=made.eliminated,
         added=made.added,
-        share=share,
+        local=local,
         constraints=constraints,
     )
     self._hold(matrices, started)
@@ -503,7 +503,7 @@ def _joined(
     basis = nested_basis(everything, fixed, places.points)
     eliminated = eliminate(rows, fixed, scale, basis)
     constraints = Constraints(rows, fixed, scale, basis)
-    _tell_redundant(eliminated.redundant)
+    _warn_of_redundant(eliminated.redundant)
     free = int(np.count_nonzero(~eliminated.dependent))
     if not free:
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
@@ -511,10 +511,10 @@ def _joined(
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
-    strainless = assembled.free_motions(layout, C, fixed, scale)
+    motions = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
-    tell_motions(layout, *strainless, supported=supported)
-    modes, shift = modes_of(layout, K, M, eliminated, *strainless)
+    warn_of_motions(layout, *motions, supported=supported)
+    modes, shift = modes_of(layout, K, M, eliminated, *motions)
     rigid = modes.shape[1] == free  # its K is rounding, but for the dependent dofs
     if rigid:
         K = from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
@@ -537,7 +537,7 @@ def _fixed(layout: Layout) -> BoolArray:
     return fixed
 
 
-def _tell_redundant(redundant: Sequence[Redundant]) -> None:
+def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, times) for name, others, times in redundant if name == label]
         count = sum(times for _, times in own)

@@ -1,4 +1,4 @@
-"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; strainless motions.
+"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; free motions.
 
 The rigid motions of all connected pieces of the parts span the motions without strain before the
 parts are joined. Those that satisfy all constraints and stretch no spring are the null vectors of
@@ -23,7 +23,7 @@ from antiosc.base.checks import array
 from antiosc.base.errors import AccuracyError, InputError, known, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
-from antiosc.fem.assembly.parts import Share
+from antiosc.fem.assembly.parts import RowRange
 from antiosc.fem.linalg.algebra import by_strains, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform import on_root
@@ -44,7 +44,7 @@ from antiosc.models.motion import Inertia
 SATISFIES = 1e-9
 #: Entries of a dense matrix that are worked on at a time.
 ENTRIES_AT_ONCE = 10_000_000
-#: Share of a motion below which a part of it is rounding.
+#: Fraction of a motion below which a part of it is rounding.
 STILL = 1e-7
 
 
@@ -108,12 +108,12 @@ def free_motions(
     together = whole_body(layout).motions
     together = together[:, np.abs(together).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
-    rigid = together @ _null(rows @ together)
+    rigid = together @ _null_space(rows @ together)
     bodies = unjoined_bodies(layout)
     if len(bodies) == 1:
         return rigid, np.zeros((layout.count, 0)), []
     N = _motions_of(bodies, layout.count)
-    mechanisms = _excluding_rigid(N @ _null(rows @ N), rigid)
+    mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
     moving = [
         one for one in bodies if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
     ]
@@ -144,7 +144,7 @@ def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     ).tocsr()
 
 
-def _null(E: Array | Sparse) -> Array:
+def _null_space(E: Array | Sparse) -> Array:
     """An orthonormal basis (k, r) of the columns' combinations that vanish in E (m, k)."""
     k = E.shape[1]
     if not E.shape[0]:
@@ -177,12 +177,12 @@ def described(one: RigidBody, motions: Array) -> str:
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
 
 
-#: Share of the largest motion below which a part is at rest, but for rounding.
+#: Fraction of the largest motion below which a part is at rest, but for rounding.
 AT_REST = 1e-6
-#: Share of the largest mass of a motion below which it has none.
+#: Fraction of the largest mass of a motion below which it has none.
 IDLE_MASS = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
-STRAINLESS = 1e-9
+MECHANISM_FORCE = 1e-9
 
 
 def modes_of(
@@ -212,11 +212,11 @@ def modes_of(
     u = eliminated.T @ modes
     least = AT_REST * np.abs(u).max()
     left = max(_force_ratio(m, u[m.rows], least) for m in layout.members.values())
-    if left > STRAINLESS:
+    if left > MECHANISM_FORCE:
         raise AccuracyError(
             f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
-            f"limit {STRAINLESS:.0e}): parts or their distances differ too much in size for double "
-            "precision."
+            f"limit {MECHANISM_FORCE:.0e}): parts or their distances differ too much in size for "
+            "double precision."
         )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
@@ -240,7 +240,7 @@ def _force_ratio(member: Member, u: Array, least: float) -> float:
     return float(force_ratios(K, moving, multiply(K, moving)).max())
 
 
-def tell_motions(
+def warn_of_motions(
     layout: Layout,
     rigid: Array,
     mechanisms: Array,
@@ -326,7 +326,7 @@ class AssembledMatrices(StructureMatrices):
     eliminated: Eliminated  # T and the dofs that depend on others
     added: Added  # what joints and attachments add
     #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
-    share: Share
+    local: RowRange
     #: from which T was made, the supports of the assembly first; on rank 0 alone
     constraints: Constraints | None
 
@@ -340,7 +340,7 @@ class AssembledMatrices(StructureMatrices):
     @property
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the matrices."""
-        return self.share.comm
+        return self.local.comm
 
     @property
     def mass(self) -> float:
@@ -382,7 +382,7 @@ class AssembledMatrices(StructureMatrices):
                 own[member.rows] = member.part.uniform_inertia(along)
             return np.asarray(self.T.T @ own + load)
 
-        return self.share.own(on_root(self.comm, work))
+        return self.local.own(on_root(self.comm, work))
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -395,13 +395,13 @@ class AssembledMatrices(StructureMatrices):
         for member in self.layout.members.values():
             loads[member.rows] = member.part.inertial_loads(motions[member.rows])
             S += motions[member.rows].T @ loads[member.rows]
-        loads = self.share.own(np.asarray(self.T.T @ loads + added))
+        loads = self.local.own(np.asarray(self.T.T @ loads + added))
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
     def rigid_motions(self) -> Array:
         motions = self.eliminated.coordinates(self.layout.places.rigid_motions(self.layout.middle))
-        return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
+        return self.local.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:
         names = self.layout.names
@@ -413,7 +413,7 @@ class AssembledMatrices(StructureMatrices):
 
     def dissipation(self) -> list[Dissipation]:
         """Dashpots, Maxwell branches and layers that relax, of joints and parts."""
-        rows = self.share.rows
+        rows = self.local.rows
         found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
         for member in self.layout.members.values():
             T = self.T[member.rows]
@@ -434,7 +434,7 @@ class AssembledMatrices(StructureMatrices):
                     whole = (T.T @ csr(one.matrix) @ T).tocsr()
                     whole.sort_indices()
                     block = block_of(self.layout)
-                    made[id(one.matrix)] = self.share.matrix(from_csr("K", whole), block)
+                    made[id(one.matrix)] = self.local.matrix(from_csr("K", whole), block)
                 found.append(replace(one, matrix=made[id(one.matrix)]))
         return found
 
@@ -475,7 +475,7 @@ class AssembledMatrices(StructureMatrices):
 
     def expanded(self, q: Array) -> Array:
         """u, whole, of columns of q (rows of this rank, k). All ranks must call it."""
-        return np.asarray(self.T @ self.share.whole(q))
+        return np.asarray(self.T @ self.local.whole(q))
 
     def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
         """Loads on some rows of u as loads on q, whole."""
@@ -496,7 +496,7 @@ class AssembledMatrices(StructureMatrices):
 
     def own(self, rows: Array) -> Array:
         """The rows of this rank of what `decided` work has found whole."""
-        return self.share.own(rows)
+        return self.local.own(rows)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
@@ -527,17 +527,17 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
     for matrix in (K, M):
         matrix.setBlockSizes(block, block)
-    alone = Share(MPI.COMM_SELF, 0, layout.count)
+    alone = RowRange(MPI.COMM_SELF, 0, layout.count)
     take_by_strains(K, layout, eliminated, added, alone)
     return K, M
 
 
 def take_by_strains(
-    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, share: Share
+    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> None:
     """Let products with K be taken by the strains of the parts, where some part has them."""
     if any(by_strains(m.part.K) for m in layout.members.values()):
-        K.setAttr(PRODUCT, _product(layout, eliminated, added, share))
+        K.setAttr(PRODUCT, _product(layout, eliminated, added, local))
 
 
 def _projected(
@@ -593,18 +593,18 @@ def _block_diagonal(blocks: Sequence[Sparse], count: int) -> Sparse:
 
 
 def _product(
-    layout: Layout, eliminated: Eliminated, added: Added, share: Share
+    layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> Callable[[Array], Array]:
     """Products with K by the accurate products of the parts."""
     T, back = eliminated.T, eliminated.T.T.tocsr()
     kept = scipy.sparse.diags(eliminated.dependent.astype(float))
 
     def product(own: Array) -> Array:
-        x = share.whole(own)
+        x = local.whole(own)
         u = T @ x
         force = np.zeros(u.shape)
         for member in layout.members.values():
             force[member.rows] += multiply(member.part.K, u[member.rows])
-        return share.own(np.asarray(back @ force + added.K @ x + kept @ x))
+        return local.own(np.asarray(back @ force + added.K @ x + kept @ x))
 
     return product

@@ -28,10 +28,10 @@ from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 from antiosc.io.dof_map import COMPONENTS
 
-#: Share of the largest second moment of a group below which it does not tell a rotation.
+#: Fraction of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
 
-#: Share of a direction that may be missing in what an end has of it: rounding.
+#: Fraction of a direction that may be missing in what an end has of it: rounding.
 MISSING_SHARE = 1e-6
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
@@ -62,8 +62,8 @@ class Motion:
 
     def has(self, component: str) -> bool:
         """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
-        told = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
-        return self.along(told, np.eye(3)["xyz".index(component[-1])])
+        space = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
+        return self.along(space, np.eye(3)["xyz".index(component[-1])])
 
     def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
         """Functionals of some displacements and rotations, by default of all six."""
@@ -84,9 +84,9 @@ class Motion:
         return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
 
     @staticmethod
-    def along(told: Array, direction: Array) -> bool:
+    def along(space: Array, direction: Array) -> bool:
         """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
-        return bool(direction @ told @ direction > 1 - MISSING_SHARE)
+        return bool(direction @ space @ direction > 1 - MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
@@ -181,7 +181,7 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
     return mean(layout, member, member.points_of(group))
 
 
-def tell_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
+def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
     """Warn of a joint that spans more than the smaller of the parts that it joins measures."""
     gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
     names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]

@@ -5,7 +5,7 @@ parts with meshes, then of superelements, and then six dofs (in the axes of the 
 reference point. A linear functional of u is a row of a sparse matrix with as many columns as u has
 dofs.
 
-Wide functionals: if k of them act on c dofs, elimination would couple all c of them. Instead these
+Dense rows: if k of them act on c dofs, elimination would couple all c of them. Instead these
 dofs get a basis of their own that is orthonormal and nested (multiwavelets; Alpert, *SIAM J. Math.
 Anal.* 24 (1993)): in each half of the group, and in each half of it, all but k vectors are chosen
 so that the functionals vanish on them. Of the whole group k vectors remain on which the functionals
@@ -249,20 +249,20 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     return flat
 
 
-#: A functional of more dofs is wide; of fewer a dense block is as good. With 5000 dofs K has a
-#: third of the entries and is made in a fifth of the time; with 1300 the factor is 1.5 times as
+#: A functional of more dofs is a dense row; of fewer a dense block is as good. With 5000 dofs K has
+#: a third of the entries and is made in a fifth of the time; with 1300 the factor is 1.5 times as
 #: large.
-WIDE = 1500
+DENSE_ROW = 1500
 #: Most functionals that share their dofs, for instance six of each of two means of one group.
 MOST_SHARING = 24
 #: Dofs of a piece of a group that is not halved any more.
 SMALLEST_PIECE = 48
-#: Share of the largest coefficient below which one is rounding.
+#: Fraction of the largest coefficient below which one is rounding.
 ROUNDED_COEFFICIENT = 1e-13
 
 
 def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Sparse | None:
-    """W (n, n), orthogonal, with which wide functionals f W of u = W q act on few q; None: none.
+    """W (n, n), orthogonal, with which dense rows f W of u = W q act on few q; None: none.
 
     Parameters
     ----------
@@ -274,23 +274,23 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     own = (functionals @ free).tocsr()
     own.eliminate_zeros()
     count = np.diff(own.indptr)
-    wide = np.flatnonzero(count > WIDE)
-    if not len(wide):
+    dense = np.flatnonzero(count > DENSE_ROW)
+    if not len(dense):
         return None
-    narrow = np.zeros(own.shape[1], dtype=bool)
-    narrow[own[count <= WIDE].indices] = True
-    pattern = abs(own[wide])
+    in_sparse_row = np.zeros(own.shape[1], dtype=bool)
+    in_sparse_row[own[count <= DENSE_ROW].indices] = True
+    pattern = abs(own[dense])
     shared = pattern @ pattern.T
     _, label = scipy.sparse.csgraph.connected_components(shared, directed=False)
     entries: list[tuple[IntArray, IntArray, Array]] = []
     changed = np.zeros(own.shape[1], dtype=bool)
     for k in np.unique(label):
-        rows = own[wide[label == k]]
+        rows = own[dense[label == k]]
         columns = np.unique(rows.indices)
-        if rows.shape[0] > MOST_SHARING or narrow[columns].any():
+        if rows.shape[0] > MOST_SHARING or in_sparse_row[columns].any():
             # those of its dofs that others act on keep their places; few of them do no harm
-            columns = columns[~narrow[columns]]
-        if rows.shape[0] > MOST_SHARING or len(columns) <= WIDE:
+            columns = columns[~in_sparse_row[columns]]
+        if rows.shape[0] > MOST_SHARING or len(columns) <= DENSE_ROW:
             continue
         changed[columns] = True
         entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))

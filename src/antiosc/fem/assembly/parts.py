@@ -42,9 +42,9 @@ from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.
 MOST_SIZE = 2000
-#: Share of the largest stiffness below which rounding, or the digits of coordinates, made it.
+#: Fraction of the largest stiffness below which rounding, or the digits of coordinates, made it.
 STIFFNESS_ROUNDING = 1e-7
-#: Share of the largest eigenvalue of K below which one is zero.
+#: Fraction of the largest eigenvalue of K below which one is zero.
 ZERO_STIFFNESS = 1e-9
 #: Dofs are added, and held, until their number is a multiple of those of a node.
 NODE_DOFS = 6
@@ -383,7 +383,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Share:
+class RowRange:
     """Rows `first` to `last` of an assembly, which this rank of `comm` has."""
 
     comm: MPI.Comm
@@ -391,7 +391,7 @@ class Share:
     last: int
 
     @classmethod
-    def of(cls, comm: MPI.Comm, count: int, block: int) -> Share:
+    def of(cls, comm: MPI.Comm, count: int, block: int) -> RowRange:
         """An equal share of `count` rows, in whole blocks of rows."""
         ends = [block * (count // block * rank // comm.size) for rank in range(comm.size)]
         return cls(comm, ends[comm.rank], [*ends, count][comm.rank + 1])

@@ -29,7 +29,7 @@ from antiosc.fem.assembly.joint import (
     group_end,
     mean,
     motion,
-    tell_gap,
+    warn_of_gap,
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
@@ -40,8 +40,6 @@ from antiosc.io.dof_map import COMPONENTS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
-#: Share of a rotation that an end must have to be held by it.
-HAS_ROTATION = 1 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class _Pin(Between):
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         ends = motion(layout, self.a), motion(layout, self.b)
-        tell_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
+        warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
         a, b = (
             carried(layout, label, end, one, x)
@@ -176,8 +174,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
         across = layout.rotations
-    missing = across @ (np.eye(3) - own.rotation_space) @ across
-    if np.abs(missing).max() > 1 - HAS_ROTATION:
+    if not own.turns(across):
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
             "carry it there: points of solids do not rotate; give a group of faces, or a point "
@@ -198,7 +195,7 @@ def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Mo
     """InputError where an end does not have a rotation that the joint holds."""
     for end, one in ((joint.a, a), (joint.b, b)):
         for direction in rotations:
-            if direction @ one.rotation_space @ direction < HAS_ROTATION * (direction @ direction):
+            if not one.along(one.rotation_space, direction / np.linalg.norm(direction)):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
                     "solid, or a straight row of them, does not rotate; give a group of faces, a "
@@ -409,7 +406,7 @@ class Bolt(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
-        tell_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
+        warn_of_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:

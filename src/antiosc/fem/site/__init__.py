@@ -531,8 +531,8 @@ def motions_without_mesh(
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
     wanted = np.eye(3)[2:] if plane and rotated else np.eye(3)[: 3 - plane]
-    told = end.rotation_space if rotated else end.displacement_space
-    if not all(end.along(told, axis) for axis in wanted):
+    space = end.rotation_space if rotated else end.displacement_space
+    if not all(end.along(space, axis) for axis in wanted):
         raise InputError(
             f"the {quantity} of {name!r} is not known"
             + (

@@ -33,7 +33,15 @@ from antiosc.fem.site import (
     motion_of,
     tangents,
 )
-from antiosc.fem.site.sites import Sites, loads, located, on_free_dofs, patches, sums, tell
+from antiosc.fem.site.sites import (
+    Sites,
+    loads,
+    located,
+    on_free_dofs,
+    patches,
+    sums,
+    warn_of_doubts,
+)
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
@@ -95,7 +103,7 @@ def before_joining(
         laid = _on_mesh(part, list(there.values()), member.at.placed)
         beyond = _beyond_seams(structure, member, laid, part_of)
         whole = laid.share + sum(share for _, share, _ in beyond)
-        tell(part, replace(laid, share=np.minimum(whole, 1.0)))
+        warn_of_doubts(part, replace(laid, share=np.minimum(whole, 1.0)))
         for i, one in enumerate(_of_sites(part, list(there.values()), laid)):
             own = _placed(structure, member, one)
             if beyond and whole[i] > laid.share[i]:
