@@ -152,7 +152,7 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     speed = (start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])]))[2]
     speed = max(-float(speed), 0.0)
     deepest = max(float(np.interp(body.mass * speed**2 / 2, work, ways)), float(ways[1]))
-    depth = np.maximum(deepest - low, SHALLOW * (deepest - low.min()))
+    depth = np.maximum(deepest - low, SHALLOW * max(deepest - low.min(), float(ways[1])))
     at = (z - low - depth)[:, None] + depth[:, None] * [0.0, 0.5]
     whole, _, places = zip(*(bed.pressed(k, up, start.q, at[k], LEAN) for k in each), strict=True)
     volume, half = np.array(whole).T

@@ -24,6 +24,8 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
+from antiosc.simulation.march.convergence import FINE as FINEST
+from antiosc.simulation.march.engine import Run, run as march_once
 from antiosc.simulation.march.system import Kept, System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
@@ -162,20 +164,36 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
     )
 
 
-def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
-    """The history of a scene; its status is 2 if it stopped before its end.
+def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
+    """The history of a scene whose forces have converged, and the share of its steps.
 
-    AccuracyError where a force leaves the range of its law, or where friction jams.
+    Its status is 2 if it stopped before its end. AccuracyError where a force leaves the range of
+    its law, or where friction jams.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
     if found.run.time[-1] <= JAMMED * assembly.lasting:
         raise _jam(assembly.system)
-    error = {"force": found.force, "peak": found.peak}
-    status = STOPPED if found.run.answer else COMPLETED
-    history = SceneHistory(assembly, found.run, error, status, "")
+    history = _history(assembly, found.run, {"force": found.force, "peak": found.peak})
     check_range(history)
-    return history
+    return history, found.share
+
+
+def run_once(
+    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
+) -> SceneHistory:
+    """The history of one run with a share of the error, of forces of a scale [N] if it is known.
+
+    error: that of a run with this share that is hardly another.
+    """
+    fine, (contacts, steps) = assembly.lasting / FINEST, LIMITS
+    limits = {"max_contacts": contacts, "max_steps": steps}
+    found = march_once(assembly.system, duration, share, scale=scale, fine=fine, **limits)
+    return _history(assembly, found, error)
+
+
+def _history(assembly: Assembly, found: Run, error: dict[str, float]) -> SceneHistory:
+    return SceneHistory(assembly, found, error, STOPPED if found.answer else COMPLETED, "")
 
 
 def _jam(system: System) -> AccuracyError:
@@ -340,6 +358,9 @@ CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 3, 1.5
 #: Runs from which on a scene stalls if its change is more than half of that two runs before, and
 #: most runs.
 FEW_RUNS, MOST_RUNS = 4, 12
+#: Runs are rough until the change is less than SWITCH times tol. Their accuracy is ROUGH at first,
+#: then GAIN times the change; SHARE of it is the error of a step.
+ROUGH, GAIN, SHARE, SWITCH = 1e-2, 0.1, 0.1, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,7 +422,8 @@ class Episode:
     @property
     def deepest(self) -> float:
         """Largest depth [m] of the laws, or of the vertices of a rigid body on a bed."""
-        times, body = np.linspace(0.0, self.duration, LOOKS + 1), self.body
+        last, body = min(self.duration, float(self.history.time[-1])), self.body
+        times = np.linspace(0.0, last, LOOKS + 1)
         if body.bed is None:
             return float(self.sunk().max())
         path = path_of(body, self.start, self.history, times)
@@ -456,31 +478,74 @@ def episode(
         if not np.array_equal(which, touched):
             which = touched
             base = scene_of(body, start, setting, which, held)
-        history = run(base, duration, tol)
+        history, share = run_once(base, duration, SHARE * max(ROUGH, tol), {}), 0.0
+        if history.status:
+            history, share = run(base, duration, tol)
         end, touching = _end(body, start, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
             duration = min(2 * duration, longest)
             continue
-        changes: list[float] = []
-        while True:
-            path = path_of(body, start, history, _times(body, base, history, end, tol))
-            following, change = on_path(body, start, which, base, history, path)
-            changes.append(change)
-            if change <= CLOSE * tol or _stalls(changes):
-                break
-            history = run(following, duration, tol)
-            end, touching = _end(body, start, history, turns)
-        if change > NEAR * tol and cuts < CUTS:
+        given = body, start, which, base, duration, turns, tol
+        found = _followed(*given, history, share)
+        wide = max(SWITCH * tol, NEAR * tol) < found.change and cuts < CUTS
+        if not (share or wide or len(_missed(body, start, heights, found.path, which))):
+            found = _followed(*given, *run(found.following, duration, tol))
+        if found.change > NEAR * tol and cuts < CUTS:
             turns, cuts = turns / 2, cuts + 1
-            duration = longest = end / 2
+            duration = longest = found.end / 2
             continue
-        missed = _missed(body, start, heights, path, which)
+        missed = _missed(body, start, heights, found.path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
+    history, path, end, touching = found.history, found.path, found.end, found.touching
     state, below = handed_over(body, start, history, path, which)
     rest = stored(body, state, setting) if touching else 0.0
     return Episode(start, state, history, body, which, below if touching else {}, rest)
+
+
+class Followed(NamedTuple):
+    """A run, its path up to its end, and the scene on that path, which differs by a change."""
+
+    history: SceneHistory
+    path: Path
+    following: Assembly
+    change: float
+    end: float
+    touching: bool
+
+
+def _followed(
+    body: FreeBody,
+    start: State,
+    which: IntArray,
+    base: Assembly,
+    duration: float,
+    turns: float,
+    tol: float,
+    history: SceneHistory,
+    share: float,
+) -> Followed:
+    """Run the scene `base` on the paths of the runs before until they no longer change.
+
+    share: of the first run, whose forces have converged, and of all that follow; 0: of rough runs,
+    which become finer as their paths come closer to each other.
+    """
+    changes: list[float] = []
+    close, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))
+    while True:
+        end, touching = _end(body, start, history, turns)
+        path = path_of(body, start, history, _times(body, base, history, end, accuracy))
+        following, change = on_path(body, start, which, base, history, path)
+        changes.append(change)
+        if change <= close or _stalls(changes) or (history.status and not share):
+            return Followed(history, path, following, change, end, touching)
+        if share:
+            scale = float(history.run.force[:, : len(which)].max())
+            history = run_once(following, duration, share, history.error, scale)
+        else:
+            accuracy = min(accuracy, max(GAIN * change, tol))
+            history = run_once(following, duration, SHARE * accuracy, {})
 
 
 def _stalls(changes: list[float]) -> bool:
