@@ -544,7 +544,8 @@ def _followed(
             scale = float(history.run.force[:, : len(which)].max())
             history = run_once(following, duration, share, history.error, scale)
         else:
-            accuracy = min(accuracy, max(GAIN * change, tol))
+            if (finer := max(GAIN * change, tol)) <= accuracy / 2:
+                accuracy, changes = finer, []
             history = run_once(following, duration, SHARE * accuracy, {})
 
 
