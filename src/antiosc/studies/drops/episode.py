@@ -66,10 +66,12 @@ class Held(NamedTuple):
 class Path(NamedTuple):
     """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
 
-    `turns` (n, 3): the sum of its rotations so far [rad].
+    `turns` (n, 3): the sum of its rotations so far [rad]; `whole` (n, I): displacements of all
+    modes of the scene.
     """
 
     times: Array
+    whole: Array
     q: Array
     v: Array
     R: Array
@@ -221,7 +223,8 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
 
     Between two of them the spin changes evenly.
     """
-    q, v = (each[:, history.assembly.spans[BODY]] for each in history.states(t))
+    whole, speeds = history.states(t)
+    q, v = (each[:, history.assembly.spans[BODY]] for each in (whole, speeds))
     W, momentum = body.rigid_modes(start.R)
     L, frozen = v[:, :6] @ momentum[:, 3:], v[:, :6] @ W[:, 3:]
     half, linear = np.diff(t)[:, None] / 2, np.diff(q[:, :6] @ W[:, 3:], axis=0)
@@ -234,7 +237,7 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
         while span < len(R):  # products of the last 1, 2, 4, ... rotations
             R[span:] = R[span:] @ R[:-span]
             span *= 2
-    return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
+    return Path(t, whole, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
 
 
 def on_path(
@@ -265,23 +268,21 @@ def on_path(
     if body.bed is not None:
         z, bed = _heights(body, start, path), body.bed
         # the depth is free - gap; what is not of the body is of the floor
-        states = history.states(path.times)[0]
-        free = states @ old.beta.T - acting @ old.R.T
-        states[:, own] = 0.0
-        deeper, volumes = (states - states[0]) @ old.beta[0] - acting @ old.R[0], np.zeros(len(R))
-        for k in np.flatnonzero(which >= bed.first).tolist():
-            i = int(which[k]) - bed.first
-            volume, low, place = bed.pressed(i, R[:, 2], path.q[:, 6:], z - deeper)
-            offsets[:, k] = free[:, k] - bed.depth(i, volume, low)
-            off[:, k] = bed.volume(i, free[:, k] - last[:, k]) - volume
-            volumes += volume
-            moving = place[:, 3:].reshape(len(R), -1, 3)
-            bent = place[:, :3] + np.einsum("nj,njd->nd", path.q[:, 6:], moving)
-            arms[:, k] = np.einsum("nab,nb->na", R, bent)
-            bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
+        free = path.whole @ old.beta.T - acting @ old.R.T
+        ground = (path.whole - path.whole[0]) @ old.beta[0] - moved @ old.beta[0, own]
+        deeper = ground - acting @ old.R[0]
+        at = np.flatnonzero(which >= bed.first)
+        pieces = which[at] - bed.first
+        volume, low, place = bed.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
+        offsets[:, at] = free[:, at] - bed.depth(pieces, volume, low)
+        moving = place[..., 3:].reshape(len(R), len(at), *shapes.shape[1:])
+        bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
+        arms[:, at] = bent @ np.swapaxes(R, 1, 2)
+        bending += np.einsum("nkd,nkjd->nj", pushes[:, at] @ R, moving - shapes[at])
         # of a piece the force counts, over that of all pieces
         largest = float(np.abs(history.run.depth[:, : len(which)]).max())
-        off[:, np.flatnonzero(which >= bed.first)] *= largest / max(float(volumes.max()), TINY)
+        off[:, at] = bed.volume(pieces, free[:, at] - last[:, at]) - volume
+        off[:, at] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
@@ -354,13 +355,13 @@ LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol, or by less than
 #: NEAR times tol and no longer less from run to run. One that stalls before is cut at half the turn
 #: and half the time, CUTS times at most; one that goes on after a cut lasts GROWS times as long.
-CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 3, 1.5
+CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 8, 1.5
 #: Runs from which on a scene stalls if its change is more than half of that two runs before, and
 #: most runs.
 FEW_RUNS, MOST_RUNS = 4, 12
 #: Runs are rough until the change is less than SWITCH times tol. Their accuracy is ROUGH at first,
 #: then GAIN times the change; SHARE of it is the error of a step.
-ROUGH, GAIN, SHARE, SWITCH = 1e-2, 0.1, 0.1, 1.0
+ROUGH, GAIN, SHARE, SWITCH = 1e-2, 0.1, 0.1, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -487,7 +488,7 @@ def episode(
             continue
         given = body, start, which, base, duration, turns, tol
         found = _followed(*given, history, share)
-        wide = max(SWITCH * tol, NEAR * tol) < found.change and cuts < CUTS
+        wide = found.change > NEAR * tol and cuts < CUTS
         if not (share or wide or len(_missed(body, start, heights, found.path, which))):
             found = _followed(*given, *run(found.following, duration, tol))
         if found.change > NEAR * tol and cuts < CUTS:
@@ -626,8 +627,8 @@ def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: Int
     lowest[which] = np.inf
     if body.bed is not None:
         way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
-        for i in np.setdiff1d(list(body.laws), which).tolist():
-            volume, low, _ = body.bed.pressed(i - body.bed.first, *way)
-            lowest[i] = np.where(volume > 0, low, 0.0).min()
+        other = np.setdiff1d(list(body.laws), which)
+        volume, low, _ = body.bed.pressed(other - body.bed.first, *way)
+        lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)
     sinking = np.flatnonzero(lowest < -SINKS * body.extent)
     return sinking if body.bed is not None else sinking[np.argsort(lowest[sinking])[:1]]
