@@ -146,7 +146,6 @@ def _tip(p: Array) -> Array:
     return volume[:, None] * np.column_stack((1 - share.sum(axis=1) / 4, share / 4))
 
 
-
 def bedded(body: FreeBody) -> FreeBody:
     """The body with its surface as a bed presses it; itself if it has no faces."""
     if body.bed is not None or body.balls.all():
