@@ -188,9 +188,15 @@ def run_once(
 
     error: that of a run with this share that is hardly another.
     """
-    fine, (contacts, steps) = assembly.lasting / FINEST, LIMITS
-    limits = {"max_contacts": contacts, "max_steps": steps}
-    found = march_once(assembly.system, duration, share, scale=scale, fine=fine, **limits)
+    found = march_once(
+        assembly.system,
+        duration,
+        share,
+        scale=scale,
+        fine=assembly.lasting / FINEST,
+        max_contacts=LIMITS[0],
+        max_steps=LIMITS[1],
+    )
     return _history(assembly, found, error)
 
 
@@ -541,7 +547,9 @@ def _followed(
         changes.append(change)
         if change <= close or _stalls(changes) or (history.status and not share):
             return Followed(history, path, following, change, end, touching)
-        if share:
+        if share and history.status:
+            history, share = run(following, duration, tol)
+        elif share:
             scale = float(history.run.force[:, : len(which)].max())
             history = run_once(following, duration, share, history.error, scale)
         else:
