@@ -17,7 +17,7 @@ import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
-from antiosc.fem.site.sites import located, tell
+from antiosc.fem.site.sites import located, warn_of_doubts
 from antiosc.fem.structure.structure import on_mesh
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
@@ -243,7 +243,7 @@ def told(part, **facts) -> list[str]:
     arrays |= {name: np.array(values) for name, values in facts.items()}
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
-        tell(part, replace(places, **arrays))
+        warn_of_doubts(part, replace(places, **arrays))
     return [str(one.message) for one in found]
 
 
@@ -278,7 +278,7 @@ def test_a_blow_along_the_surface_is_told(part):
     directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
     places = located(part, points, directions, np.full(2, 0.04))
     with pytest.warns(ao.AccuracyWarning, match="1 of 2 sites lies along .*, 2.6°") as all_:
-        tell(part, replace(places, size=np.full(2, 0.01)))
+        warn_of_doubts(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
     assert "against the normal (0, 0, 1)" in str(all_[0].message)
 
