@@ -94,7 +94,8 @@ void free_step(aom_stepper *st, int index, double h, stages *to) {
     }
 }
 
-/* Loads and gaps from the present time on, with their slopes; the time that they hold. */
+/* Loads and gaps from the present time on, with their slopes; the time that they hold. The rows get
+ * as `kink` by how much their rates change. */
 double acting_now(aom_stepper *st) {
     const aom_system *system = &st->system;
     double t = st->now.time, end = st->options.duration;
@@ -110,7 +111,9 @@ double acting_now(aom_stepper *st) {
     if (st->shifted)
         for (int i = 0; i < m; i++) {
             const double *at = system->offsets + (ptrdiff_t)k * m + i;
+            st->rows[i].kink = st->work.drift[i];
             st->work.drift[i] = last ? 0.0 : (at[m] - at[0]) / span;
+            st->rows[i].kink -= st->work.drift[i];
             st->work.offset[i] = at[0] + st->work.drift[i] * since;
         }
     if (st->loaded)

@@ -82,6 +82,7 @@ typedef struct row_state {
     double slope, bend;   /* derivatives of the parabola at its end */
     double depth, rate;
     bool fresh; /* its contact has just begun: no parabola stands behind it */
+    double kink; /* by which the rate changes where the gap begins to move otherwise */
 } row_state;
 
 typedef struct contact_state {

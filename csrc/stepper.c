@@ -434,7 +434,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
         const double *parabola = st->work.parabola + 3 * (ptrdiff_t)i;
         st->rows[i] = (row_state){force->f[2],      force->f[1],    parabola[1] + h * parabola[2],
                                   parabola[2],      motion->depth[1], motion->rate[1],
-                                  false};
+                                  false, 0.0};
     }
     for (int c = 0; c < st->system.n_contacts; c++) {
         contact_state *contact = st->contacts + c;
@@ -524,20 +524,70 @@ static bool full(const aom_record *out) {
            (out->exits != NULL && out->n_exits + 1 > out->max_exits);
 }
 
-/* The node that an empty record begins with. */
+/* Write the present time and motion as the next node. */
 static void write_present(const aom_stepper *st, aom_record *out) {
-    out->time[0] = st->now.time;
-    for (int i = 0; i < st->system.n_rows; i++) {
-        out->force[i] = st->rows[i].force;
-        out->depth[i] = st->rows[i].depth;
+    int64_t n = out->n_nodes++;
+    int m = st->system.n_rows;
+    out->time[n] = st->now.time;
+    for (int i = 0; i < m; i++) {
+        out->force[n * m + i] = st->rows[i].force;
+        out->depth[n * m + i] = st->rows[i].depth;
     }
-    out->n_nodes = 1;
+}
+
+/* The force of a row and its slope change at once: what was before is as if it had come so. */
+static void bend_row(const aom_stepper *st, row_state *row, double jump, double kink) {
+    row->force += jump;
+    row->middle += jump - 0.5 * st->now.last_step * kink;
+    row->slope += kink;
+}
+
+/* The gap of a contact begins to move otherwise: the forces of its rows have a kink, and of a law that
+ * damps a jump; whether they have one. */
+static bool bend_forces(aom_stepper *st, int c) {
+    const aom_system *system = &st->system;
+    const aom_contact *contact = system->contacts + c;
+    const contact_state *state = st->contacts + c;
+    row_state *row = st->rows + c, *sides = st->rows + contact->first_tangential;
+    double give = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], total = 0.0, turn = row->kink;
+    tangent law = law_tangent(st, &contact->law, state->branch, row->depth, row->rate, state->memory);
+    double jump = give > 0.0 ? 0.0 : law.by_rate * turn, old = row->force;
+    double kink = law.by_delta * turn / (1.0 + law.by_delta * give);
+    for (int r = 0; r < contact->n_tangential; r++)
+        total += sides[r].force * sides[r].force;
+    bool slides = sqrt(total) >= (1.0 - 1e-9) * contact->friction * old;
+    row->rate += turn;
+    bend_row(st, row, jump, kink);
+    for (int r = 0; r < contact->n_tangential; r++) {
+        ptrdiff_t i = contact->first_tangential + r;
+        double share = slides && old > 0.0 ? sides[r].force / old : 0.0;
+        double soft = system->residual[i * (system->n_rows + 1)] + 1.0 / contact->tangential_stiffness;
+        bend_row(st, sides + r, share * jump, slides ? share * kink : sides[r].kink / soft);
+    }
+    return jump != 0.0;
+}
+
+/* A step without length, in which forces jump. */
+static void write_jump(aom_stepper *st, aom_record *out) {
+    write_state(st, out);
+    write_present(st, out);
+    write_present(st, out);
+    st->now.steps++;
 }
 
 /* The next step, or event; AOM_DONE: go on. */
 static int one_step(aom_stepper *st, aom_record *out) {
     course *now = &st->now;
+    int segment = now->segment;
     now->left = acting_now(st);
+    bool jumps = false;
+    for (int c = 0; c < st->system.n_contacts && st->shifted && now->segment != segment; c++)
+        if (pressing(st->contacts[c].branch))
+            jumps = bend_forces(st, c) || jumps;
+    if (jumps) {
+        write_jump(st, out);
+        return st->law_failed ? AOM_LAW_FAILED : AOM_DONE;
+    }
     bool active = !nothing_touches(st);
     if (!active && (!now->flying || now->segment != now->flown_segment))
         amplitudes(st);

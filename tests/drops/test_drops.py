@@ -101,7 +101,7 @@ def test_edges_and_corners_displace_wedges_and_pyramids() -> None:
     ):
         up = tilted(np.array(tilt))[2]
         at = np.array([-d - float((body.points @ up).min())])
-        found = sum(body.bed.pressed(i, up, z, at)[0][0] for i in range(body.bed.count))
+        found = body.bed.pressed(body.bed.every, up, z, at)[0].sum()
         assert found == pytest.approx(volume(up), rel=1e-9)
 
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
+from scipy.integrate import solve_ivp, trapezoid
 
 import antiosc as ao
 from antiosc.base import march
@@ -342,3 +342,34 @@ def collocated(s: System, k: float, q: Array, v: Array, f0: float, h: float) -> 
     f = np.append(f0, np.linalg.solve(np.eye(2) + k * give, k * free))
     (q1,), (v1,) = moved(f, h)
     return q1, v1, f[2]
+
+
+def test_a_gap_that_bends_makes_a_damped_force_jump() -> None:
+    """Its rate jumps there: the run has the force behind it too, and needs no short steps."""
+    law, end = ao.HuntCrossley(1e6, 0.5), 0.02
+    breaks = np.linspace(0.0, end, 101)
+    gaps = 1e-3 * np.sin(400.0 * np.maximum(breaks - breaks[1], 0.0))
+    one, none = np.ones((1, 1)), np.zeros(1)
+    given = {
+        "omega": none, "decay": none, "beta": one, "R": 0 * one, "breaks": breaks, "q": none,
+        "loads": np.zeros((101, 1)), "offsets": gaps[:, None], "v": np.array([2.0]),
+    }  # fmt: skip
+    found = engine.run(system([law], **given), end, 1e-6, fine=1e-6)
+    rates = np.append(np.diff(gaps) / np.diff(breaks), 0.0)
+    state = law.touch(2.0)
+
+    def rate(t: float, y: Array, k: int) -> list[float]:
+        gap = gaps[k] + rates[k] * (t - breaks[k])
+        deep, speed = y[0] - gap, y[1] - rates[k]
+        return [y[1], -max(law.force(deep, speed, state), 0.0) if deep > 0 else 0.0]
+
+    y = np.array([0.0, 2.0])
+    for k in range(100):
+        span = breaks[k], breaks[k + 1]
+        y = solve_ivp(rate, span, y, args=(k,), rtol=1e-10, atol=1e-13).y[:, -1]
+    assert found.states is not None
+    np.testing.assert_allclose(found.states[-1, :, 0], y, rtol=1e-5)
+    jumps = np.flatnonzero(np.diff(found.time[::2]) == 0)
+    assert len(jumps) > 3
+    assert np.abs(np.diff(found.force[::2, 0])[jumps]).max() > 1e-3 * found.force.max()
+    assert found.attempts < 700

@@ -19,7 +19,6 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
@@ -31,6 +30,7 @@ from antiosc.simulation.bodies import RigidBody, Sphere
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.structure import Structure
+    from antiosc.studies.drops.bed import Bed
 
 
 #: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
@@ -224,105 +224,8 @@ RATIO = 0.01
 FEW = 16
 #: Points of a solid are one contact that lie closer together than this share of the extent.
 APART = 0.04
-#: Depth [m] by which a piece of a bed that displaces nothing is clear of it.
-CLEAR = 1e-12
 #: Poisson's ratio of a material without one, for the tangential compliance of its patch.
 UNKNOWN_NU = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Bed:
-    """The surface of a body in pieces, as a soft layer presses it.
-
-    Attributes
-    ----------
-    places : (P, 3 + 3 J) points relative to the centre of mass [m], and displacements in the modes.
-    triangles : (T, 3) between the points, counted from outside; areas : (T, 3) their normals [m^2].
-    bounds : (B + 1,) first triangles of the pieces.
-    round : (V,) whether a vertex of the hull is round: it touches by itself, with its radii.
-    share, exponent : (B,) of the laws of the pieces, whose depths are (share volume)^(1/exponent).
-    height : of the centre of mass over the floor at the touch [m]; speed : at which the lowest
-        vertex then comes down [m/s].
-    """
-
-    places: Array
-    triangles: IntArray
-    areas: Array
-    bounds: IntArray
-    round: BoolArray
-    share: Array = field(default_factory=lambda: np.zeros(0))
-    exponent: Array = field(default_factory=lambda: np.zeros(0))
-    height: float = 0.0
-    speed: float = 0.0
-
-    @property
-    def count(self) -> int:
-        """Number of pieces."""
-        return len(self.bounds) - 1
-
-    @property
-    def first(self) -> int:
-        """Number of the point that is the first piece."""
-        return len(self.round)
-
-    def pressed(
-        self, piece: int, up: Array, q: Array, z: Array, lean: float = 0.0
-    ) -> tuple[Array, Array, Array]:
-        """Volumes (n,) [m^3] of a piece below the floor, its lowest heights (n,) [m], and its
-        centres of pressure (n, 3 + 3 J) as `places`; without volume that of the whole piece.
-
-        up : (3,) or (n, 3), the vertical in the axes of the body; q : (J,) or (n, J) of the modes.
-        z : (n,) heights of the centre of mass over the floor [m].
-        lean : share of its area that the piece turns to the floor at least.
-        """
-        own = slice(*self.bounds[piece : piece + 2])
-        which, back = np.unique(self.triangles[own], return_inverse=True)
-        places = self.places[which]
-        rows = (*np.broadcast_shapes(up.shape[:-1], q.shape[:-1]), -1)
-        raised = np.concatenate((up, (q[..., None] * up[..., None, :]).reshape(rows)), axis=-1)
-        h = (np.atleast_2d(raised @ places.T) + z[:, None])[:, back.reshape(-1, 3)]
-        areas = np.linalg.norm(self.areas[own], axis=1)
-        down = np.maximum(-up @ self.areas[own].T, lean * areas)
-        found = np.maximum(down, 0.0)[..., None] * below(h)
-        whole = np.repeat(areas[:, None] / 3, 3, axis=1)
-        volume = found.sum(axis=(1, 2))
-        found = np.where(volume[:, None, None] > 0, found, whole)
-        found /= found.sum(axis=(1, 2), keepdims=True)
-        centres = found.reshape(len(z), -1) @ self.places[self.triangles[own].ravel()]
-        return volume, h.min(axis=(1, 2)), centres
-
-    def depth(self, piece: int, volume: Array, low: Array) -> Array:
-        """Depths (n,) [m] at which the law of a piece has the forces of volumes; < 0 without."""
-        deep = (self.share[piece] * volume) ** (1 / self.exponent[piece])
-        return np.asarray(np.where(volume > 0, deep, -np.maximum(low, CLEAR)))
-
-    def volume(self, piece: int, depth: Array) -> Array:
-        """Volumes (n,) [m^3] of which the law of a piece has the forces at depths (n,) [m]."""
-        return np.asarray(np.maximum(depth, 0.0) ** self.exponent[piece] / self.share[piece])
-
-
-def below(h: Array) -> Array:
-    """Integrals (..., 3) of max(-h, 0) times the barycentric coordinates, over triangles of area 1.
-
-    h : (..., 3) heights of their corners [m]. Each sum is the volume below 0.
-    """
-    order = np.argsort(h, axis=-1)
-    p = -np.take_along_axis(h, order, axis=-1).reshape(-1, 3)  # descending
-    found = (p.sum(axis=1, keepdims=True) + p) / 12  # as if all of it were below
-    above, alone = (p[:, 2] < 0) & (p[:, 1] > 0), (p[:, 1] <= 0) & (p[:, 0] > 0)
-    found[above] += _tip(-p[above][:, ::-1])[:, ::-1]
-    found[alone] = _tip(p[alone])
-    found[p[:, 0] <= 0] = 0.0
-    back = np.empty_like(h)
-    np.put_along_axis(back, order, found.reshape(h.shape), axis=-1)
-    return np.maximum(back, 0.0)
-
-
-def _tip(p: Array) -> Array:
-    """The same of the corner 0 alone, where p (T, 3) is > 0; it vanishes across the triangle."""
-    share = p[:, :1] / (p[:, :1] - p[:, 1:])
-    volume = share.prod(axis=1) * p[:, 0] / 3
-    return volume[:, None] * np.column_stack((1 - share.sum(axis=1) / 4, share / 4))
 
 
 @dataclass(eq=False)
@@ -392,7 +295,8 @@ class FreeBody:
         Velocities of the centre and spins; momenta, and angular momenta about the centre.
         """
         moments, axes = self.principal
-        own = block_diag(np.eye(3), axes @ R.T)
+        own = np.eye(6)
+        own[3:, 3:] = axes @ R.T
         size = np.sqrt(np.append(np.full(3, self.mass), moments))[:, None]
         return own / size, own * size
 

@@ -24,6 +24,8 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.histories.results import COMPLETED, STOPPED
+from antiosc.simulation.march.convergence import FINE as FINEST
+from antiosc.simulation.march.engine import Run, run as march_once
 from antiosc.simulation.march.system import Kept, System
 from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
 from antiosc.simulation.scene_parts import Contact
@@ -64,10 +66,12 @@ class Held(NamedTuple):
 class Path(NamedTuple):
     """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
 
-    `turns` (n, 3): the sum of its rotations so far [rad].
+    `turns` (n, 3): the sum of its rotations so far [rad]; `whole` (n, I): displacements of all
+    modes of the scene.
     """
 
     times: Array
+    whole: Array
     q: Array
     v: Array
     R: Array
@@ -162,20 +166,42 @@ def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
     )
 
 
-def run(assembly: Assembly, duration: float, tol: float) -> SceneHistory:
-    """The history of a scene; its status is 2 if it stopped before its end.
+def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
+    """The history of a scene whose forces have converged, and the share of its steps.
 
-    AccuracyError where a force leaves the range of its law, or where friction jams.
+    Its status is 2 if it stopped before its end. AccuracyError where a force leaves the range of
+    its law, or where friction jams.
     """
     with without_warnings():
         found, _ = exactly(assembly, duration, tol, None, *LIMITS)
     if found.run.time[-1] <= JAMMED * assembly.lasting:
         raise _jam(assembly.system)
-    error = {"force": found.force, "peak": found.peak}
-    status = STOPPED if found.run.answer else COMPLETED
-    history = SceneHistory(assembly, found.run, error, status, "")
+    history = _history(assembly, found.run, {"force": found.force, "peak": found.peak})
     check_range(history)
-    return history
+    return history, found.share
+
+
+def run_once(
+    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
+) -> SceneHistory:
+    """The history of one run with a share of the error, of forces of a scale [N] if it is known.
+
+    error: that of a run with this share that is hardly another.
+    """
+    found = march_once(
+        assembly.system,
+        duration,
+        share,
+        scale=scale,
+        fine=assembly.lasting / FINEST,
+        max_contacts=LIMITS[0],
+        max_steps=LIMITS[1],
+    )
+    return _history(assembly, found, error)
+
+
+def _history(assembly: Assembly, found: Run, error: dict[str, float]) -> SceneHistory:
+    return SceneHistory(assembly, found, error, STOPPED if found.answer else COMPLETED, "")
 
 
 def _jam(system: System) -> AccuracyError:
@@ -203,7 +229,8 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
 
     Between two of them the spin changes evenly.
     """
-    q, v = (each[:, history.assembly.spans[BODY]] for each in history.states(t))
+    whole, speeds = history.states(t)
+    q, v = (each[:, history.assembly.spans[BODY]] for each in (whole, speeds))
     W, momentum = body.rigid_modes(start.R)
     L, frozen = v[:, :6] @ momentum[:, 3:], v[:, :6] @ W[:, 3:]
     half, linear = np.diff(t)[:, None] / 2, np.diff(q[:, :6] @ W[:, 3:], axis=0)
@@ -216,7 +243,7 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
         while span < len(R):  # products of the last 1, 2, 4, ... rotations
             R[span:] = R[span:] @ R[:-span]
             span *= 2
-    return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
+    return Path(t, whole, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0))))
 
 
 def on_path(
@@ -247,23 +274,21 @@ def on_path(
     if body.bed is not None:
         z, bed = _heights(body, start, path), body.bed
         # the depth is free - gap; what is not of the body is of the floor
-        states = history.states(path.times)[0]
-        free = states @ old.beta.T - acting @ old.R.T
-        states[:, own] = 0.0
-        deeper, volumes = (states - states[0]) @ old.beta[0] - acting @ old.R[0], np.zeros(len(R))
-        for k in np.flatnonzero(which >= bed.first).tolist():
-            i = int(which[k]) - bed.first
-            volume, low, place = bed.pressed(i, R[:, 2], path.q[:, 6:], z - deeper)
-            offsets[:, k] = free[:, k] - bed.depth(i, volume, low)
-            off[:, k] = bed.volume(i, free[:, k] - last[:, k]) - volume
-            volumes += volume
-            moving = place[:, 3:].reshape(len(R), -1, 3)
-            bent = place[:, :3] + np.einsum("nj,njd->nd", path.q[:, 6:], moving)
-            arms[:, k] = np.einsum("nab,nb->na", R, bent)
-            bending += np.einsum("nb,nba,nja->nj", pushes[:, k], R, moving - shapes[k])
+        free = path.whole @ old.beta.T - acting @ old.R.T
+        ground = (path.whole - path.whole[0]) @ old.beta[0] - moved @ old.beta[0, own]
+        deeper = ground - acting @ old.R[0]
+        at = np.flatnonzero(which >= bed.first)
+        pieces = which[at] - bed.first
+        volume, low, place = bed.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
+        offsets[:, at] = free[:, at] - bed.depth(pieces, volume, low)
+        moving = place[..., 3:].reshape(len(R), len(at), *shapes.shape[1:])
+        bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
+        arms[:, at] = bent @ np.swapaxes(R, 1, 2)
+        bending += np.einsum("nkd,nkjd->nj", pushes[:, at] @ R, moving - shapes[at])
         # of a piece the force counts, over that of all pieces
         largest = float(np.abs(history.run.depth[:, : len(which)]).max())
-        off[:, np.flatnonzero(which >= bed.first)] *= largest / max(float(volumes.max()), TINY)
+        off[:, at] = bed.volume(pieces, free[:, at] - last[:, at]) - volume
+        off[:, at] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = between(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
@@ -336,10 +361,13 @@ LOOKS, FINE, MOST_LOOKS = 64, 2.0, 4096
 #: A scene runs again until its loads and gaps change by less than this times tol, or by less than
 #: NEAR times tol and no longer less from run to run. One that stalls before is cut at half the turn
 #: and half the time, CUTS times at most; one that goes on after a cut lasts GROWS times as long.
-CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 3, 1.5
+CLOSE, NEAR, CUTS, GROWS = 0.03, 0.3, 8, 1.5
 #: Runs from which on a scene stalls if its change is more than half of that two runs before, and
 #: most runs.
 FEW_RUNS, MOST_RUNS = 4, 12
+#: Runs are rough until the change is less than SWITCH times tol. Their accuracy is ROUGH at first,
+#: then GAIN times the change; SHARE of it is the error of a step.
+ROUGH, GAIN, SHARE, SWITCH = 1e-2, 0.1, 0.1, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,7 +429,8 @@ class Episode:
     @property
     def deepest(self) -> float:
         """Largest depth [m] of the laws, or of the vertices of a rigid body on a bed."""
-        times, body = np.linspace(0.0, self.duration, LOOKS + 1), self.body
+        last, body = min(self.duration, float(self.history.time[-1])), self.body
+        times = np.linspace(0.0, last, LOOKS + 1)
         if body.bed is None:
             return float(self.sunk().max())
         path = path_of(body, self.start, self.history, times)
@@ -456,31 +485,77 @@ def episode(
         if not np.array_equal(which, touched):
             which = touched
             base = scene_of(body, start, setting, which, held)
-        history = run(base, duration, tol)
+        history, share = run_once(base, duration, SHARE * max(ROUGH, tol), {}), 0.0
+        if history.status:
+            history, share = run(base, duration, tol)
         end, touching = _end(body, start, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
             duration = min(2 * duration, longest)
             continue
-        changes: list[float] = []
-        while True:
-            path = path_of(body, start, history, _times(body, base, history, end, tol))
-            following, change = on_path(body, start, which, base, history, path)
-            changes.append(change)
-            if change <= CLOSE * tol or _stalls(changes):
-                break
-            history = run(following, duration, tol)
-            end, touching = _end(body, start, history, turns)
-        if change > NEAR * tol and cuts < CUTS:
+        given = body, start, which, base, duration, turns, tol
+        found = _followed(*given, history, share)
+        wide = found.change > NEAR * tol and cuts < CUTS
+        if not (share or wide or len(_missed(body, start, heights, found.path, which))):
+            found = _followed(*given, *run(found.following, duration, tol))
+        if found.change > NEAR * tol and cuts < CUTS:
             turns, cuts = turns / 2, cuts + 1
-            duration = longest = end / 2
+            duration = longest = found.end / 2
             continue
-        missed = _missed(body, start, heights, path, which)
+        missed = _missed(body, start, heights, found.path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
+    history, path, end, touching = found.history, found.path, found.end, found.touching
     state, below = handed_over(body, start, history, path, which)
     rest = stored(body, state, setting) if touching else 0.0
     return Episode(start, state, history, body, which, below if touching else {}, rest)
+
+
+class Followed(NamedTuple):
+    """A run, its path up to its end, and the scene on that path, which differs by a change."""
+
+    history: SceneHistory
+    path: Path
+    following: Assembly
+    change: float
+    end: float
+    touching: bool
+
+
+def _followed(
+    body: FreeBody,
+    start: State,
+    which: IntArray,
+    base: Assembly,
+    duration: float,
+    turns: float,
+    tol: float,
+    history: SceneHistory,
+    share: float,
+) -> Followed:
+    """Run the scene `base` on the paths of the runs before until they no longer change.
+
+    share: of the first run, whose forces have converged, and of all that follow; 0: of rough runs,
+    which become finer as their paths come closer to each other.
+    """
+    changes: list[float] = []
+    close, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))
+    while True:
+        end, touching = _end(body, start, history, turns)
+        path = path_of(body, start, history, _times(body, base, history, end, accuracy))
+        following, change = on_path(body, start, which, base, history, path)
+        changes.append(change)
+        if change <= close or _stalls(changes) or (history.status and not share):
+            return Followed(history, path, following, change, end, touching)
+        if share and history.status:
+            history, share = run(following, duration, tol)
+        elif share:
+            scale = float(history.run.force[:, : len(which)].max())
+            history = run_once(following, duration, share, history.error, scale)
+        else:
+            if (finer := max(GAIN * change, tol)) <= accuracy / 2:
+                accuracy, changes = finer, []
+            history = run_once(following, duration, SHARE * accuracy, {})
 
 
 def _stalls(changes: list[float]) -> bool:
@@ -560,8 +635,8 @@ def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: Int
     lowest[which] = np.inf
     if body.bed is not None:
         way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
-        for i in np.setdiff1d(list(body.laws), which).tolist():
-            volume, low, _ = body.bed.pressed(i - body.bed.first, *way)
-            lowest[i] = np.where(volume > 0, low, 0.0).min()
+        other = np.setdiff1d(list(body.laws), which)
+        volume, low, _ = body.bed.pressed(other - body.bed.first, *way)
+        lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)
     sinking = np.flatnonzero(lowest < -SINKS * body.extent)
     return sinking if body.bed is not None else sinking[np.argsort(lowest[sinking])[:1]]
