@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+import dolfinx
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
 from mesh_files import one_sentence, refused, write
 
-pytestmark = pytest.mark.fem
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
 
 

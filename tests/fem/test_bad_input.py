@@ -5,15 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
-
 import antiosc as ao
 import parts
 from mesh_files import refused, write
 from mpi import run_ranks
-
-pytestmark = pytest.mark.fem
 
 SOLID = ao.Solid(**parts.STEEL)
 CIRCLE = ao.Section.circle(0.02)

@@ -6,16 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 import scipy.sparse
 
 import antiosc as ao
 import parts
 from mesh_files import one_sentence, refused, write
 
-pytestmark = pytest.mark.fem
 SOLID = ao.Solid(**parts.STEEL)
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
 

@@ -6,19 +6,14 @@ import os
 import stat
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("dolfinx")
-
 import dolfinx
+import pytest
 import ufl
 from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.platform import compat, compiled_forms
 from antiosc.fem.platform.compiled_forms import compiler
-
-pytestmark = pytest.mark.fem
 
 
 @pytest.fixture

@@ -13,8 +13,6 @@ import pytest
 
 from paths import ROOT
 
-pytestmark = pytest.mark.fem
-
 SCRIPT = """
 import dolfinx
 import numpy as np

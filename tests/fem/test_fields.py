@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 
+import meshio
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import meshio
 import scipy.linalg
 
 import antiosc as ao
@@ -30,8 +27,6 @@ MODELS = {
     "full": lambda part: ao.full(part, SITE),
 }
 
-
-pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)

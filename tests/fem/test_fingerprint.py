@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem import platform
 from antiosc.fem.platform import fingerprint, named, number
-
-pytestmark = pytest.mark.fem
 
 
 def within(limit):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.mesh.soundness import _SIMPLICES
@@ -16,8 +14,6 @@ from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet
-
-pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(70e9, 0.3, 2700.0, plane="stress", thickness=0.01)
 TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))

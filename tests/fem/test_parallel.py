@@ -8,12 +8,10 @@ import meshio
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import parts
 from mpi import one_and_several, run_ranks
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 MODELS = """
 import json, sys, warnings

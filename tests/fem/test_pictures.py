@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+import dolfinx
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
 import parts
 from antiosc.results import fields
-
-pytestmark = pytest.mark.fem
 
 
 @pytest.fixture(scope="module")

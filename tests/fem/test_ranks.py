@@ -7,12 +7,10 @@ import json
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import parts
 from mpi import one_and_several, run_ranks
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 DIFFERENT = """
 import sys, warnings

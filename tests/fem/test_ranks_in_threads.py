@@ -12,15 +12,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError, OutOfMemoryError
 from antiosc.fem import platform
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.platform import compat
-
-pytestmark = pytest.mark.fem
 
 
 class Ranks:

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.fem.mesh import soundness
-
-pytest.importorskip("dolfinx")
-
-
 from antiosc.fem.site import sites
-
-pytestmark = pytest.mark.fem
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])

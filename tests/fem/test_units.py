@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.base import plausible
 from antiosc.base.errors import AntioscWarning
 from paths import MESHES
-
-pytestmark = pytest.mark.fem
 
 CIRCLE = ao.Section.circle(0.02)
 FOAM = ao.Layer.isotropic(E=1e5, nu=0.3, rho=48.0, thickness=20e-3)

@@ -7,18 +7,13 @@ import os
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem.platform import compat
 from assemblies import box
 from mpi import run_ranks
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the compliance under a point load"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore:the compliance under a point load")
 
 installed = pytest.mark.skipif(not compat.writes_vtx(), reason="dolfinx without ADIOS2")
 TIMES = [0.0, 1e-4, 3e-4]

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import every_joint
 from antiosc.closed_form.plates import SupportedPlate
@@ -18,7 +16,6 @@ from assemblies import box, line
 from paths import ROOT
 
 pytestmark = [
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the joints leave parts free"),
     pytest.mark.filterwarnings("ignore:the facets at the site"),
 ]

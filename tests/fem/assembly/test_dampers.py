@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.site import functional
@@ -46,11 +44,7 @@ def braked(c: float) -> ao.Structure:
     )
 
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the joints leave parts free"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:the joints leave parts free")]
 
 TIP = ao.Site((1, 0, 0), (0, 0, 1), part="a")
 FAR = ao.Site((1, 0, 0), (0, 0, 1), part="b")

@@ -5,14 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:.*the one number of SECTION=CIRC"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore:.*the one number of SECTION=CIRC")
 
 E, NU, RHO, R, L, COUNT, C = 2e11, 0.3, 7800.0, 0.02, 1.0, 4, 3.0
 TIP = ao.Site((L, 0, 0), (0, 0, 1))

@@ -11,14 +11,11 @@ import warnings
 import pytest
 import scipy.sparse as sp
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.site import functional
 from paths import DECKS
 
 pytestmark = [
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
     pytest.mark.filterwarnings("ignore:the radius 1e-05 m of the site is less"),

@@ -9,15 +9,9 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:of part.bdf are not taken"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:of part.bdf are not taken")]
 
 E, T, WIDTH, LENGTH = 2e11, 0.02, 0.1, 1.0
 MANY = 8

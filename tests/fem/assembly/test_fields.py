@@ -8,14 +8,11 @@ import meshio
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from assemblies import NU, RHO, E, box
 
 pytestmark = [
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:none of the"),
     pytest.mark.filterwarnings("ignore:Z may be off"),

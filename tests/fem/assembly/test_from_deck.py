@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import antiosc as ao
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.site import functional
-
-pytest.importorskip("dolfinx")
-
-import antiosc as ao
 from mpi import run_ranks
 from paths import DECKS
 
@@ -33,9 +30,6 @@ def model_of(folder: Path, text: str, **options) -> ao.Structure:
 
 
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
-
-
-pytestmark = pytest.mark.fem
 
 
 #: A cantilever of 200 mm whose centroid lies 30 mm above its nodes.

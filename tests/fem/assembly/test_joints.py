@@ -7,15 +7,12 @@ import pytest
 import scipy.linalg
 import scipy.optimize
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.assembly.pins import element
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [
-    pytest.mark.fem,
     FREE_ON_PURPOSE,
     pytest.mark.filterwarnings("ignore:the joints leave:antiosc.base.errors.AntioscWarning"),
 ]

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 T, WIDTH = 0.01, 0.06
 CLAMP = ao.Support("x0")

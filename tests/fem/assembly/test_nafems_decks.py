@@ -16,12 +16,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import eigsh
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 
 pytestmark = [
-    pytest.mark.fem,
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:the supports leave the structure free"),
 ]

@@ -9,8 +9,6 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 
 
@@ -26,7 +24,7 @@ def omegas(part: ao.Structure, count: int = 8) -> np.ndarray:
 INERTIA = "2.,.3,3.,-.2,.4,4."
 
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 E, NU, RHO, R, L = 2e11, 0.3, 7800.0, 0.05, 1.0
 A, I = np.pi * R**2, np.pi * R**4 / 4  # noqa: E741

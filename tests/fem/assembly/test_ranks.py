@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import every_joint
 from mpi import one_and_several, run_ranks
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 PROGRAM = """
 import dolfinx, json, sys, warnings

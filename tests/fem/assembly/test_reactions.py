@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from antiosc.results.fields import shapes_of
-from antiosc.simulation.histories import amplitudes
-
-pytest.importorskip("dolfinx")
-
 import scipy.sparse
 
 import antiosc as ao
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
+from antiosc.results.fields import shapes_of
+from antiosc.simulation.histories import amplitudes
 from assemblies import BEAM, SOLID, box, line
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the compliance under a point load"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore:the compliance under a point load")
 
 BALL, LAW, DURATION = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e8), 3e-4
 SITE = ao.Site((0.06, 0.02, 0.01), (0.1, -1, 0.2))

@@ -8,8 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -17,7 +15,6 @@ from assemblies import NU, SOLID, box
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:none of the"),
 ]

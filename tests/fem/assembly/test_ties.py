@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.fem.assembly.assembled import rigid_motions
-from antiosc.fem.linalg.petsc_algebra import csr
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
+from antiosc.fem.assembly.assembled import rigid_motions
+from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 HEX, TET, TRI, QUAD = "hexahedron", "tetrahedron", "triangle", "quadrilateral"
 STRAIN = 1e-3

@@ -7,13 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import AntioscError, AntioscWarning, InputError
 from assemblies import BEAM, NU, SOLID, E, box, line
-
-pytestmark = pytest.mark.fem
 
 
 @cache

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 import scipy.linalg
 import scipy.sparse.linalg
 
@@ -14,8 +11,6 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-
-pytestmark = pytest.mark.fem
 
 FLAT = ao.Section.rectangle(width=0.02, height=0.05)
 

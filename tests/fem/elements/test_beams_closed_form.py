@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc import closed_form
 from antiosc.base.errors import AntioscWarning
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 LENGTH = 1.0
 WIDTH = 0.0141421356237  # the article's case 2: 2 cm², 0.33 cm⁴

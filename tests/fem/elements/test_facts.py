@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.platform import compat
 from parts import STEEL, box, line, named, plate
 from sheets import PLY
-
-pytestmark = pytest.mark.fem
 
 ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
 

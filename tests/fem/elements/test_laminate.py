@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import compat
 from laminates import navier, uniform
 from sheets import (
     CELLS,
@@ -31,8 +28,6 @@ from sheets import (
     stack,
     unsymmetric,
 )
-
-pytestmark = pytest.mark.fem
 
 #: held as in Navier's solution for angle-plies: sliding along the edges, not across
 SLIDING = [

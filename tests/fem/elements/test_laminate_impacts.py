@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
-
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
@@ -31,7 +28,7 @@ from sheets import (
     unsymmetric,
 )
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 def two_layers(ratio=5.0):

@@ -6,9 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 from mpi4py import MPI
 
 import antiosc as ao
@@ -49,8 +46,6 @@ def fluegge(m, n, R, L, t):
     value = np.linalg.eigvalsh(matrix)[0]
     return np.sqrt(value * E / (RHO * (1 - NU**2))) / R
 
-
-pytestmark = pytest.mark.fem
 
 # --- plates -----------------------------------------------------------------------------------
 

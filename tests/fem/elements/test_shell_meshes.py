@@ -7,11 +7,6 @@ import pytest
 import scipy.linalg
 import scipy.sparse.linalg
 
-from sheets import SIMPLE
-
-pytest.importorskip("dolfinx")
-
-
 import antiosc as ao
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.weak_form import measure
@@ -23,6 +18,7 @@ from sheets import (
     CELLS,
     NU,
     RHO,
+    SIMPLE,
     E,
     at,
     dof,
@@ -43,7 +39,6 @@ def thin_plate_graded_to(point, cell, n=28):
     return ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-3), SIMPLE)
 
 
-pytestmark = pytest.mark.fem
 SHELLS = [(cell, order) for cell in CELLS for order in (1, 2)]
 
 

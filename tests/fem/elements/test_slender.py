@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.petsc_algebra import csr
-
-pytest.importorskip("dolfinx")
-
-
 import antiosc as ao
 import parts
 from antiosc import closed_form
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.slow, pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = [pytest.mark.slow, FREE_ON_PURPOSE]
 
 #: slenderness L/h and elements: ε (L/r)² n² is 1e-9, 5e-5, 0.5, 50 and 5e3
 CASES = [

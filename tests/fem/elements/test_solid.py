@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem.elements.shell import GivenSheet
@@ -49,11 +47,7 @@ DECK = (
 )
 
 
-pytestmark = [
-    pytest.mark.fem,
-    FREE_ON_PURPOSE,
-    pytest.mark.filterwarnings("ignore:the compliance under a point"),
-]
+pytestmark = [FREE_ON_PURPOSE, pytest.mark.filterwarnings("ignore:the compliance under a point")]
 
 PLANE = {"plane": "stress", "thickness": 0.01}
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import dolfinx
 import numpy as np
 import pytest
 import scipy.linalg
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 
 import antiosc as ao
 import parts
@@ -32,7 +29,7 @@ def by_hand() -> tuple[np.ndarray, np.ndarray]:
     return K, M
 
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 #: The ten-bar truss: points over its bay and pairs of them.
 POINTS = np.array([[2, 1], [2, 0], [1, 1], [1, 0], [0, 1], [0, 0]]) * 9.144

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.simulation import error_budget
 from antiosc.simulation.histories.parts import QUANTITIES
 from parts import frame, line, named
-
-pytestmark = pytest.mark.fem
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 BAR = ao.Section.rectangle(width=0.02, height=0.01)

@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import antiosc as ao
 from antiosc.fem.error.bisection import excess, halved, interpolation, with_node
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
-from parts import named
-
-pytest.importorskip("dolfinx")
-
-import antiosc as ao
 from antiosc.simulation.histories.parts import QUANTITIES
-from parts import frame, line
+from parts import frame, line, named
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 BEAM = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.03, 0.03))
 PORTAL = [(0, 0), (0, 1.0), (1.0, 1.0), (1.0, 0)], [(0, 1), (1, 2), (2, 3)]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 from mpi import one_and_several
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 SCRIPT = """
     import json, warnings, numpy as np

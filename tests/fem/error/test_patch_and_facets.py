@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.error import model_errors
 from antiosc.fem.error.model_errors import estimator, layers, mean_gaps
@@ -14,10 +12,9 @@ from antiosc.fem.platform import compat
 from parts import STEEL, box, plate
 from sheets import sheet
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
-]
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"
+)
 
 
 def ring(n: int, cell: str) -> ao.Mesh:

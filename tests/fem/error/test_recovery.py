@@ -8,13 +8,10 @@ import warnings
 import numpy as np
 import pytest
 
-from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
-from antiosc.fem.linalg.petsc_algebra import csr
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.error.model_errors import estimator
+from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from parts import CELLS, STEEL, box, named, plate
 
@@ -24,10 +21,9 @@ def _random_stiffness() -> np.ndarray:
     return 1e9 * (root @ root.T + 6 * np.eye(6))
 
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
-]
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"
+)
 
 
 def part(cell: str, order: int, n: int = 1, size=(0.3, 0.1, 0.05)) -> ao.Structure:

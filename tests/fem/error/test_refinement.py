@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 from mpi4py import MPI
 
 import antiosc as ao
@@ -26,8 +23,6 @@ from antiosc.fem.error.remeshing import measures, source_of, wished_sizes
 from antiosc.fem.platform import compat
 from mpi import run_ranks
 from parts import STEEL, box, plate
-
-pytestmark = pytest.mark.fem
 
 
 def some(cell: str) -> ao.Mesh:

@@ -8,8 +8,6 @@ from math import factorial
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.error.bisection import DIVIDED, edge_lengths, gathered, growth, inside, refined
 from antiosc.fem.error.remeshing import (
@@ -25,8 +23,6 @@ from antiosc.fem.platform import compat
 from antiosc.io.request import GRADING
 from parts import box, gmsh_cube, plate
 from sheets import rectangle
-
-pytestmark = pytest.mark.fem
 
 RNG = np.random.default_rng(11)
 

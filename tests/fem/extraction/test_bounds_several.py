@@ -21,8 +21,6 @@ from loose_bodies import (
 )
 from several import sites_of
 
-pytestmark = pytest.mark.fem
-
 Array = NDArray[np.float64]
 METHODS = ("krylov", "modes")
 

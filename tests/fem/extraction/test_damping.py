@@ -5,12 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
-
-pytestmark = pytest.mark.fem
 
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 

@@ -7,24 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from antiosc.fem.extraction import SiteShapes, site_shapes
-from antiosc.fem.site import functional
-from extraction_cases import quiet
-
-pytest.importorskip("dolfinx")
-
 import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.fem.extraction import eigenmodes
+from antiosc.fem.extraction import SiteShapes, eigenmodes, site_shapes
 from antiosc.fem.extraction.eigenmodes import DENSE, ModeSolver
 from antiosc.fem.extraction.oscillators import left_out
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load
+from antiosc.fem.site import functional
+from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load, quiet
 from marks import FREE_ON_PURPOSE
 
 
@@ -54,7 +48,7 @@ def _held(structure: ao.Structure, site: ao.Site) -> SiteShapes:
     return site_shapes(structure, quiet(functional, structure, site).b[:, None])
 
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 
 @pytest.fixture(scope="module", params=list(CASES))

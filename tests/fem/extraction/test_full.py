@@ -7,18 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import antiosc as ao
 import parts
 from antiosc.closed_form import StruckBeam, UniformBeam
-
-pytest.importorskip("dolfinx")
-
-import antiosc as ao
 from antiosc.fem.extraction.superposition import DENSE_MANY
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site import functional
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 
 @pytest.fixture(scope="module", params=["clamped", "sliding", "free"])

@@ -25,7 +25,7 @@ def _push(structure: ao.Structure, direction: tuple[float, float, float]) -> np.
     return push
 
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 
 def chain(n: int, *, fixed: bool, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

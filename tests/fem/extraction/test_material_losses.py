@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
+import dolfinx
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
@@ -18,7 +15,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from assemblies import dense, free_dofs
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 SECTION = ao.Section.rectangle(0.01, 0.02)
 TIP = ao.Site((1, 0, 0), (0, 0, 1))

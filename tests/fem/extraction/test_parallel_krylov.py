@@ -8,11 +8,9 @@ import meshio
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 from mpi import one_and_several, run_ranks
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 MODELS = """
 import json, sys, warnings

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.extraction import oscillators, site_shapes
 from antiosc.fem.extraction.eigenmodes import Modes
-
-pytestmark = pytest.mark.fem
 
 N = 10
 X = (np.linspace(0.3, 6.0, 40) * (1 + 0.02j)) ** 2

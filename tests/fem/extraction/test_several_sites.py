@@ -11,7 +11,7 @@ from chains import loose_chains, receptance
 from marks import FREE_ON_PURPOSE
 from several import CORNERS, OMEGA, block_with_corners, sites_of
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 Array = NDArray[np.float64]
 

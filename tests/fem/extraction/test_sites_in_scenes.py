@@ -16,7 +16,7 @@ from marks import FREE_ON_PURPOSE
 from parts import STEEL, box, line
 from several import CORNERS, block_with_corners, sites_of
 
-pytestmark = [pytest.mark.slow, pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = [pytest.mark.slow, FREE_ON_PURPOSE]
 
 Array = NDArray[np.float64]
 

@@ -6,13 +6,11 @@ import meshio
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 def test_a_pinned_beam_by_its_closed_form():

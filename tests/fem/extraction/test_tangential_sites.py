@@ -10,7 +10,7 @@ from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 from several import CORNERS, block_with_corners
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 
 @pytest.fixture(scope="module")

@@ -14,16 +14,12 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.app import info
 from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.structure import given_matrices
-
-pytestmark = pytest.mark.fem
 
 
 def chain(n: int) -> scipy.sparse.csr_matrix:

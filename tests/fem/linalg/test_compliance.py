@@ -7,8 +7,6 @@ import pytest
 import scipy.sparse
 import scipy.sparse.linalg
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem.extraction.eigenmodes import ModeSolver
@@ -16,8 +14,6 @@ from antiosc.fem.linalg import cholmod, compliance
 from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
-
-pytestmark = pytest.mark.fem
 
 
 def grid(n: int, block: int = 1) -> scipy.sparse.csr_matrix:

@@ -9,8 +9,6 @@ import gc
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.base import process
@@ -18,8 +16,6 @@ from antiosc.base.errors import AntioscWarning, NotConvergedError
 from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import Substructures, interface
-
-pytestmark = pytest.mark.fem
 
 
 @pytest.fixture(scope="module")

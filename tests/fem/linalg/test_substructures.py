@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-pytest.importorskip("dolfinx")
-
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from mpi import run_ranks
@@ -36,9 +34,6 @@ factor = solver_choice.factorize(A)
 left = algebra.multiply(A, factor.solve_block(R)) - R
 print(json.dumps([type(factor).__name__, float(np.abs(left).max(initial=0.0))]))
 """
-
-
-pytestmark = pytest.mark.fem
 
 
 @pytest.mark.sample

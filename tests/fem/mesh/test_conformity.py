@@ -8,13 +8,9 @@ import warnings
 import numpy as np
 import pytest
 
-from antiosc.fem.mesh.soundness import folded, straightened
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.mesh import soundness
-from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed
+from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed, folded, straightened
 from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
@@ -22,8 +18,6 @@ from assemblies import box
 
 EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
 
-
-pytestmark = pytest.mark.fem
 
 RNG = np.random.default_rng(3)
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)

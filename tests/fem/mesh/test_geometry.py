@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.mesh import excess
 from antiosc.fem.mesh.surface import Faces, closest_many, size_at
 from antiosc.fem.platform import compat
 from parts import box, frame
 from sheets import sheet
-
-pytestmark = pytest.mark.fem
 
 RNG = np.random.default_rng(17)
 

@@ -9,7 +9,6 @@ import pytest
 
 from paths import MESHES
 
-pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import dolfinx
@@ -66,9 +65,6 @@ PARTS = {
         "top": (0, 4),
     },
 }
-
-
-pytestmark = pytest.mark.fem
 
 
 def expected_moments(dim: int, bent: bool) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import gmsh
@@ -16,8 +15,6 @@ import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.platform import compat
 from parts import moments
-
-pytestmark = pytest.mark.fem
 
 
 def quarter_disc(path):

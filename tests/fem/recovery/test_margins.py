@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 import sheets
@@ -16,8 +14,6 @@ from antiosc.fem.fields.mesh_fields import interior_angle
 from antiosc.fem.recovery import Place
 from antiosc.results.pictures import deformed
 from static_loads import held
-
-pytestmark = pytest.mark.fem
 
 YIELD = 250e6
 

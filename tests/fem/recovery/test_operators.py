@@ -7,8 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -17,8 +15,6 @@ from antiosc.fem.recovery import Place
 from antiosc.fem.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from antiosc.fem.structure.structure import on_mesh
 from sheets import sheet as mapped
-
-pytestmark = pytest.mark.fem
 
 PLY = ao.Layer(E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3.5e9, rho=1600.0, thickness=1e-3)
 BEAM = ao.Beam(

@@ -6,16 +6,11 @@ import meshio
 import numpy as np
 import pytest
 
-from antiosc.base.stresses import extreme_principal
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
+from antiosc.base.stresses import extreme_principal
 from antiosc.results import peaks
 from mpi import one_and_several
-
-pytestmark = pytest.mark.fem
 
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)

@@ -6,11 +6,6 @@ import contextlib
 
 import numpy as np
 import pytest
-
-from sheets import RIB, SHEET, grouped, rectangle
-
-pytest.importorskip("dolfinx")
-
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
@@ -19,8 +14,7 @@ from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery import Place
 from antiosc.fem.site import Reach, functional
-
-pytestmark = pytest.mark.fem
+from sheets import RIB, SHEET, grouped, rectangle
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)

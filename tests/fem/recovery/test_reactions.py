@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
@@ -14,8 +11,6 @@ import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
-
-pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.08, 0.06), (0.2, -1), radius=0.034)

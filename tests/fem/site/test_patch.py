@@ -7,15 +7,12 @@ toward the site.
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-from collections import Counter
 
 import antiosc as ao
 import parts
@@ -25,8 +22,6 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import surface
 from antiosc.fem.site.sites import patches
-
-pytestmark = pytest.mark.fem
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)

@@ -8,13 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from antiosc.fem.mesh import surface
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
+from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from antiosc.fem.site.sites import located, tell
@@ -22,7 +19,7 @@ from antiosc.fem.structure.structure import on_mesh
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 SOLID = ao.Solid(**parts.STEEL)
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)

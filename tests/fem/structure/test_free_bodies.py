@@ -7,24 +7,23 @@ import warnings
 import numpy as np
 import pytest
 
-from free_bodies import SIZE, effective_mass, extract
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,
+    SIZE,
     centre_and_inertia,
+    effective_mass,
+    extract,
     rigid_field,
     site_vectors,
 )
 from marks import FREE_ON_PURPOSE, TURNS_FAR
 from scenes import finely
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE, TURNS_FAR]
+pytestmark = [FREE_ON_PURPOSE, TURNS_FAR]
 
 
 ROUND = ao.Section.circle(0.03)

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
-
-pytest.importorskip("dolfinx")
-
 from petsc4py import PETSc
 
 import antiosc as ao
@@ -16,8 +13,6 @@ import parts
 from antiosc import fem
 from antiosc.fem.site import functional
 from mpi import run_ranks
-
-pytestmark = pytest.mark.fem
 
 N, STIFF = 8, 1e4
 

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import warnings
 
+import dolfinx
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
 import parts
-
-pytestmark = pytest.mark.fem
-
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 SIZE = (0.4, 0.1, 0.2)

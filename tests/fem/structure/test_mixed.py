@@ -7,19 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from antiosc import Spring
-from sheets import frequencies
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
-from antiosc import PointMass
+from antiosc import PointMass, Spring
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import one_and_several, run_ranks
-from sheets import RIB, SHEET, at, dof, grouped, interpolated, loaded, rectangle, sheet
-
-pytestmark = pytest.mark.fem
+from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
 E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]
@@ -115,7 +108,6 @@ print(json.dumps((peaks[-1] - peaks[2]) / size))
 """
 
 
-@pytest.mark.fem
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_memory_does_not_grow():

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-pytest.importorskip("dolfinx")
-
-
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -34,7 +31,7 @@ def handed_over(structure: ao.Structure, kind: str):
     return pair, free
 
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 SOLID = ao.Solid(**parts.STEEL)
 
