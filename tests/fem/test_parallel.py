@@ -1,17 +1,20 @@
-"""Two ranks give what one gives: models, fields, files."""
+"""Two ranks give the models and fields of one; the helper that runs them."""
 
 from __future__ import annotations
 
 import json
+import time
 
 import meshio
 import numpy as np
 import pytest
 
+import mpi
 import parts
 from mpi import one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
+
 
 MODELS = """
 import json, sys, warnings
@@ -165,3 +168,43 @@ def test_two_ranks_give_the_free_motion_of_one():
         for part in (slice(0, 3), slice(3, 6), slice(6, 12), slice(12, 13), slice(13, 14)):
             scale = np.abs(a[part]).max()
             np.testing.assert_allclose(b[part], a[part], atol=1e-6 * scale)
+
+
+def test_one_rank_that_raises_fails_all():
+    script = """
+        from mpi4py import MPI
+        if MPI.COMM_WORLD.rank == 1:
+            raise ValueError("only here")
+        MPI.COMM_WORLD.barrier()
+    """
+    with pytest.raises(AssertionError, match=r"(?s)ended with code .*only here"):
+        run_ranks(2, script)
+
+
+HANG = """
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 0:
+    MPI.COMM_WORLD.recv(source=1)
+"""
+
+
+def test_a_hang_is_ended():
+    start = time.monotonic()
+    with pytest.raises(AssertionError, match="not done after 3 s"):
+        run_ranks(2, HANG, timeout=3)
+    assert time.monotonic() - start < 300
+
+
+@pytest.mark.parametrize("hangs", [False, True], ids=["at the start", "in a script"])
+def test_ranks_end_whose_test_was_killed(hangs, monkeypatch):
+    monkeypatch.setattr(mpi, "SPARE", 1)
+    ranks = mpi.Ranks(2)
+    if hangs:
+        ranks.run("", (), 60)
+        with pytest.raises(AssertionError, match="not done"):
+            ranks.run(HANG, (), 1)
+    ranks.close()
+    try:
+        ranks.process.wait(60)
+    finally:
+        ranks.end()

@@ -1,9 +1,10 @@
-"""Solids, isotropic or with directions: mass, rigid motions, constant strain, half-spaces."""
+"""Solids: patches, closed forms, shear locking; what all families know of themselves."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
@@ -11,6 +12,8 @@ from antiosc.fem.elements.shell import GivenSheet
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from marks import FREE_ON_PURPOSE
+from parts import STEEL, box, line, named, plate
+from sheets import PLY
 
 
 def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
@@ -46,8 +49,6 @@ DECK = (
     "2\n8,3,1.,5,3,-1.\n*DENSITY\n500.\n"
 )
 
-
-pytestmark = [FREE_ON_PURPOSE, pytest.mark.filterwarnings("ignore:the compliance under a point")]
 
 PLANE = {"plane": "stress", "thickness": 0.01}
 
@@ -90,6 +91,8 @@ def shaken(cell: str, size, amount: float = 0.15) -> ao.Mesh:
     return mesh
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.sample
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(("geometry", "order"), [(1, 1), (1, 2), (2, 2)])
@@ -114,6 +117,8 @@ def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
         assert shift @ (M @ shift) == pytest.approx(mass, rel=1e-13)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
@@ -145,6 +150,8 @@ def test_patch_of_constant_strain(cell, order):
 # --- The half-space behind a patch ----------------------------------------------------------------
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_normal_patch_compliance_is_that_of_hertz():
     """Work of Hertz's pressure on its own indentation: u = π p0 (2a² − r²)/(4 E* a)."""
     solid = ao.Solid(**parts.STEEL)
@@ -170,6 +177,8 @@ def turn(angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
     """√(E/ρ): of the fibres, of layers at any angle, of an isotropic sheet."""
     wood = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), 1, 1))
@@ -185,6 +194,8 @@ def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
     assert sheet.bar_speed() == pytest.approx(np.sqrt(E / RHO), rel=1e-12)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("along", [0, 1, 2])
 def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     """Its end moves as one and it may contract: E_i A / L."""
@@ -195,6 +206,8 @@ def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_plane_states_in_tension(plane):
     """A strip pulled at its end stretches by F L/(E' A), with E' = E or E/(1 − ν²)."""
@@ -220,6 +233,8 @@ def test_plane_states_in_tension(plane):
     assert np.abs(force[rest]).max() < 1e-11 * np.abs(force).max()
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_several_materials_by_group():
     """Two bars in a row: the compliance is the sum, the mass too."""
     L, b, h = 0.2, 0.05, 0.04
@@ -248,6 +263,8 @@ def test_several_materials_by_group():
     assert np.abs(force[rest]).max() < 1e-11
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
 @pytest.mark.parametrize("degrees", [0, 30, 60, 90])
 def test_half_space_compliance_along_any_direction(nu, degrees):
@@ -258,6 +275,8 @@ def test_half_space_compliance_along_any_direction(nu, degrees):
     assert solid.half_space_compliance(np.cos(t)) == pytest.approx(expected, rel=1e-6)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.slow
 def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     mesh = parts.box()
@@ -271,6 +290,8 @@ def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     assert other.mass == pytest.approx(plain.mass, rel=1e-12)
 
 
+@FREE_ON_PURPOSE
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.slow
 @pytest.mark.parametrize("oriented", [False, True])
 def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
@@ -285,3 +306,83 @@ def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
     assert part.mass == pytest.approx(1000, rel=1e-12)
     stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
     assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)
+
+
+ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
+
+
+def halves(mesh: ao.Mesh, at: float) -> ao.Mesh:
+    """With the cells on both sides of x = `at` as groups "one" and "two"."""
+    sides = {
+        "one": (mesh.tdim, lambda x: x[0] < at + 1e-9),
+        "two": (mesh.tdim, lambda x: x[0] > at - 1e-9),
+    }
+    return named(mesh.dolfinx, sides)
+
+
+def arc() -> ao.Mesh:
+    """One line of order 2."""
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0]])
+    mesh = compat.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), x, "interval", 2)
+    return ao.read_mesh(mesh)
+
+
+@pytest.mark.slow
+def test_boxes_and_thicknesses():
+    block = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
+    assert block.dimensions == pytest.approx((0.3, 0.2, 0.1))
+    for thickness in (0.5, 0.01):
+        flat = ao.Solid(**STEEL, plane="stress", thickness=thickness)
+        part = ao.Structure(plate((2, 1), (0.1, 0.3)), flat, order=1)
+        assert part.dimensions == pytest.approx((0.3, thickness, 0.1))
+    thick, thin = (ao.Shell(**STEEL, thickness=t) for t in (0.02, 0.01))
+    sheet = halves(plate((2, 1), (0.2, 0.3), "triangle"), 0.1)
+    part = ao.Structure(sheet, {"one": thick, "two": thin})
+    assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
+
+
+def test_local_indentation_is_that_of_a_half_space_or_none():
+    """Johnson's (3.41a) and (3.91a), weighted by the pressure; families without depth have none."""
+    E, nu = STEEL["E"], STEEL["nu"]
+    along, across = 0.6 * (1 - nu**2) / E, 0.3 * (2 - nu) * (1 + nu) / E
+    steel = ao.Solid(**STEEL)
+    for cosine in (0.0, 0.6, 1.0):
+        exact = cosine**2 * along + (1 - cosine**2) * across
+        assert steel.half_space_compliance(cosine) == pytest.approx(exact, rel=1e-12)
+    section = ao.Section.circle(0.01)
+    for other in (
+        ao.Solid(**STEEL, plane="strain"),
+        ao.Shell(**STEEL, thickness=0.01),
+        ao.Laminate([PLY]),
+        ao.Beam(**STEEL, section=section),
+        ao.Truss(**STEEL, area=1e-4),
+    ):
+        assert other.half_space_compliance(0.6) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mesh", "material", "words"),
+    [
+        (lambda: line(1.0, 2), ao.Solid(**STEEL), "has interval cells in 2-D"),
+        (lambda: plate((1, 1)), ao.Truss(**STEEL, area=1e-4), "Truss needs a mesh of lines"),
+        (lambda: plate((1, 1)), ao.Beam(**STEEL, section=ROUND), "Beam needs a mesh of lines"),
+        (lambda: arc(), ao.Beam(**STEEL, section=ROUND), "Beam elements are straight"),
+        (lambda: arc(), ao.Truss(**STEEL, area=1e-4), "bars of a Truss are straight"),
+        (lambda: line(1.0, 2), ao.Shell(**STEEL, thickness=0.1), "Shell needs a mesh of triangles"),
+        (lambda: box((1, 1, 1)), ao.Laminate([PLY]), "Laminate needs a mesh of triangles"),
+        (lambda: plate((1, 1)), ao.AnisotropicSolid(np.eye(6) * 1e9, 1e3), "is for 3-D meshes"),
+        (
+            lambda: line(1.0, 2),
+            ao.Beam(**STEEL, section=OBLONG, orientation=(0, 1, 0), offset=0.1),
+            "offset applies to beams in space",
+        ),
+        (
+            lambda: line(1.0, 2, (1.0, 0, 0)),
+            ao.Beam(**STEEL, section=OBLONG),
+            "orientation",
+        ),
+    ],
+)  # fmt: skip
+def test_meshes_of_other_families_are_refused(mesh, material, words):
+    with pytest.raises(ao.InputError, match=words):
+        ao.Structure(mesh(), material)
