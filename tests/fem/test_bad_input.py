@@ -2,127 +2,220 @@
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import product
+
+import dolfinx
 import numpy as np
 import pytest
+import scipy.sparse
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from mesh_files import refused, write
+from mesh_files import write
 from mpi import run_ranks
+from parts import STEEL
+from refusals import refused
 
-SOLID = ao.Solid(**parts.STEEL)
-CIRCLE = ao.Section.circle(0.02)
+SOLID, STRESS = ao.Solid(**STEEL), ao.Solid(**STEEL, plane="stress")
+BEAM = ao.Beam(**STEEL, section=ao.Section.circle(0.02))
+FLAT = ao.Section.rectangle(0.01, 0.03)
+LEFT = [ao.Support("left")]
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+HALVES = {
+    "low": (3, lambda x: x[0] <= 0.1 + 1e-9), "high": (3, lambda x: x[0] >= 0.1 - 1e-9),
+    "all": (3, lambda x: x[0] > -1), "skin": (2, lambda x: np.isclose(x[0], 0)),
+}  # fmt: skip
 
 
-# --- Materials ------------------------------------------------------------------------------------
+@cache
+def box(groups: bool = False) -> ao.Mesh:
+    return parts.box(groups=HALVES) if groups else parts.box()
 
 
-def test_plane_parts():
-    with refused("plane"):
-        ao.Solid(**parts.STEEL, plane="flat")
-    with refused(r"thickness must be > 0"):
-        ao.Solid(**parts.STEEL, plane="stress", thickness=0.0)
-    with refused(r"Solid on a 2-D mesh needs plane='stress' or plane='strain'"):
-        ao.Structure(parts.plate(), SOLID)
-    with refused(r"plane='stress' applies to 2-D meshes"):
-        ao.Structure(parts.box(), ao.Solid(**parts.STEEL, plane="stress"))
+def block(*supports: object, **options: object) -> ao.Structure:
+    return ao.Structure(box(), SOLID, supports, **options)
 
 
-def test_sections():
-    with refused(r"the wall t must be thinner than d/2 = 0.02 m; got 0.02"):
-        ao.Section.tube(0.04, 0.02)
-    with refused(r"width must be > 0"):
-        ao.Section.rectangle(-0.1, 0.1)
-    with refused(r"A must be > 0"):
-        ao.Section(A=0.0, I=1.0)
-    with refused("section"):
-        ao.Beam(**parts.STEEL, section=0.1)
+def halves(material: dict) -> ao.Structure:
+    return ao.Structure(box(True), material)
 
 
-def test_materials_and_meshes_that_do_not_fit():
-    beam = ao.Beam(**parts.STEEL, section=CIRCLE)
-    with refused("hexahedron"):
-        ao.Structure(parts.box(), beam)
-    with refused("dimension"):
-        ao.Structure(parts.line(1.0, 2), SOLID)
-    with refused(r"displacements of order 1 on cells of geometric order 2"):
-        ao.Structure(
-            ao.read_mesh("meshes/lever.msh"), ao.Solid(**parts.STEEL, plane="stress"), order=1
-        )
-    with refused(r"order must be 1 or 2; got 3"):
-        ao.Structure(parts.box(), SOLID, order=3)
-    with refused("read_mesh"):
-        ao.Structure("meshes/lever.msh", SOLID)
-    with refused("material"):
-        ao.Structure(parts.box(), 210e9)
+def beam(**options: object) -> ao.Structure:
+    return ao.Structure(parts.line(1.0, 2, (0, 0, 1)), ao.Beam(**STEEL, section=FLAT, **options))
 
 
-def test_orientation_of_sections():
-    mesh = parts.line(1.0, 2, (0, 0, 1))
-    flat = ao.Section.rectangle(0.01, 0.03)
-    with refused("orientation"):
-        ao.Structure(mesh, ao.Beam(**parts.STEEL, section=flat))
-    with refused(r"orientation \(0, 0, 2\) is parallel to the axis of 2 beam elements"):
-        ao.Structure(mesh, ao.Beam(**parts.STEEL, section=flat, orientation=(0, 0, 2)))
-    with refused(r"the length of orientation must be > 0"):
-        ao.Beam(**parts.STEEL, section=flat, orientation=(0, 0, 0))
+def tagged(value: int) -> ao.Mesh:
+    mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
+    one = np.array([0], dtype=np.int32)
+    return ao.read_mesh(
+        mesh, groups={"body": (dolfinx.mesh.meshtags(mesh, 2, one, one + 3), value)}
+    )
 
 
-def test_every_cell_needs_one_material():
-    halves = {
-        "low": (3, lambda x: x[0] <= 0.1 + 1e-9),
-        "high": (3, lambda x: x[0] >= 0.1 - 1e-9),
-        "all": (3, lambda x: x[0] > -1),
-        "skin": (2, lambda x: np.isclose(x[0], 0)),
-    }
-    mesh = parts.box(groups=halves)
-    with refused(r"of 16 cells 8 have none and 0 more than one; the groups named are 'low'"):
-        ao.Structure(mesh, {"low": SOLID})
-    with refused(r"of 16 cells 0 have none and 8 more than one"):
-        ao.Structure(mesh, {"all": SOLID, "high": SOLID})
-    with refused("middle"):
-        ao.Structure(mesh, {"middle": SOLID})
-    with refused("skin"):
-        ao.Structure(mesh, {"skin": SOLID})
-    with refused(r"empty dict"):
-        ao.Structure(mesh, {})
-    with refused("materials"):
-        ao.Structure(mesh, {"low": SOLID, "high": ao.Beam(**parts.STEEL, section=CIRCLE)})
+def given(K: object, M: object) -> ao.Structure:
+    return ao.Structure.from_matrices(K, M)
 
 
-# --- Supports -------------------------------------------------------------------------------------
+WRONG = [
+    # materials, sections, and the meshes that they fit
+    (lambda: ao.Solid(**STEEL, plane="flat"), "plane"),
+    (lambda: ao.Solid(**STEEL, plane="stress", thickness=0.0), "thickness must be > 0"),
+    (lambda: ao.Structure(parts.plate(), SOLID), "needs plane='stress'"),
+    (lambda: ao.Structure(box(), STRESS), "2-D meshes"),
+    (lambda: ao.Section.tube(0.04, 0.02), "thinner than d/2 = 0.02 m; got 0.02"),
+    (lambda: ao.Section.rectangle(-0.1, 0.1), "width must be > 0"),
+    (lambda: ao.Section(A=0.0, I=1.0), "A must be > 0"),
+    (lambda: ao.Beam(**STEEL, section=0.1), "section"),
+    (lambda: ao.Structure(box(), BEAM), "hexahedron"),
+    (lambda: ao.Structure(parts.line(1.0, 2), SOLID), "dimension"),
+    (lambda: ao.Structure(ao.read_mesh("meshes/lever.msh"), STRESS, order=1), "geometric order 2"),
+    (lambda: block(order=3), "order must be 1 or 2; got 3"),
+    (lambda: ao.Structure("meshes/lever.msh", SOLID), "read_mesh"),
+    (lambda: ao.Structure(box(), 210e9), "material"),
+    (lambda: beam(), "orientation"),
+    (lambda: beam(orientation=(0, 0, 2)), "parallel to the axis of 2 beam"),
+    (lambda: beam(orientation=(0, 0, 0)), "length of orientation must be > 0"),
+    (lambda: halves({"low": SOLID}), "of 16 cells 8 have none and 0 more than one"),
+    (lambda: halves({"all": SOLID, "high": SOLID}), "of 16 cells 0 have none and 8 more than one"),
+    (lambda: halves({"middle": SOLID}), "middle"),
+    (lambda: halves({"skin": SOLID}), "skin"),
+    (lambda: halves({}), "empty dict"),
+    (lambda: halves({"low": SOLID, "high": BEAM}), "materials"),
+    # supports and sites
+    (lambda: block(ao.Support("foot")), "foot"),
+    (lambda: block(ao.Support(lambda x: x[0] > 1)), "mesh"),
+    (lambda: block(ao.Support("left", "rx")), "component"),
+    (lambda: block(ao.Support("left", ())), "component"),
+    (lambda: block(ao.Support(lambda x: True)), "shape (225,); got ()"),
+    (lambda: block("left"), "left"),
+    (lambda: block(ao.Support(lambda x: x[0] > -1)), "structure"),
+    (lambda: ao.extract(ao.Structure(parts.line(1.0, 4), BEAM), (0, 0, 0)), "direction"),
+    (lambda: ao.extract(parts.line(1.0, 4), ao.Site((0.5, 0), (0, 1))), "structure"),
+    # files
+    (lambda: ao.read_mesh(3), "read_mesh takes a file or a dolfinx mesh; got int 3"),
+    *((lambda wrong=wrong: ao.read_mesh("meshes/bracket.step", size=0.1, refine=[wrong]), "refine")
+      for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, 4), (0.1, 0.2))),
+    (lambda: tagged(4), "no entity of the mesh tags has the value 4"),
+    (lambda: ao.read_mesh("meshes/lever.msh", groups={"body": (None, 3)}), "groups"),
+    (lambda: ao.read_mesh("meshes/lever.msh", comm=MPI.COMM_NULL), "COMM_NULL"),
+    (lambda: ao.read_model("meshes/lever.msh", comm=MPI.COMM_NULL), "COMM_NULL"),
+    # matrices
+    (lambda: given("stiffness", np.eye(2)), "dense or PETSc matrix; got str"),
+    (lambda: given(np.kron(np.eye(20), [[1e4, -1e4], [-1e4, 1e4]]), np.eye(40)), "matrices"),
+    (lambda: given(np.diag([1.0, -2.0, 3.0]), np.eye(3)), "K must be positive semidefinite; its d"),
+    (lambda: given(np.eye(3), np.diag([-1.0, 1.0, 1.0])), "M must be positive semidefinite; its d"),
+    (lambda: given(np.eye(3), np.zeros((3, 3))), "structure"),
+    (lambda: given(np.zeros((3, 3)), np.eye(3)), "K is zero"),
+]  # fmt: skip
+MATRICES = [
+    ([[2, np.nan], [np.nan, 1]], np.eye(2), "K holds NaN or infinite entries"),
+    (np.eye(2), [[1, 0], [0, np.inf]], "M holds NaN or infinite entries"),
+    ([[2, 1], [0, 1]], np.eye(2), "K must be symmetric"),
+    (np.eye(2), [[1, 2], [0, 1]], "M must be symmetric"),
+    (np.eye(3), np.eye(2), "K and M must be of one size; got (3, 3) and (2, 2)"),
+    (np.ones((2, 3)), np.eye(2), "K must be square; got 2 rows and 3 columns"),
+    (np.zeros((0, 0)), np.zeros((0, 0)), "K must be square; got 0 rows"),
+]
+WRONG += [
+    (lambda K=K, M=M, as_=as_: given(*(as_(np.asarray(A, dtype=float)) for A in (K, M))), word)
+    for (K, M, word), as_ in product(MATRICES, (np.asarray, scipy.sparse.csr_matrix))
+]
+POINT, UP = {"point": (0, 0, 0)}, {"direction": (0, 0, 1)}
+SITES = [
+    ({}, "a Site needs one of: point with direction, dof, vector, or node"),
+    *((more, "a Site needs one of") for more in (
+        {**POINT, "dof": 3}, {"dof": 0, "vector": [1.0]}, {"node": 3, **POINT, **UP},
+        {"node": 3, "vector": [1.0], "dof": "z"})),
+    (POINT, "needs the direction of impact"),
+    ({"point": "top"}, "needs the direction of impact"),
+    ({**POINT, "direction": (0, 0, 0)}, "direction must not be the zero vector"),
+    ({"node": 3, "direction": (0, 0, 0)}, "direction must not be the zero vector"),
+    ({**POINT, "direction": (0, 1)}, "must both have 2 or 3 coordinates; got 3 and 2"),
+    ({"point": (0,), "direction": (1,)}, "must both have 2 or 3 coordinates; got 1 and 1"),
+    ({"node": 3, "direction": (1,)}, "must both have 2 or 3 coordinates"),
+    ({"point": (0, np.nan, 0), **UP}, "point must be finite"),
+    ({**POINT, "direction": (0, np.inf, 1)}, "direction must be finite"),
+    ({**POINT, **UP, "radius": 0.0}, "radius must be > 0"),
+    ({"dof": 0, "radius": 0.1}, "radius needs a mesh"),
+    ({"dof": -1}, "dof must be a whole number >= 0"),
+    ({"vector": "b"}, "vector must"),
+    ({"node": 3}, "at a node needs one of: dof, as dof='z', or direction"),
+    ({"node": 3, "dof": "z", **UP}, "at a node needs one of"),
+    ({"node": -3, "dof": "z"}, "node must be a whole number"),
+    ({"node": 3, "dof": "w"}, "dof"),
+    ({"dof": 0, "tangential": True}, "tangential directions need a Site with a direction"),
+    ({"dof": 0, "snap": "no"}, "snap must be"),
+    ({"dof": 0, "tangential": 3}, "tangential must be"),
+    ({"dof": 0, "part": "a"}, "part= names the part of an assembly"),
+    ({**POINT, **UP, "part": ""}, "part must be a name"),
+    ({"point": "", **UP}, "point must be a name"),
+]  # fmt: skip
+WRONG += [
+    (lambda given=given: ao.extract(block(*LEFT), ao.Site(**given)), word) for given, word in SITES
+]
 
 
-def test_supports():
-    mesh = parts.box()
-    with refused("foot"):
-        ao.Structure(mesh, SOLID, [ao.Support("foot")])
-    with refused("mesh"):
-        ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > 1)])
-    with refused("component"):
-        ao.Structure(mesh, SOLID, [ao.Support("left", "rx")])
-    with refused("component"):
-        ao.Structure(mesh, SOLID, [ao.Support("left", ())])
-    with refused(r"must return one bool per point: shape \(225,\); got \(\)"):
-        ao.Structure(mesh, SOLID, [ao.Support(lambda x: True)])
-    with refused("left"):
-        ao.Structure(mesh, SOLID, ["left"])
-    with refused("structure"):
-        ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > -1)])
+@pytest.mark.parametrize(("call", "word"), WRONG)
+def test_it_is_refused(call, word):
+    with refused(None, word, ao.InputError):
+        call()
 
 
 def test_a_function_that_fails_says_its_own_error():
     with pytest.raises(ZeroDivisionError):
-        ao.Structure(parts.box(), SOLID, [ao.Support(lambda x: 1 / 0)])
+        block(ao.Support(lambda x: 1 / 0))
 
 
-def test_extract_tells_what_it_was_given():
-    line = ao.Structure(parts.line(1.0, 4), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01)))
-    with pytest.raises(ao.InputError, match="direction"):
-        ao.extract(line, (0, 0, 0))
-    with pytest.raises(ao.InputError, match="structure"):
-        ao.extract(parts.line(1.0, 4), ao.Site((0.5, 0), (0, 1)))
+def test_rounding_in_foreign_matrices_is_no_asymmetry():
+    """An entry of 1e-12 whose mirror was dropped."""
+    K = np.array([[2e4, -1e4, 1e-9], [-1e4, 2e4, -1e4], [0, -1e4, 2e4]])
+    assert given(scipy.sparse.csr_matrix(K), np.eye(3)).dofs == 3
+
+
+LINE = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], ("line", [[0, 1], [1, 2], [2, 3]])
+FACE = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]], ("triangle", [[0, 1, 2], [0, 2, 3]])
+INNER = [*SQUARE, [0.5, 0.6, 0], [0.6, 0.4, 0], [0.6, 0.4, 0]]
+MIDDLES = [*INNER, [0.5, 0, 0], [1, 0.5, 0], [0.5, 1, 0], [0, 0.5, 0]]
+PAIR = INNER, ("quad", [[0, 1, 2, 4], [0, 4, 2, 3]])
+#: An inner node that is a corner, or a copy.
+CORNER, COPY = (
+    (MIDDLES, ("triangle6", [[0, 1, 2, 7, 8, 5], [0, 2, 3, node, 9, 10]])) for node in (1, 6)
+)
+CELLS = [
+    (LINE, {}, "1 of 3 cells of part.vtu have no length, one at (1, 0, 0) m: merge"),
+    (FACE, {"gdim": 2}, "1 of 2 cells of part.vtu have no area"),
+    (FACE, {"gdim": 3}, "1 of 2 cells of part.vtu have no area"),
+    (PAIR, {}, "2 of 2 cells of part.vtu share two sides with another one"),
+    (CORNER, {}, "of 2 cells of part.vtu have a node inside a side"),
+    (COPY, {}, "1 of 2 cells of part.vtu have a node inside a side"),
+    (None, {}, "check"),
+]
+
+
+@pytest.mark.parametrize(("content", "options", "words"), CELLS)
+def test_files_of_cells_without_measure_or_that_dolfinx_would_die_of(
+    tmp_path, content, options, words
+):
+    if content:
+        write(tmp_path / "part.vtu", *content)
+    with refused(None, words, ao.MeshError):
+        ao.read_mesh(tmp_path / "part.vtu", **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("supports", [[ao.Support(lambda x: np.isclose(x[0], 0))], []],
+                         ids=["supported", "free"])  # fmt: skip
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning")
+def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
+    """Two squares that touch in one corner: the factor may pass, but no number made with it may."""
+    points = [*SQUARE, [2, 1, 0], [2, 2, 0], [1, 2, 0]]
+    path = write(tmp_path / "hinge.vtu", points, ("quad", [[0, 1, 2, 3], [2, 4, 5, 6]]))
+    structure = ao.Structure(ao.read_mesh(path), STRESS, supports)
+    with refused(None, "hinge", (ao.AccuracyError, ao.NotConvergedError)):
+        ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
 
 
 RANKS = r"""
