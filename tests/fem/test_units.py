@@ -87,6 +87,7 @@ def ball(velocity: float) -> ao.Sphere:
 def test_what_is_implausible_is_blamed_before_the_patch(run):
     model, impactor = soft(doubts=["the part is odd."]), ball(2000.0)
     law = impactor.hertz(70e9, 0.33)
+    bodies = {"a": model, "b": impactor}
     speed = "2000 m/s is faster than 100 m/s.*2 m/s is probably meant"
     hit = {
         "simulate": lambda: ao.simulate(model, impactor, law, 1e-4),

@@ -77,9 +77,6 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
     assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
 
 
-# --- Nastran --------------------------------------------------------------------------------------
-
-
 def nastran(folder: Path, *more: str) -> ao.Structure:
     """The column of two bricks as bulk data, with further entries."""
     lines = []

@@ -56,8 +56,6 @@ def abaqus(folder: Path, text: str) -> ao.Structure:
     return ao.read_model(path)
 
 
-# --- Offsets --------------------------------------------------------------------------------------
-
 MASS = 1e10
 MIDDLE = (MANY + 1, MANY + 2)
 ENDS = (1, 2, 2 * MANY + 1, 2 * MANY + 2)
@@ -91,9 +89,6 @@ def test_a_strip_beside_its_pins_is_an_arch(tmp_path, share):
     for part in (by_zoffs, by_z0, by_share):
         assert omegas(part)[0] * MASS == pytest.approx(held(offset), rel=1e-3)
     assert abs(held(offset) / held(0) - 1) > 0.1
-
-
-# --- Stiffnesses and directions -------------------------------------------------------------------
 
 
 def test_a_solid_by_its_stresses(tmp_path):

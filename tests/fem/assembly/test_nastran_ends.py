@@ -50,8 +50,6 @@ def k0(part: ao.Structure, point, direction) -> float:
     return ao.extract(part, ao.Site(point, direction), n=2).k0
 
 
-# --- Pins, offsets, taper -------------------------------------------------------------------------
-
 CLAMPED = "SPC1,1,123456,1,3\n"
 TIP = L**3 / (3 * E * I) + L / GA  # of a cantilever
 
@@ -81,12 +79,6 @@ def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
     along, turned = L / (E * A), L / (E * I)
     compliance = along - along**2 / (1 / k + along + e**2 * turned)
     assert k0(part, (L, e, 0), (1, 0, 0)) == pytest.approx(1 / compliance, rel=1e-8)
-
-
-# --- Masses ---------------------------------------------------------------------------------------
-
-
-# --- Rods -----------------------------------------------------------------------------------------
 
 
 def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):

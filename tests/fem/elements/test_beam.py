@@ -41,9 +41,6 @@ def solve(structure: ao.Structure, point, loads: dict[str, float]) -> dict[str, 
     return {n: u[dofs_at(structure, point, [n])[0]] for n in structure.form.components}
 
 
-# --- Sections -------------------------------------------------------------------------------------
-
-
 def test_sections_by_their_definitions():
     r = ao.Section.rectangle(0.02, 0.05)
     assert (r.A, r.I, r.side) == pytest.approx((1e-3, 0.02 * 0.05**3 / 12, 0.05 * 0.02**3 / 12))
@@ -60,9 +57,6 @@ def test_sections_by_their_definitions():
     np.testing.assert_allclose(tube.I, thin * 0.0195**2 / 2, rtol=1e-3)
     full = ao.Section.tube(0.04, 0.02 * (1 - 1e-9))
     np.testing.assert_allclose(full.I, d.I, rtol=1e-8)
-
-
-# --- One element ----------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -87,9 +81,6 @@ def test_linear_element_is_the_classical_one():
     line = np.array([[2, 1], [1, 2]]) * L / 6
     weights = np.diag([b.rho * FLAT.A] * 2 + [b.rho * FLAT.I])
     np.testing.assert_allclose(M, np.kron(line, weights), rtol=0, atol=1e-14)
-
-
-# --- Mass and rigid motions -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -141,9 +132,6 @@ def test_a_straight_line_has_all_six_rigid_motions(direction):
     polar = 2 * parts.ALUMINIUM["rho"] * section.I * L
     assert spin @ (M @ spin) == pytest.approx(polar, rel=1e-12)
     assert np.linalg.norm(spin - R @ (R.T @ (M @ spin))) < 1e-9 * np.linalg.norm(spin)
-
-
-# --- Statics --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", [1, 4])

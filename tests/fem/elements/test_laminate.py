@@ -53,9 +53,6 @@ def differ(one, other):
     ]
 
 
-# --- plates -----------------------------------------------------------------------------------
-
-
 def test_navier_gives_the_published_frequencies():
     """ω a²/h √(ρ/E2) of square plates with a/h = 10 and the factor 5/6.
 
@@ -119,9 +116,6 @@ def test_a_soft_core_leaves_no_spurious_mode():
         assert abs(values[5]) < 1e-4 * values[6]
         found.append(np.sqrt(values[6:]))
     assert found[0] == pytest.approx(found[1], rel=5e-3)
-
-
-# --- axes, angles and sides -------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -56,9 +56,6 @@ def fluegge(m, n, R, L, t):
     return np.sqrt(value * E / (RHO * (1 - NU**2))) / R
 
 
-# --- plates -----------------------------------------------------------------------------------
-
-
 @cache
 def plate_error(n, t, cell):
     """Largest relative error of the first three flexural frequencies against Mindlin's."""
@@ -164,8 +161,6 @@ def test_nafems_square_plates(cell, supports, factors):
     assert found[rigid:] == pytest.approx(factors, rel=4e-3)
 
 
-# --- shells -----------------------------------------------------------------------------------
-
 SHELLS = [(cell, order) for cell in CELLS for order in (1, 2)]
 
 
@@ -188,9 +183,6 @@ def test_scordelis_lo_roof(cell, order):
     y = pressed(structure, (0, 0, -90.0))
     corner = (half, R * np.sin(angle), R * np.cos(angle))
     assert -y[dof(structure, corner, "z")] == pytest.approx(0.3020, rel=6e-3)
-
-
-# --- bad input --------------------------------------------------------------------------------
 
 
 def test_a_triangle_without_area():

@@ -147,9 +147,6 @@ def test_patch_of_constant_strain(cell, order):
     assert u @ force / 2 == pytest.approx(density * np.prod(size), rel=1e-12)
 
 
-# --- The half-space behind a patch ----------------------------------------------------------------
-
-
 @FREE_ON_PURPOSE
 @pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_normal_patch_compliance_is_that_of_hertz():

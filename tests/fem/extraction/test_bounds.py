@@ -54,9 +54,6 @@ def _slide(angle: float) -> tuple[ao.Structure, ao.Site]:
 METHODS = ("krylov", "modes")
 
 
-# --- A rigid-body motion that hardly moves the site ----------------------------------------------
-
-
 ANGLES = np.geomspace(1e-1, 1e-15, 12)
 
 
@@ -118,9 +115,6 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
     assert np.all(bound < 20 * error + 1e-9)
 
 
-# --- What rounding did --------------------------------------------------------------------------
-
-
 @pytest.mark.fem
 def test_modes_of_an_uneven_structure_are_orthogonal():
     K, M, b = loose_bodies(np.random.default_rng(20), 7)
@@ -147,9 +141,6 @@ def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
     model = ao.extract(structure, ao.Site(vector=b), len(b) - 5)
     still = structure.rigid_modes @ np.linalg.svd((structure.rigid_modes.T @ b)[None])[2][1:].T
     assert np.abs(still.T @ M @ model.shapes[:, 1:] / np.sqrt(model.m)).max() < 1e-11
-
-
-# --- Loops that end -----------------------------------------------------------------------------
 
 
 def _row(n: int) -> np.ndarray:

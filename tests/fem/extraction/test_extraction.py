@@ -112,9 +112,6 @@ def test_shapes_are_what_they_are_called(case):
     assert residual @ (M @ residual) == pytest.approx(model.m0, abs=1e-8 * model.m_st)
 
 
-# --- Large enough for SLEPc -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("supports", [LEFT, (), [ao.Support("left", ("x", "z"))]],
                          ids=["supported", "free", "hinged"])  # fmt: skip
 @pytest.mark.slow
@@ -151,12 +148,6 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
         assert value < 1e-7, name
 
 
-# --- Real parts -----------------------------------------------------------------------------------
-
-
-# --- Unobservable and repeated modes --------------------------------------------------------------
-
-
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     """Bending across the impact, torsion and stretching are there, and carry nothing."""
     L = 0.8
@@ -170,9 +161,6 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     assert oblique.m_st == pytest.approx(flat.m_st, rel=1e-9)
     assert oblique.k0 == flat.k0 == 0.0
     assert oblique.info["modes_unobservable"] > 6
-
-
-# --- Numbers asked for ----------------------------------------------------------------------------
 
 
 # --- The bound on what the truncated modes do to Z: their mass on poles above the last known on
@@ -202,9 +190,6 @@ def test_no_truncated_mode_does_more(pole):
     if pole == TOP:  # below the last pole it is the least bound
         below = X.real < TOP
         np.testing.assert_allclose(effect(0.3, pole)[below], bound[below], rtol=1e-12)
-
-
-# --- Natural modes against dense eigenvalues, repeated ones included ------------------------------
 
 
 @cache

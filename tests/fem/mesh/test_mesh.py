@@ -84,9 +84,6 @@ def expected_moments(dim: int, bent: bool) -> np.ndarray:
     return np.array([weight @ np.prod(points**e, axis=1) for e in EXPONENTS if not any(e[dim:])])
 
 
-# --- Cells and formats ----------------------------------------------------------------------------
-
-
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
@@ -124,12 +121,6 @@ def test_a_dolfinx_mesh_with_tags():
             ao.read_mesh(mesh, **option)
     assert [len(adopted.group(name)[1]) for name in ("low", "high")] == [2, 2]
     np.testing.assert_allclose(parts.group_points(adopted, "low", 1)[..., 0], 0, atol=1e-15)
-
-
-# --- The parts of meshes/ -------------------------------------------------------------------------
-
-
-# --- Ranks ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.mpi

@@ -196,9 +196,6 @@ def test_cells_that_nothing_carries(monkeypatch):
         read(monkeypatch, content)
 
 
-# --- Several kinds of cells -----------------------------------------------------------------------
-
-
 # --- Limits of the process that reads: what the kernel is asked for, written down instead ---------
 
 

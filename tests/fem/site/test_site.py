@@ -51,8 +51,6 @@ def at(structure: ao.Structure, point, direction, **options) -> np.ndarray:
         return functional(structure, ao.Site(point, direction, **options)).b
 
 
-# --- A point --------------------------------------------------------------------------------------
-
 POINTS = [
     (0.0, 0.0, 0.0), (0.2, 0.05, 0.04), (0.1, 0.025, 0.02), (0.05, 0.0, 0.013),
     (0.0731, 0.0312, 0.0207), (0.2, 0.011, 0.04), (0.1, 0.05, 0.0333),
@@ -93,9 +91,6 @@ def test_a_point_on_a_beam(dim, order):
         expected = field((s * t)[:, None])[:, 0] @ d / np.linalg.norm(d)
         found = at(structure, (s * t)[:dim], d[:dim]) @ u
         assert found == pytest.approx(expected, rel=1e-10)
-
-
-# --- Off the structure ----------------------------------------------------------------------------
 
 
 def test_a_point_outside_says_how_far_and_where_to_strike():
@@ -168,9 +163,6 @@ def test_a_point_above_a_plane_part_is_off_it():
         at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
 
 
-# --- A patch --------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
     """Half of the patch is missing, which is said; the other face carries nothing."""
@@ -197,9 +189,6 @@ def test_a_radius_on_a_beam_is_refused():
     )
     with pytest.raises(ao.InputError, match="a radius applies to solids and shells"):
         functional(structure, ao.Site((0.5, 0.0), (0, 1), radius=0.01))
-
-
-# --- Held sites -----------------------------------------------------------------------------------
 
 
 def test_a_site_that_the_supports_hold():

@@ -85,12 +85,6 @@ def test_sparse_modes_are_those_of_lapack(free, direct):
     assert pair[0].k0 == pytest.approx(model.k0, rel=1e-10)
 
 
-# -- what is no stiffness
-
-
-# -- without the packages, and on other systems
-
-
 ALONE = """
 import sys
 class Blocked:
@@ -134,9 +128,6 @@ def test_extraction_without_the_packages():
     assert done.returncode == 0, done.stderr
     K = 1e4 * (2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1))
     assert float(done.stdout) == pytest.approx(1 / np.linalg.inv(K)[20, 20], rel=1e-12)
-
-
-# -- the same results as with PETSc
 
 
 @pytest.mark.sample

@@ -51,9 +51,6 @@ def held(structure: ao.Structure, name: str) -> np.ndarray:
     return x[np.isin(dofs, structure.fixed)]
 
 
-# --- Supports -------------------------------------------------------------------------------------
-
-
 @FREE_ON_PURPOSE
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_a_named_group_holds_all_motions_of_its_face(cell):
@@ -96,9 +93,6 @@ def test_reading_never_changes_the_shift(monkeypatch):
         bar.shift = 2 * before
 
 
-# --- Foreign matrices -----------------------------------------------------------------------------
-
-
 @FREE_ON_PURPOSE
 def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
     meshed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
@@ -111,9 +105,6 @@ def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
     for ask in (lambda: given.mass, lambda: given.dimensions, given.constants):
         with pytest.raises(ao.InputError, match="matrices"):
             ask()
-
-
-# --- Families -------------------------------------------------------------------------------------
 
 
 class Rubbery:
@@ -277,9 +268,6 @@ def test_two_ranks_find_what_one_finds():
     """
     one, two = one_and_several(script)
     assert two == pytest.approx(one, rel=1e-5)
-
-
-# --- bad input --------------------------------------------------------------------------------
 
 
 #: Memory after each of some structures, which are dropped, in units of one's K and M.
