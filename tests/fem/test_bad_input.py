@@ -14,7 +14,7 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from mesh_files import write
-from mpi import run_ranks
+from mpi import START, run_ranks
 from parts import STEEL
 from refusals import refused
 
@@ -219,13 +219,8 @@ def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
 
 
 RANKS = r"""
-import sys, warnings
-import numpy as np
 folder = sys.argv[1]
-import antiosc as ao
-import parts
 from antiosc.base.errors import AntioscWarning
-from mpi4py import MPI
 
 warnings.simplefilter("ignore", AntioscWarning)
 world = MPI.COMM_WORLD
@@ -281,8 +276,8 @@ def test_every_rank_raises_the_same_error(tmp_path):
         (tmp_path / f"garbage.{suffix}").write_text("Dear reader,\nthis is no mesh.\n")
     quads = ("quad", [[0, 1, 2, 3], [4, 5, 6, 7]])
     write(tmp_path / "pieces.vtu", [*SQUARE, *(SQUARE + 2)], quads)
-    one = run_ranks(1, RANKS, str(tmp_path))[0]
-    two = run_ranks(2, RANKS, str(tmp_path))
+    one = run_ranks(1, START + RANKS, str(tmp_path))[0]
+    two = run_ranks(2, START + RANKS, str(tmp_path))
     assert "nothing was raised" not in one
     assert two == [one, one]
     assert len(one.splitlines()) == 20

@@ -11,18 +11,13 @@ import pytest
 
 import mpi
 import parts
-from mpi import one_and_several, run_ranks
+from mpi import START, one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
 
 
 MODELS = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
 from antiosc.base.errors import AntioscWarning
-from antiosc.fem.platform import compat
 
 warnings.simplefilter("ignore", AntioscWarning)
 solid = ao.Solid(**parts.STEEL)
@@ -71,7 +66,7 @@ print(json.dumps(found))
 @pytest.mark.slow
 def test_two_ranks_give_the_models_of_one(tmp_path):
     cube = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2, bent=True, n=4)
-    one, two = one_and_several(MODELS, str(cube))
+    one, two = one_and_several(START + MODELS, str(cube))
     assert len(one) == 7
     for name, serial in one.items():
         ranks = two[name]
@@ -91,11 +86,6 @@ def test_two_ranks_give_the_models_of_one(tmp_path):
 
 
 FIELDS = """
-import json, sys
-import numpy as np
-import antiosc as ao
-import parts
-
 structure = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
                          [ao.Support("left")])
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
@@ -115,7 +105,7 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
     results = {}
     for n in (1, 2):
         (tmp_path / str(n)).mkdir()
-        printed = run_ranks(n, FIELDS, str(tmp_path / str(n) / "series.pvd"))
+        printed = run_ranks(n, START + FIELDS, str(tmp_path / str(n) / "series.pvd"))
         assert len(set(printed)) == 1
         felt, moved, peak = json.loads(printed[0])
         frames = [meshio.read(p) for p in sorted((tmp_path / str(n)).glob("*.vtu"))]
@@ -137,11 +127,6 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
 
 
 FREE = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-
 warnings.simplefilter("ignore")
 guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
 rows = []
@@ -163,7 +148,7 @@ print(json.dumps(rows))
 
 def test_two_ranks_give_the_free_motion_of_one():
     """Momentum, angular momentum and fields of falling, spinning, sliding bodies."""
-    one, two = one_and_several(FREE)
+    one, two = one_and_several(START + FREE)
     for a, b in zip(one, two, strict=True):
         for part in (slice(0, 3), slice(3, 6), slice(6, 12), slice(12, 13), slice(13, 14)):
             scale = np.abs(a[part]).max()

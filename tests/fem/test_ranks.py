@@ -8,17 +8,11 @@ import numpy as np
 import pytest
 
 import parts
-from mpi import one_and_several, run_ranks
+from mpi import START, one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
 
 DIFFERENT = """
-import sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-from mpi4py import MPI
-
 rank, folder = MPI.COMM_WORLD.rank, sys.argv[1]
 solid, left = ao.Solid(**parts.STEEL), [ao.Support("left")]
 mesh = parts.box((4, 2, 2))
@@ -67,7 +61,7 @@ print(ao.extract(part, site, n=4).n)
 
 
 def test_other_arguments_are_refused_by_all_ranks(tmp_path):
-    printed = [text.splitlines() for text in run_ranks(3, DIFFERENT, str(tmp_path))]
+    printed = [text.splitlines() for text in run_ranks(3, START + DIFFERENT, str(tmp_path))]
     assert all(lines == printed[0] for lines in printed)
     assert printed[0][-1] == "4"
     assert len(printed[0]) == 18
@@ -84,12 +78,7 @@ def test_other_arguments_are_refused_by_all_ranks(tmp_path):
 
 
 ALONE = """
-import warnings
-import numpy as np
-import antiosc as ao
-import parts
 from antiosc.fem import platform
-from mpi4py import MPI
 
 comm = MPI.COMM_WORLD
 mesh, solid = parts.box((4, 2, 2)), ao.Solid(**parts.STEEL)
@@ -137,7 +126,7 @@ print(comm.allreduce(1))
 
 
 def test_an_error_of_one_rank_is_that_of_all():
-    printed = [text.splitlines() for text in run_ranks(2, ALONE)]
+    printed = [text.splitlines() for text in run_ranks(2, START + ALONE)]
     said = ["one", "odd one", "two", "odd two", "division", "grows without limit", "2"]
     for lines in printed:
         for line, text in zip(lines, said, strict=True):
@@ -145,12 +134,6 @@ def test_an_error_of_one_rank_is_that_of_all():
 
 
 TINY = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-from antiosc.fem.platform import compat
-
 warnings.simplefilter("ignore")
 beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.03))
 solid, shell = ao.Solid(**parts.STEEL), ao.Shell(**parts.STEEL, thickness=0.05)
@@ -196,7 +179,7 @@ def test_ranks_without_cells(tmp_path):
     """One cell on two ranks: the same numbers as on one."""
     kinds = "quadrilateral", "hexahedron"
     cubes = [str(parts.gmsh_cube(tmp_path / f"{kind}.msh", kind, n=1)) for kind in kinds]
-    one, several = one_and_several(TINY, str(tmp_path / "series.pvd"), *cubes)
+    one, several = one_and_several(START + TINY, str(tmp_path / "series.pvd"), *cubes)
     assert len(one) == 4
     for name, serial in one.items():
         assert several[name].pop("cells").count(0) == 1
@@ -209,9 +192,6 @@ def test_ranks_without_cells(tmp_path):
 
 
 GIVEN = """
-import json, sys
-import numpy as np
-import antiosc as ao
 from petsc4py import PETSc
 
 def shared(n, entries):
@@ -237,7 +217,7 @@ print(json.dumps(found))
 
 def test_a_free_chain_of_fewer_masses_than_ranks():
     """Its antiresonances are 2 √(k/m) sin((2j - 1)π/(4n - 2)), those of the chain pinned there."""
-    printed = run_ranks(3, GIVEN)
+    printed = run_ranks(3, START + GIVEN)
     assert len(set(printed)) == 1
     for n, (k0, m_st, *omega) in json.loads(printed[0]).items():
         j = np.arange(1, int(n))

@@ -43,10 +43,7 @@ def told(material: object) -> None:
 
 
 TOLD = [
-    (
-        lambda: told(ao.Shell(210e9, 0.3, 7.85, thickness=1e-3)),
-        r"√\(E/ρ\) = .*1.64e\+05.*rho in g/cm³",
-    ),
+    (lambda: told(ao.Shell(210e9, 0.3, 7.85, thickness=1e-3)), r"1.64e\+05.*rho in g/cm³"),
     (lambda: told(ao.Solid(2.5e3, 0.3, 1200.0)), "1.44 m/s.*E in MPa"),  # of plastics, or a gel
     (lambda: told(ao.Solid(210e3, 0.3, 7.85e-9)), "E in MPa and rho in t/mm³"),
     (lambda: told(ao.Laminate([FOAM])), "45.6"),
@@ -92,9 +89,7 @@ def test_what_is_implausible_is_blamed_before_the_patch(run):
     hit = {
         "simulate": lambda: ao.simulate(model, impactor, law, 1e-4),
         "simulate_many": lambda: ao.simulate_many(model, impactor, law, 1e-4),
-        "scene": lambda: ao.Scene({"a": model, "b": impactor}, [ao.Contact("a", "b", law)]).run(
-            1e-4
-        ),
+        "scene": lambda: ao.Scene(bodies, [ao.Contact("a", "b", law)]).run(1e-4),
     }[run]
     with (
         pytest.warns(AntioscWarning, match=speed) as told,

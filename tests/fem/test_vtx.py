@@ -19,6 +19,9 @@ from assemblies import BEAM, SOLID, box, line
 from mpi import run_ranks
 from sheets import SHEET, sheet as surface
 
+pytestmark = pytest.mark.filterwarnings("ignore:the compliance under a point load")
+
+
 installed = pytest.mark.skipif(not compat.writes_vtx(), reason="dolfinx without ADIOS2")
 TIMES = [0.0, 1e-4, 3e-4]
 PROGRAM = """
@@ -83,7 +86,6 @@ def compare(folder) -> None:
             np.testing.assert_allclose(moved, expected, atol=1e-9 * scale)
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @installed
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -95,7 +97,6 @@ def test_a_folder_holds_what_the_frames_hold(ranks, tmp_path):
     compare(tmp_path)
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @installed
 def test_a_plane_part_and_a_name_that_is_taken(tmp_path):
     part = sheet()
@@ -115,7 +116,6 @@ def mkdir(path) -> None:
     path.mkdir()
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 def test_where_it_cannot_be_written_it_says_so(tmp_path, monkeypatch):
     part = sheet()
     hit = struck(part)

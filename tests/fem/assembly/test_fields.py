@@ -17,6 +17,15 @@ from antiosc.results.fields import shapes_of
 from antiosc.simulation.histories import amplitudes
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:the compliance under a point"),
+    pytest.mark.filterwarnings("ignore:none of the"),
+    pytest.mark.filterwarnings("ignore:Z may be off"),
+    pytest.mark.filterwarnings("ignore:.* sites are left out"),
+    pytest.mark.filterwarnings("ignore:the compliance under a point load"),
+]
+
+
 STEEL = ao.Solid(E, NU, RHO)
 #: The right half lies along y in its own mesh, and upside down.
 TURNED = ao.Placement((0.1, 0.0, 0.0), (0, 0, 1), -np.pi / 2)
@@ -47,10 +56,6 @@ def hits() -> list[ao.History]:
     ]
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 def test_a_series_holds_all_parts_in_their_places(tmp_path):
     path = ao.write_series(cut(), hits()[1], tmp_path / "bar.pvd", times=[5e-4])
     found = meshio.read(path.with_name("bar_0000.vtu"))
@@ -62,10 +67,6 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
     np.testing.assert_allclose(found.point_data["displacement"][end], moved[0], rtol=1e-6)
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 def test_a_group_names_the_point_of_a_probe():
     """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
     one, two = hits()
@@ -87,10 +88,6 @@ def test_a_group_names_the_point_of_a_probe():
     np.testing.assert_allclose(gauge, by_point, rtol=0, atol=1e-4 * np.abs(by_point).max())
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 def test_a_reference_point_is_struck_and_probed():
     """A point on an arm, fixed to the end of the left half: rigid, and as the model tells."""
     left = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (4, 1, 1)), STEEL, [ao.Support("x0")])
@@ -113,10 +110,6 @@ def test_a_reference_point_is_struck_and_probed():
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration", "rotation", "stress"])
 @pytest.mark.parametrize(("point", "name"), [((0.03, 0.004, 0.018), "left"),
@@ -130,10 +123,6 @@ def test_a_probe_is_that_of_the_uncut_bar(quantity, point, name):
     np.testing.assert_allclose(found, reference, rtol=0, atol=1e-4 * np.abs(reference).max())
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 @pytest.mark.slow
 def test_a_turned_part_of_an_anisotropic_material_is_the_part():
     """Its axes turn with it: model, motion, and stresses in global and in local axes."""
@@ -163,10 +152,6 @@ def test_a_turned_part_of_an_anisotropic_material_is_the_part():
     assert same == pytest.approx(local, abs=1e-6 * np.abs(stress).max())
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
-@pytest.mark.filterwarnings("ignore:none of the")
-@pytest.mark.filterwarnings("ignore:Z may be off")
-@pytest.mark.filterwarnings("ignore:.* sites are left out")
 @pytest.mark.slow
 def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     """Groups of both parts, all their surfaces, and points: the models of single extractions."""
@@ -216,7 +201,6 @@ def check_balance(found, axes=(0, 1, 2)):
     return scale
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @pytest.mark.slow
 def test_a_bar_cut_in_two_has_the_reactions_of_one_mesh():
     """Held at both ends and along the bottom of one half: all nodes of the cut match."""
@@ -246,7 +230,6 @@ def test_a_bar_cut_in_two_has_the_reactions_of_one_mesh():
             np.testing.assert_allclose(own, other, atol=1e-5 * np.abs(other).max())
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 def test_at_rest_forces_and_moments_are_those_of_statics():
     """A beam on a hinge and a roller under F at a third: 2/3 and 1/3 of it, no moment."""
     beam = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 6), BEAM)
@@ -272,7 +255,6 @@ def test_at_rest_forces_and_moments_are_those_of_statics():
     np.testing.assert_allclose(found.moment["hinge"][-1], np.zeros(3), atol=1e-6)
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 def test_prescribed_values_of_constraints_that_overlap():
     """Rows of any size, one twice, two of a chain: all but the repeated one take their values."""
     rng = np.random.default_rng(4)
@@ -293,7 +275,6 @@ def test_prescribed_values_of_constraints_that_overlap():
     assert same.particular is None
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 def test_supports_on_both_sides_of_a_joint():
     """The tied faces are held along their lower edge on either side: the balance holds still."""
     held = [ao.Support("y0")]
@@ -306,7 +287,6 @@ def test_supports_on_both_sides_of_a_joint():
     assert all(np.abs(f[:, 1]).max() > 0.1 * hit.peak_force for f in found.force.values())
 
 
-@pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @pytest.mark.slow
 def test_a_turned_part_on_points_and_joints():
     """A bar that stands askew, on a hinge to ground, a spider and a bushing to a held point."""

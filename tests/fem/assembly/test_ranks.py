@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 import every_joint
-from mpi import one_and_several, run_ranks
+from mpi import START, one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
 
 PROGRAM = """
-import dolfinx, json, sys, warnings
-import numpy as np
-from mpi4py import MPI
-import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 import every_joint
 from assemblies import at, grouped
@@ -186,7 +182,7 @@ DECK = """*NODE
 def test_several_ranks_give_the_assembly_of_one(tmp_path):
     (tmp_path / "deck.inp").write_text(DECK)
     files = str(tmp_path / "series.pvd"), str(tmp_path / "deck.inp")
-    (alone, told), (found, said) = one_and_several(PROGRAM, *files)
+    (alone, told), (found, said) = one_and_several(START + PROGRAM, *files)
     assert said == told
     assert not any("passed" in sentence for sentence in said)
     for name, values in alone.items():
@@ -204,25 +200,17 @@ def test_several_ranks_give_the_assembly_of_one(tmp_path):
 def test_parts_that_each_rank_has_for_itself_are_joined_by_each():
     """Even by one rank alone, which must not wait for the others."""
     script = """
-import numpy as np, dolfinx
-from mpi4py import MPI
-import antiosc as ao
 box = dolfinx.mesh.create_box(MPI.COMM_SELF, [np.zeros(3), np.ones(3)], [2, 1, 1])
 block = ao.Structure(ao.read_mesh(box), ao.Solid(70e9, 0.3, 2700.0), order=1)
 if MPI.COMM_WORLD.rank == 1:
     made = ao.assemble({"a": block}, attached=[ao.PointMass((1, 1, 1), 2.0)])
     print(made.mass)
 """
-    printed = run_ranks(2, script, timeout=100)
+    printed = run_ranks(2, START + script, timeout=100)
     assert float(printed[1]) == pytest.approx(2702.0, rel=1e-12)
 
 
 SUPERELEMENT = """
-import json, sys, warnings
-import dolfinx
-import numpy as np
-from mpi4py import MPI
-import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 from assemblies import SOLID, at, grouped
 
@@ -257,5 +245,5 @@ print(json.dumps([model.k0, *model.omega[:3], *moved.real, *moved.imag]))
 
 
 def test_superelements_and_dampers_on_two_ranks():
-    alone, two = one_and_several(SUPERELEMENT)
+    alone, two = one_and_several(START + SUPERELEMENT)
     np.testing.assert_allclose(two, alone, rtol=1e-6)

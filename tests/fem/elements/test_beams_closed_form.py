@@ -13,6 +13,9 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
+pytestmark = FREE_ON_PURPOSE
+
+
 LENGTH = 1.0
 WIDTH = 0.0141421356237  # the article's case 2: 2 cm², 0.33 cm⁴
 SECTION = ao.Section.rectangle(WIDTH, WIDTH)
@@ -47,7 +50,6 @@ def errors(model: ao.AntiOscillators, exact: ao.AntiOscillators) -> dict[str, np
     }
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.parametrize(("order", "rate"), [(2, 4.0), (1, 2.0)])
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.slow
@@ -64,7 +66,6 @@ def test_order_of_convergence(name, order, rate):
             assert rates.max() < rate + 0.25, found
 
 
-@FREE_ON_PURPOSE
 def test_stiffness_of_the_article_supported_beam():
     """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
     model = meshed("pinned-pinned, mid-span", 50, 1)
@@ -77,7 +78,6 @@ def test_stiffness_of_the_article_supported_beam():
     ).m_st == pytest.approx(0.89, abs=0.01)
 
 
-@FREE_ON_PURPOSE
 def test_a_beam_along_its_own_axis_is_a_rod():
     """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
     structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
@@ -90,7 +90,6 @@ def test_a_beam_along_its_own_axis_is_a_rod():
     assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
 
 
-@FREE_ON_PURPOSE
 def test_a_solid_bar_becomes_the_beam():
     """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
     L, h, t = 1.0, 0.1, 0.02
@@ -109,7 +108,6 @@ def test_a_solid_bar_becomes_the_beam():
     assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
 
 
-@FREE_ON_PURPOSE
 def test_a_beam_beside_its_line_is_the_same_beam():
     """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
     section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05
@@ -164,7 +162,6 @@ def compare(model: ao.AntiOscillators, exact: ao.AntiOscillators, tol: float) ->
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize(("slenderness", "elements", "method"), SLENDER)
@@ -184,7 +181,6 @@ def test_however_slender_and_fine(slenderness, elements, held, method):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 def test_far_beyond_sixteen_digits_is_refused(held):
@@ -198,7 +194,6 @@ def test_far_beyond_sixteen_digits_is_refused(held):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (1.0, 2.0, 2.0)], ids=["plane", "space"])
@@ -222,7 +217,6 @@ def test_a_beam_that_is_rigid_in_shear(side, axis, held):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_springs_and_masses_on_a_slender_beam():
     """k0 = 1/(L³/3EI + L/κGA) + k, exact also where the spring is far below K's rounding."""
     section = ao.Section.rectangle(1e-5, 1e-5)
@@ -237,7 +231,6 @@ def test_springs_and_masses_on_a_slender_beam():
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_products_by_strains_are_those_of_the_entries():
     """On a stocky frame with a spring, where the entries have lost nothing yet."""
     section = ao.Section.rectangle(0.02, 0.03)

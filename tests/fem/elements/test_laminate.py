@@ -15,7 +15,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from laminates import navier, uniform
-from mpi import one_and_several
+from mpi import START, one_and_several
 from paths import demo
 from sheets import (
     CELLS,
@@ -321,9 +321,6 @@ def test_a_free_unsymmetric_laminate_is_struck(cell):
 
 
 SCRIPT = """
-import json
-import numpy as np
-import antiosc as ao
 from sheets import flipped, sheet, unsymmetric
 
 mesh = sheet((8, 3), lambda s, t: (
@@ -334,8 +331,6 @@ site = ao.Site((0.52, 0.21, 0), (0, 0.3, 1), radius=0.06, snap=True)
 model = ao.extract(part, site, n=4)
 numbers = [part.dofs, part.mass, model.k0, model.m_st, *model.omega, *model.m]
 x, cells = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.]]), np.array([[0, 1, 2], [1, 2, 3]])
-from mpi4py import MPI
-from antiosc.fem.platform import compat
 few = slice(0 if MPI.COMM_WORLD.rank else 2)
 bad = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells[few], x if not few.stop == 0 else x[:0],
     "triangle", 1))
@@ -349,7 +344,7 @@ except ao.InputError as error:
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_two_ranks_find_what_one_finds():
-    one, two = one_and_several(SCRIPT)
+    one, two = one_and_several(START + SCRIPT)
     assert two[0] == pytest.approx(one[0], rel=1e-6)
     assert "opposite normals at 1 edges" in two[1] == one[1]
 

@@ -15,6 +15,11 @@ from marks import FREE_ON_PURPOSE
 from parts import STEEL, box, line, named, plate
 from sheets import PLY
 
+pytestmark = [
+    FREE_ON_PURPOSE,
+    pytest.mark.filterwarnings("ignore:the compliance under a point"),
+]
+
 
 def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
     return ao.extract(part, ao.Site(point, direction), n=3).k0
@@ -91,8 +96,6 @@ def shaken(cell: str, size, amount: float = 0.15) -> ao.Mesh:
     return mesh
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.sample
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(("geometry", "order"), [(1, 1), (1, 2), (2, 2)])
@@ -117,8 +120,6 @@ def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
         assert shift @ (M @ shift) == pytest.approx(mass, rel=1e-13)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
@@ -147,8 +148,6 @@ def test_patch_of_constant_strain(cell, order):
     assert u @ force / 2 == pytest.approx(density * np.prod(size), rel=1e-12)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_normal_patch_compliance_is_that_of_hertz():
     """Work of Hertz's pressure on its own indentation: u = π p0 (2a² − r²)/(4 E* a)."""
     solid = ao.Solid(**parts.STEEL)
@@ -174,8 +173,6 @@ def turn(angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
     """√(E/ρ): of the fibres, of layers at any angle, of an isotropic sheet."""
     wood = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), 1, 1))
@@ -191,8 +188,6 @@ def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
     assert sheet.bar_speed() == pytest.approx(np.sqrt(E / RHO), rel=1e-12)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("along", [0, 1, 2])
 def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     """Its end moves as one and it may contract: E_i A / L."""
@@ -203,8 +198,6 @@ def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_plane_states_in_tension(plane):
     """A strip pulled at its end stretches by F L/(E' A), with E' = E or E/(1 − ν²)."""
@@ -230,8 +223,6 @@ def test_plane_states_in_tension(plane):
     assert np.abs(force[rest]).max() < 1e-11 * np.abs(force).max()
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 def test_several_materials_by_group():
     """Two bars in a row: the compliance is the sum, the mass too."""
     L, b, h = 0.2, 0.05, 0.04
@@ -260,8 +251,6 @@ def test_several_materials_by_group():
     assert np.abs(force[rest]).max() < 1e-11
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
 @pytest.mark.parametrize("degrees", [0, 30, 60, 90])
 def test_half_space_compliance_along_any_direction(nu, degrees):
@@ -272,8 +261,6 @@ def test_half_space_compliance_along_any_direction(nu, degrees):
     assert solid.half_space_compliance(np.cos(t)) == pytest.approx(expected, rel=1e-6)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.slow
 def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     mesh = parts.box()
@@ -287,8 +274,6 @@ def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     assert other.mass == pytest.approx(plain.mass, rel=1e-12)
 
 
-@FREE_ON_PURPOSE
-@pytest.mark.filterwarnings("ignore:the compliance under a point")
 @pytest.mark.slow
 @pytest.mark.parametrize("oriented", [False, True])
 def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):

@@ -16,6 +16,8 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site import functional
 from marks import FREE_ON_PURPOSE
 
+pytestmark = FREE_ON_PURPOSE
+
 
 @pytest.fixture(scope="module", params=["clamped", "sliding", "free"])
 def plate(request) -> tuple[ao.Structure, ao.Site]:
@@ -53,7 +55,6 @@ def direct(part: ao.Structure, site: ao.Site, omega: np.ndarray) -> np.ndarray:
     return np.array([b[free] @ np.linalg.solve(K - w**2 * M, b[free]) for w in omega])
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample(-1)
 def test_full_is_the_direct_solution(plate):
     part, site = plate
@@ -67,7 +68,6 @@ def test_full_is_the_direct_solution(plate):
     np.testing.assert_allclose(model.dynamic_stiffness(omega) * H.real, 1, rtol=1e-5)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.slow
 def test_static_correction_makes_the_rest_static(plate):
     """With it the receptance errs as ω² beyond the modes kept; without, by a constant."""
@@ -82,7 +82,6 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
-@FREE_ON_PURPOSE
 def test_massless_dofs_are_a_compliance():
     """A spring in series with a mass-spring: the struck dof has no mass."""
     K = np.array([[3.0, -3.0], [-3.0, 5.0]])
@@ -95,7 +94,6 @@ def test_massless_dofs_are_a_compliance():
     assert full.weight is None
 
 
-@FREE_ON_PURPOSE
 def test_bad_input():
     part = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
     with pytest.raises(ao.InputError, match="n must be at most the structure's 2 dofs"):
@@ -108,7 +106,6 @@ def test_bad_input():
         ao.full(big, ao.Site(dof=0))
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.slow
 def test_the_field_is_that_of_a_direct_solve(plate):
     """u = (K - ω²M)⁻¹b everywhere: by all modes, and by few with the residual shape at low ω."""
@@ -133,7 +130,6 @@ def test_the_field_is_that_of_a_direct_solve(plate):
         np.testing.assert_allclose(u, exact, atol=off * np.abs(exact).max())
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 def test_weight_of_a_free_part_is_its_mass(plate):
     """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
@@ -149,7 +145,6 @@ def test_weight_of_a_free_part_is_its_mass(plate):
         assert part.rigid_modes.shape[1] < 3
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.slow
 def test_many_modes_of_a_free_slender_beam():
     """ω² spans 1e7 from the first to the last: the first and the rigid-body modes must not show."""

@@ -8,16 +8,11 @@ import meshio
 import numpy as np
 import pytest
 
-from mpi import one_and_several, run_ranks
+from mpi import START, one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
 
 MODELS = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-
 warnings.simplefilter("ignore")
 block = parts.box((8, 4, 3))
 frame = ao.read_mesh("meshes/frame.msh")
@@ -52,7 +47,7 @@ print(json.dumps(found))
 def test_krylov_models():
     # Not compared: the upper Ritz pairs, which are no property of the structure and feel the
     # rounding of every solve.
-    one, two = one_and_several(MODELS)
+    one, two = one_and_several(START + MODELS)
     assert len(one) == 5
     for name, serial in one.items():
         ranks = two[name]
@@ -61,11 +56,6 @@ def test_krylov_models():
 
 
 MAP = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-
 warnings.simplefilter("ignore")
 size = (0.12, 0.08, 0.03)
 groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "top": (2, lambda x: np.isclose(x[2], 0.03))}
@@ -86,7 +76,7 @@ def test_impact_map(tmp_path):
     results, files = [], []
     for n in (1, 2):
         path = tmp_path / f"map{n}.vtu"
-        printed = run_ranks(n, MAP, str(path))
+        printed = run_ranks(n, START + MAP, str(path))
         assert len(set(printed)) == 1  # every rank holds the whole map
         results.append(json.loads(printed[0]))
         files.append(meshio.read(path))
@@ -108,11 +98,6 @@ def test_impact_map(tmp_path):
 
 
 SEVERAL = """
-import json, sys, warnings
-import numpy as np
-import antiosc as ao
-import parts
-
 warnings.simplefilter("ignore")
 mesh = parts.box((6, 3, 2))
 names = {"a": 0.07, "b": 0.12, "c": 0.15}
@@ -151,7 +136,7 @@ print(json.dumps(found))
 
 @pytest.mark.slow
 def test_several_sites():
-    one, two = one_and_several(SEVERAL)
+    one, two = one_and_several(START + SEVERAL)
     assert len(one) == 4
     for name, serial in one.items():
         for key, value in serial.items():

@@ -16,6 +16,9 @@ from marks import FREE_ON_PURPOSE
 from parts import STEEL, box, line
 from several import CORNERS, OMEGA, block_with_corners, sites_of
 
+pytestmark = FREE_ON_PURPOSE
+
+
 Array = NDArray[np.float64]
 
 
@@ -40,7 +43,6 @@ CASES = {
 }
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES)
@@ -61,7 +63,6 @@ def test_all_modes_are_the_structure(case, method, rng):
     np.testing.assert_allclose(model.m0, np.linalg.inv(B.T @ np.linalg.solve(M, B)), rtol=1e-9)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.parametrize("p", [1, 2])
 def test_first_blocks_match_the_moments(p, rng):
     """N blocks of p vectors match 2N moments ΦᵀM TʲΦ of the constrained structure."""
@@ -81,7 +82,6 @@ def test_first_blocks_match_the_moments(p, rng):
             assert error < 1e-11 if j <= 2 * blocks else error > 1e-9
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.parametrize("method", METHODS)
 def test_sites_that_cannot_move_independently(method, rng):
     K, M = loose_chains((14,), 1, rng)
@@ -96,7 +96,6 @@ def test_sites_that_cannot_move_independently(method, rng):
     np.testing.assert_allclose(found, H, atol=1e-9 * np.abs(H).max())
 
 
-@FREE_ON_PURPOSE
 def test_sites_of_a_rigid_part_follow_its_motion():
     """Five sites on a structure that has two motions only."""
     K, M = 1e3 * np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag([1.0, 2.0])
@@ -107,7 +106,6 @@ def test_sites_of_a_rigid_part_follow_its_motion():
     np.testing.assert_allclose(follow, B.T, atol=1e-14)
 
 
-@FREE_ON_PURPOSE
 def test_a_repeated_frequency_is_kept_as_often_as_the_sites_see_it():
     """Five equal oscillators on two masses that are the sites: two of five can be told apart."""
     k, m = 1e4, 0.1
@@ -130,7 +128,6 @@ def block() -> ao.Structure:
     return block_with_corners()
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.parametrize(
     ("sites", "words"),
     [
@@ -146,7 +143,6 @@ def test_bad_names(block, sites, words):
         ao.extract(block, sites)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("held", [0, 1])
@@ -162,7 +158,6 @@ def test_one_named_site_is_the_site_alone(held, method, rng):
         np.testing.assert_allclose(named.k0[0, 0], alone.k0, rtol=1e-9)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("held", [0, 1])
@@ -182,7 +177,6 @@ def test_every_truncation_is_passive(held, method, rng):
         np.testing.assert_allclose(shapes[:, :3].T @ M @ shapes[:, 3:], model.P, atol=1e-11)
 
 
-@FREE_ON_PURPOSE
 def test_lowest_krylov_ones_are_the_antiresonances(block):
     krylov = ao.extract(block, CORNERS, 24)
     modes = ao.extract(block, CORNERS, 8, "modes")
@@ -194,7 +188,6 @@ def test_lowest_krylov_ones_are_the_antiresonances(block):
     np.testing.assert_allclose(krylov.m_st, modes.m_st, rtol=1e-11)
 
 
-@FREE_ON_PURPOSE
 def test_the_other_site_free_is_the_site_alone(block):
     """The receptance of a site does not depend on which others the model has."""
     both = ao.extract(block, CORNERS, 60).site_modes()
@@ -208,7 +201,6 @@ def _slanted(**options: object) -> ao.Site:
     return ao.Site((0.11, 0.02, 0.04), (0.1, 0.2, -1), radius=0.03, **options)
 
 
-@FREE_ON_PURPOSE
 def test_a_site_may_know_its_tangential_displacements(block):
     model = ao.extract(block, {"near": _slanted(tangential=True), "far": CORNERS["far"]}, 10)
     assert model.sites == ("near", "far")
@@ -228,7 +220,6 @@ def test_a_site_may_know_its_tangential_displacements(block):
     np.testing.assert_allclose(other, at_rest[:3, :3], atol=1e-9 * at_rest.max())
 
 
-@FREE_ON_PURPOSE
 def test_tangential_directions_that_supports_hold():
     rails = ao.Support(lambda x: np.isclose(x[2], 0), ["x", "y", "z"])
     wall = ao.Support(lambda x: np.isclose(x[2], 0.04), ["y"])
@@ -241,7 +232,6 @@ def test_tangential_directions_that_supports_hold():
     np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
 def test_an_oblique_blow_rubs(mu, slides):
@@ -266,7 +256,6 @@ def test_an_oblique_blow_rubs(mu, slides):
     assert hit.energy.drift < 2e-3
 
 
-@FREE_ON_PURPOSE
 def test_tangential_directions_belong_to_named_sites(block):
     with pytest.raises(ao.InputError, match="belong to a model of named sites"):
         ao.extract(block, _slanted(tangential=True))
@@ -279,7 +268,6 @@ def test_tangential_directions_belong_to_named_sites(block):
         scene.run(1e-4)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.slow
 def test_tangential_directions_of_an_assembly():
     top = {"top": (2, lambda x: np.isclose(x[2], 0.05)), "foot": (2, lambda x: np.isclose(x[2], 0))}
@@ -305,7 +293,6 @@ def test_tangential_directions_of_an_assembly():
     np.testing.assert_allclose(found, at_rest, atol=1e-9 * np.abs(at_rest).max())
 
 
-@FREE_ON_PURPOSE
 def test_a_plane_part_has_one_tangential_direction():
     plate = ao.Structure(
         box((8, 3), (0.2, 0.05), "quadrilateral"),
@@ -318,7 +305,6 @@ def test_a_plane_part_has_one_tangential_direction():
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
     """A free chain that two hammers strike, one of them on its load too: at any time, anywhere."""
     K, M = loose_chains((10,), 0, rng)
@@ -354,7 +340,6 @@ def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
     """A bar at 45 degrees, shaken along x, bends along z; one site's direction does not tell it."""
     section = ao.Section.rectangle(0.03, 0.01)
@@ -380,7 +365,6 @@ def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_a_field_tells_of_shaken_mass_that_no_site_sees():
     """A bar that sags along y under a steady ground; only a site along y has this in its model."""
     section = ao.Section.rectangle(0.03, 0.01)
@@ -407,7 +391,6 @@ def test_a_field_tells_of_shaken_mass_that_no_site_sees():
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_fields_of_a_scene(block, tmp_path):
     model = ao.extract(block, CORNERS, 30)
     scene = ao.Scene(
@@ -433,7 +416,6 @@ def test_fields_of_a_scene(block, tmp_path):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_a_free_body_moves_as_a_whole():
     """A free block, struck at two corners: its momentum is that of the balls."""
     free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))
@@ -458,7 +440,6 @@ def test_a_free_body_moves_as_a_whole():
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_gravity_and_base_act_on_every_shape(block):
     """The modal forces of a uniform acceleration bend the block as a direct solve says."""
     free = ao.extract(block, CORNERS, 60).site_modes()
@@ -471,7 +452,6 @@ def test_gravity_and_base_act_on_every_shape(block):
 
 
 @pytest.mark.slow
-@FREE_ON_PURPOSE
 def test_gravity_as_a_number_needs_one_direction(block):
     model = ao.extract(block, CORNERS, 10)
     contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)

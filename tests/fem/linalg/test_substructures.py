@@ -80,10 +80,6 @@ def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
 
 
 SOLVES = """
-import json, warnings
-import numpy as np
-import antiosc as ao
-import parts
 from antiosc.base.errors import AntioscError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg import solver_choice
@@ -128,7 +124,7 @@ print(json.dumps(found))
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_over_ranks(ranks):
-    for text in run_ranks(ranks, SOLVES, alone=True):
+    for text in run_ranks(ranks, START + SOLVES, alone=True):
         found = json.loads(text)
         assert found["spread"]
         assert found["mumps"] == "Distributed"

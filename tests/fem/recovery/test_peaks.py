@@ -10,7 +10,7 @@ import antiosc as ao
 import parts
 from antiosc.base.stresses import extreme_principal
 from antiosc.results import peaks
-from mpi import one_and_several
+from mpi import START, one_and_several
 
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
@@ -131,11 +131,6 @@ def test_at_an_interface_the_larger_of_both_materials_counts():
 
 
 PEAKS = """
-import json
-import numpy as np
-import antiosc as ao
-import parts
-
 part = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
                     [ao.Support("left")])
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
@@ -152,7 +147,7 @@ print(json.dumps(rows))
 
 @pytest.mark.mpi
 def test_two_ranks_give_the_envelopes_of_one():
-    one, two = one_and_several(PEAKS)
+    one, two = one_and_several(START + PEAKS)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))
 

@@ -17,8 +17,10 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from antiosc.fem.structure import support
 from marks import FREE_ON_PURPOSE
-from mpi import one_and_several, run_ranks
+from mpi import START, one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
+
+pytestmark = FREE_ON_PURPOSE
 
 
 def handed_over(structure: ao.Structure, kind: str):
@@ -51,7 +53,6 @@ def held(structure: ao.Structure, name: str) -> np.ndarray:
     return x[np.isin(dofs, structure.fixed)]
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_a_named_group_holds_all_motions_of_its_face(cell):
     structure = ao.Structure(parts.box(cell=cell), SOLID, [ao.Support("left")])
@@ -68,7 +69,6 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
     assert abs(K[fixed]).sum() == 75
 
 
-@FREE_ON_PURPOSE
 def test_reading_never_changes_the_shift(monkeypatch):
     """A first estimate of the shift that is far too high is brought closer before it is read."""
     of_mesh = support.of_mesh
@@ -93,7 +93,6 @@ def test_reading_never_changes_the_shift(monkeypatch):
         bar.shift = 2 * before
 
 
-@FREE_ON_PURPOSE
 def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
     meshed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
     given = ao.Structure.from_matrices(meshed.K, meshed.M)
@@ -121,7 +120,6 @@ class Rubbery:
     E, nu, rho = SOLID.E, SOLID.nu, SOLID.rho
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.slow
 def test_a_family_of_ones_own_says_what_a_site_takes():
     clamp = [ao.Support("left")]
@@ -135,7 +133,6 @@ def test_a_family_of_ones_own_says_what_a_site_takes():
         ao.Structure(parts.box(), SOLID.weak_form)
 
 
-@FREE_ON_PURPOSE
 @pytest.mark.sample
 @pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
 @pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
@@ -159,7 +156,6 @@ def test_matrices_give_the_model_of_the_mesh(kind, supports):
         assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
 
 
-@FREE_ON_PURPOSE
 def test_matrices_of_which_one_part_slides():
     """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
     K = np.zeros((6, 6))
@@ -177,7 +173,6 @@ def test_matrices_of_which_one_part_slides():
         np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)
 
 
-@FREE_ON_PURPOSE
 def test_a_point_group_holds_a_node():
     """Three nodes held along three, two and one axes leave no rigid motion, and no more is held."""
     size = (0.2, 0.05, 0.04)
@@ -273,9 +268,6 @@ def test_two_ranks_find_what_one_finds():
 #: Memory after each of some structures, which are dropped, in units of one's K and M.
 GROWTH = """
 import json, resource
-import antiosc as ao
-import parts
-from mpi4py import MPI
 
 peaks = []
 for _ in range(8):
@@ -291,7 +283,7 @@ print(json.dumps((peaks[-1] - peaks[2]) / size))
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_memory_does_not_grow():
-    for text in run_ranks(2, GROWTH, alone=True):
+    for text in run_ranks(2, START + GROWTH, alone=True):
         assert json.loads(text) < 1.5
 
 
