@@ -1,4 +1,4 @@
-"""Equations, rigid bodies, ties, springs and mixed elements of decks as one structure."""
+"""Joints of decks."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
 ]
+
 
 E, A, L = 1e9, 1.0, 2.0
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, 0.\n*DENSITY\n1000.\n"
@@ -180,3 +181,64 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
         spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
     held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
+
+
+STEEL, NU, RHO, R, LENGTH, COUNT, C = 2e11, 0.3, 7800.0, 0.02, 1.0, 4, 3.0
+TIP = ao.Site((LENGTH, 0, 0), (0, 0, 1))
+
+
+def bars(*more: str) -> str:
+    """A cantilever along x, in SI units."""
+    grids = [f"GRID,{k + 1},,{k * LENGTH / COUNT},0.,0." for k in range(COUNT + 1)]
+    bars = [f"CBAR,{k + 1},1,{k + 1},{k + 2},0.,0.,1." for k in range(COUNT)]
+    rest = ["PBARL,1,1,,ROD", f",{R}", f"MAT1,1,{STEEL},,{NU},{RHO}", "SPC1,1,123456,1"]
+    return "\n".join(["BEGIN BULK", *grids, *bars, *rest, *more, "ENDDATA", ""])
+
+
+def abaqus(more: str) -> str:
+    """The same in mm, N and t."""
+    nodes = "".join(f"{k + 1},{1e3 * k * LENGTH / COUNT},0.,0.\n" for k in range(COUNT + 1))
+    beams = "".join(f"{k + 1},{k + 1},{k + 2}\n" for k in range(COUNT))
+    return (
+        f"*NODE\n{nodes}*ELEMENT,TYPE=B31,ELSET=ALL\n{beams}"
+        f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=CIRC\n{1e3 * R}\n0.,0.,1.\n"
+        f"*MATERIAL,NAME=M\n*ELASTIC\n{1e-6 * STEEL},{NU}\n*DENSITY\n{1e-12 * RHO}\n"
+        f"*BOUNDARY\n1,ENCASTRE\n{more}"
+    )
+
+
+DECKS = {
+    "CDAMP2": bars(f"CDAMP2,9,{C},{COUNT + 1},3"),
+    "CDAMP1": bars(f"CDAMP1,9,7,{COUNT + 1},3", f"PDAMP,5,1.,7,{C}"),
+    "CBUSH": bars(f"CBUSH,9,9,{COUNT + 1},,,,,0", f"PBUSH,9,B,,,{C}"),
+    "CVISC": bars(f"GRID,9,,{LENGTH},0.,1.,,123456", f"CVISC,9,9,9,{COUNT + 1}", f"PVISC,9,{C}"),
+    "DASHPOT1": abaqus(
+        f"*ELEMENT,TYPE=DASHPOT1,ELSET=D\n9,{COUNT + 1}\n*DASHPOT,ELSET=D\n3\n{1e-3 * C}\n"
+    ),
+    "DASHPOTA": abaqus(
+        f"*NODE\n9,{1e3 * LENGTH},0.,1000.\n*BOUNDARY\n9,1,6\n"
+        f"*ELEMENT,TYPE=DASHPOTA,ELSET=D\n9,9,{COUNT + 1}\n*DASHPOT,ELSET=D\n\n{1e-3 * C}\n"
+    ),
+}
+
+
+def structure(folder, text: str) -> ao.Structure:
+    path = folder / ("part.inp" if text.startswith("*") else "part.bdf")
+    path.write_text(text)
+    return ao.read_model(path, "mm" if text.startswith("*") else "m")
+
+
+@pytest.mark.filterwarnings("ignore:.*the one number of SECTION=CIRC")
+@pytest.mark.slow
+@pytest.mark.parametrize("case", DECKS)
+def test_a_damper_to_the_ground_gives_its_ratios(case, tmp_path):
+    text = DECKS[case]
+    damped = ao.extract(structure(tmp_path, text), TIP, n=6, error=None)
+    body = ao.superposition(structure(tmp_path, bars()), TIP, 4).modal()
+    expected = C * body.b**2 / (2 * body.omega)
+    found = damped.modal()
+    assert found.damping is not None
+    ratio = found.damping.matrix.diagonal() / (2 * found.omega)
+    np.testing.assert_allclose(found.omega[:2], body.omega[:2], rtol=2e-3)
+    np.testing.assert_allclose(ratio[:2], expected[:2], rtol=1e-2)
+    assert expected[0] > 1e-3

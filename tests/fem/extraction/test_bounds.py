@@ -71,7 +71,6 @@ def _check_forces(structure: ao.Structure, sites: list[ao.Site], n: int, method:
 
 @FREE_ON_PURPOSE
 @pytest.mark.slow
-@pytest.mark.fem
 @pytest.mark.parametrize("method", METHODS)
 def test_force_on_a_block_is_continuous_in_the_angle_to_its_slide(method):
     rails = ao.Support(lambda x: np.isclose(x[2], 0), ["y", "z"])
@@ -115,14 +114,12 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
     assert np.all(bound < 20 * error + 1e-9)
 
 
-@pytest.mark.fem
 def test_modes_of_an_uneven_structure_are_orthogonal():
     K, M, b = loose_bodies(np.random.default_rng(20), 7)
     model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 5, "modes")
     assert model.info["checks"]["orthogonality"] < 1e-9
 
 
-@pytest.mark.fem
 def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
     from antiosc.base import process
 
@@ -134,7 +131,6 @@ def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
         ao.extract(structure, ao.Site(dof=7), 40)
 
 
-@pytest.mark.fem
 def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
     K, M, b = loose_bodies(np.random.default_rng(5), 5)
     structure = ao.Structure.from_matrices(K, M)
@@ -149,7 +145,6 @@ def _row(n: int) -> np.ndarray:
     return np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
 
 
-@pytest.mark.fem
 def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     from antiosc.fem.extraction import eigenmodes
 
@@ -163,7 +158,6 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
         assert ao.extract(structure, site, 5, "modes").n < 5
 
 
-@pytest.mark.fem
 @pytest.mark.parametrize("method", METHODS)
 def test_a_residual_mass_that_a_difference_would_lose(method):
     # a grain on a spring before ten tons that a soft spring holds
@@ -174,7 +168,6 @@ def test_a_residual_mass_that_a_difference_would_lose(method):
     np.testing.assert_allclose(model.m0, 1e-9, rtol=1e-6)
 
 
-@pytest.mark.fem
 def test_full_keeps_a_resonance_of_small_static_compliance():
     structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
     model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
@@ -182,7 +175,6 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 
 
 @pytest.mark.sample
-@pytest.mark.fem
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
 def test_bound_across_a_slide(angle, method):

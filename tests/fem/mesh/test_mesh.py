@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip("gmsh")
 from collections.abc import Callable
 from math import hypot, pi, prod
 
