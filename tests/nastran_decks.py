@@ -23,12 +23,14 @@ E, NU, RHO = 2e11, 0.3, 8e3
 CYCLIC = "CORD2R,5,,0.,0.,0.,1.,0.,0.,\n,0.,1.,0.\n"
 
 
-def read(folder: Path, text: str, density: float | None = None) -> tuple[dict[str, Any], Deck]:
+def read(
+    folder: Path, text: str, density: float | None = None, unit: str = "mm"
+) -> tuple[dict[str, Any], Deck]:
     """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.bdf"
     path.write_text(text)
     found = nastran.read(Sources(path, path.name))
-    model = nastran_model.model_of(found, UnitSystem.of("mm"), density)
+    model = nastran_model.model_of(found, UnitSystem.of(unit), density)
     return json.loads(json.dumps(model)), found.deck
 
 

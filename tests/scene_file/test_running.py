@@ -26,6 +26,8 @@ from scene_files import (
     FRAME,
     HIT,
     LAW,
+    MASS,
+    MATERIAL,
     MATRICES,
     PROBE,
     SCENES,
@@ -385,16 +387,11 @@ def test_what_cannot_be_exported_is_one_sentence(tmp_path, capsys, text, out, wo
     assert list(tmp_path.iterdir()) == [path]
 
 
-STRIKE_PLATE = """\
+STRIKE_PLATE = f"""\
 [geometry]
 source = "plate.geo"
 gdim = 2
-[material]
-kind = "Solid"
-E = 70e9
-nu = 0.33
-rho = 2700.0
-plane = "stress"
+{MATERIAL.format("material")}plane = "stress"
 thickness = 0.01
 [[supports]]
 where = "left"
@@ -402,11 +399,7 @@ where = "left"
 point = [0.15, 0.05]
 direction = [0, -1]
 radius = 0.02
-[impactor]
-kind = "RigidMass"
-mass = 0.1
-velocity = 1.0
-[contact]
+{MASS}[contact]
 kind = "Linear"
 stiffness = 1e7
 [strike]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from abaqus_decks import column
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
@@ -24,19 +25,6 @@ def read(folder: Path, text: str, **options) -> ao.Structure:
     path = folder / "part.inp"
     path.write_text(text)
     return ao.read_model(path, **options)
-
-
-def column(first: int = 1, at: float = 0.0, cells: int = 2) -> str:
-    """Bricks of 1 × 1 × 1 along z: nodes by layers of four, elements from the same number."""
-    rows = []
-    for k in range(cells + 1):
-        corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
-        rows += [f"{first + 4 * k + n},{x},{y},{at + k}" for n, (x, y) in enumerate(corners)]
-    text = "*NODE\n" + "\n".join(rows) + "\n*ELEMENT, TYPE=C3D8, ELSET=ALL\n"
-    for k in range(cells):
-        nodes = [first + 4 * k + n for n in range(8)]
-        text += f"{first + k},{','.join(map(str, nodes))}\n"
-    return text
 
 
 FOOT = "*BOUNDARY\n1,1,3\n2,1,3\n3,1,3\n4,1,3\n"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import every_joint
+from abaqus_decks import column
 from mpi import START, one_and_several, run_ranks
 
 pytestmark = pytest.mark.mpi
@@ -132,25 +133,10 @@ print(json.dumps([found, said]))
 
 
 #: A column of two bricks with a shell and a beam on top; two of its nodes move as one.
-DECK = """*NODE
-1,0,0,0
-2,1,0,0
-3,1,1,0
-4,0,1,0
-5,0,0,1
-6,1,0,1
-7,1,1,1
-8,0,1,1
-9,0,0,2
-10,1,0,2
-11,1,1,2
-12,0,1,2
+DECK = column(elset="BRICKS") + """*NODE
 13,2,0,2
 14,2,1,2
 15,.5,.5,3.
-*ELEMENT, TYPE=C3D8, ELSET=BRICKS
-1,1,2,3,4,5,6,7,8
-2,5,6,7,8,9,10,11,12
 *ELEMENT, TYPE=S4, ELSET=SKIN
 3,10,13,14,11
 *ELEMENT, TYPE=S3, ELSET=SKIN
@@ -169,14 +155,11 @@ DECK = """*NODE
 *DENSITY
 1000.
 *BOUNDARY
-1,1,3
-2,1,3
-3,1,3
-4,1,3
+1,1,3\n2,1,3\n3,1,3\n4,1,3
 *EQUATION
 2
 13,3,1.,14,3,-1.
-"""
+"""  # fmt: skip
 
 
 def test_several_ranks_give_the_assembly_of_one(tmp_path):

@@ -9,20 +9,17 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
-from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
     abaqus_sections as abaqus_profiles,
     nastran_beams as nastran_profiles,
-    nastran_mesh,
-    nastran_model,
     properties as profiles,
 )
 from antiosc_decks.abaqus_cards import Card
 from antiosc_decks.nastran_beams import BeamProfiles, arc
 from antiosc_decks.nastran_cards import Entry
-from antiosc_decks.sources import Sources
 
 PLACE = Place(Path("a deck"), 1)
 
@@ -259,10 +256,8 @@ def read(folder, cards: str):
     text = CYCLIC + MAT
     for k, x in enumerate(X, 1):
         text += f"GRID,{k},,{','.join(map(str, x))}{',5' if k == 2 else ''}\n"
-    path = folder / "part.bdf"
-    path.write_text(text + "CBAR,9,8,2,3,.1,.2,.9\nCBAR,10,8,3,4,.1,.2,.9\n" + cards)
-    found = nastran_mesh.read(Sources(path, path.name))
-    return nastran_model.model_of(found, UnitSystem.of("m"), None), found.deck
+    text += "CBAR,9,8,2,3,.1,.2,.9\nCBAR,10,8,3,4,.1,.2,.9\n"
+    return bdf.read(folder, text + cards, unit="m")
 
 
 def words(values) -> str:

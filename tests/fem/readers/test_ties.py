@@ -13,6 +13,7 @@ from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints, surfaces_of
 from antiosc_decks.constraints import Constraints
 from antiosc_decks.sources import Sources
+from motions import rigid, row_of
 from refusals import refused
 
 RNG = np.random.default_rng(37)
@@ -32,13 +33,6 @@ def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
     joints = Constraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
     read_joints(whole, joints, cards)
     return joints, whole.deck.told
-
-
-def row_of(terms, count: int) -> np.ndarray:
-    row = np.zeros((count, 6))
-    for node, motion, value in terms:
-        row[node, motion] += value
-    return row
 
 
 #: Places of the nodes of a face in its own coordinates.
@@ -348,27 +342,8 @@ ON_LINE = POINTS[0] + np.array([[0.0], [0.4], [2.0], [1.1], [-0.3], [0.9]]) * PO
 
 def equations(folder: Path, x: np.ndarray, text: str, turning: bool = True) -> np.ndarray:
     """The coefficients (rows, nodes, 6) of what the cards ask of the nodes at `x`."""
-    path = folder / "a.inp"
-    nodes = "".join(f"{k + 1}, {', '.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x))
-    path.write_text(f"*NODE\n{nodes}{text}")
-    whole = abaqus_assembly.read(Sources(path, "a.inp"))
-    n = len(x)
-    joints = Constraints(whole.deck, np.ones(n, dtype=bool), np.full(n, turning))
-    read_joints(whole, joints, [card for card in whole.cards if card.keyword != "NODE"])
-    C = np.zeros((len(joints.equations), n, 6))
-    for row, terms in zip(C, joints.equations, strict=True):
-        for node, motion, value in terms:
-            row[node, motion] += value
-    return C
-
-
-def rigid(x: np.ndarray) -> np.ndarray:
-    """Motions (nodes, 6, 6) of the nodes in the six of a rigid body."""
-    motions = np.zeros((len(x), 6, 6))
-    motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
-    for k in range(3):
-        motions[:, :3, 3 + k] = np.cross(np.eye(3)[k], x)
-    return motions
+    terms = joints_of(folder, x, text, turning)[0].equations
+    return np.array([row_of(one, len(x)) for one in terms]).reshape(-1, len(x), 6)
 
 
 ALONG = [
