@@ -16,6 +16,8 @@ from antiosc_decks.sources import Sources
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
+#: The same of 1 × 1 × 1.
+UNIT_GRIDS = GRIDS.replace("20.", "1.").replace("10.", "1.")
 MAT1 = "MAT1,1,2.+5,,.3,8.-9\n"
 HEXA = "CHEXA,1,7,1,2,3,4,5,6,\n,7,8\n"
 E, NU, RHO = 2e11, 0.3, 8e3

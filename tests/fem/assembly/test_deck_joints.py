@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import antiosc as ao
 from abaqus_decks import column
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site import functional
+from assemblies import compliances
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
@@ -89,30 +93,15 @@ def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     spread = ["RBE3,50,,100,123456,1.,123,9,10", ",11,12"]
     part = nastran(tmp_path, "GRID,100,,.5,.5,2.", *spread, f"CELAS2,60,{k},100,3")
     corners = [(x, y, L) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    b = [ao.Site(x, (0, 0, 1)) for x in corners]
-    C = _compliances(bare, b)
+    C = compliances(bare, *(ao.Site(x, (0, 0, 1)) for x in corners))
     mean = np.full(4, 0.25)
     c = C @ mean
     expected = C - np.outer(c, c) / (1 / k + mean @ c)
     assert 1 / k0(part, corners[0]) == pytest.approx(expected[0, 0], rel=1e-9)
 
 
-def _compliances(part: ao.Structure, sites: list[ao.Site]) -> np.ndarray:
-    """bᵢᵀ K⁻¹ bⱼ by SciPy."""
-    import scipy.sparse as sp
-    from scipy.sparse.linalg import spsolve
-
-    from antiosc.fem.site import functional
-
-    K = sp.csr_matrix(part.K.getValuesCSR()[::-1]).tocsc()
-    B = np.column_stack([functional(part, site).b for site in sites])
-    return np.asarray(B.T @ spsolve(K, B))
-
-
 def test_middle_nodes_that_are_held_alone(tmp_path):
     """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
-    import scipy.linalg
-
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
     pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
     points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
@@ -122,11 +111,7 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     held = [1, 5, 6, 8]
     part = read(tmp_path, body + "*BOUNDARY\n" + "".join(f"{n},1,3\n" for n in held))
     free = read(tmp_path, body)
-    import scipy.sparse as sp
-
-    from antiosc.fem.site import functional
-
-    K = sp.csr_matrix(free.K.getValuesCSR()[::-1]).toarray()
+    K = csr(free.K).toarray()
     rows = [functional(free, ao.Site(tuple(points[n - 1]), d)).b for n in held for d in np.eye(3)]
     null = scipy.linalg.null_space(np.array(rows))
     site = ao.Site((0, 0, 1.0), (0.3, 0.4, 1))

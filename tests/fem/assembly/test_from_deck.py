@@ -6,21 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 import antiosc as ao
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.site import functional
+from assemblies import stiffness
 from mpi import run_ranks
 from paths import DECKS
-
-
-def stiffness(structure: ao.Structure, site: ao.Site) -> float:
-    """1/(bᵀ K⁻¹ b) by SciPy's sparse LU of the assembled K."""
-    rows, columns, values = structure.K.getValuesCSR()
-    K = sp.csr_matrix((values, columns, rows))
-    b = functional(structure, site).b
-    return float(1 / (b @ sp.linalg.spsolve(K.tocsc(), b)))
 
 
 def model_of(folder: Path, text: str, **options) -> ao.Structure:

@@ -20,6 +20,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
+from assemblies import compliances
 from sheets import (
     CELLS,
     NU,
@@ -360,18 +361,13 @@ def test_a_fold_carries_bending_across():
     assert y[dof(structure, (1, 0, 1), "x")] == pytest.approx(bending, rel=2e-3)
 
 
-def compliance(structure, site):
-    b = functional(structure, site).b
-    return float(b @ structure.factorize().solve_checked(b))
-
-
 @pytest.mark.sample
 @pytest.mark.parametrize("n", [10, 16])
 @pytest.mark.parametrize("radius", [0.1, 0.05])
 def test_patch_compliance_is_mindlins(n, radius):
     """Independent of the mesh, and the double series' value."""
     exact = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0).mindlin_compliance(0.45, 0.4, radius, 400)
-    found = compliance(plate(n, 0.1), ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=radius))
+    found = compliances(plate(n, 0.1), ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=radius))
     assert found == pytest.approx(exact, rel=2e-3)
 
 

@@ -93,9 +93,8 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     assert given["axis"] == axis
 
 
-GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,2.+5,,.3,2.-9\n"
-QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
+QUAD = bdf.UNIT_GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
 
 
 @pytest.mark.parametrize(

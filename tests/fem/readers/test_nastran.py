@@ -17,6 +17,7 @@ from antiosc.fem.platform import compat
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.nastran_mesh import System
 from antiosc_decks.sources import Sources
+from nastran_decks import UNIT_GRIDS
 from paths import DECKS
 from refusals import refused
 
@@ -53,13 +54,7 @@ def test_systems_agree_with_their_derivatives(kind):
         np.testing.assert_allclose(along / np.linalg.norm(along), row, atol=1e-6)
 
 
-GRIDS = "".join(
-    f"GRID,{k},,{x}.,{y}.,{z}.\n"
-    for k, (x, y, z) in enumerate(
-        [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], 1
-    )
-)
-CUBE = GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
+CUBE = UNIT_GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
 
 
 def test_copies_of_entries(tmp_path):

@@ -163,16 +163,12 @@ def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
     np.testing.assert_allclose(every.reshape(2, 6).std(axis=1), 0.0, atol=1e-6 * every[0])
 
 
-CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-
-
 BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION="
 
 
-GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,1.+9,,.3,1000.\n"
-BRICK = GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n" + MAT
-CBAR = GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n" + MAT
+BRICK = bdf.UNIT_GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n" + MAT
+CBAR = bdf.UNIT_GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n" + MAT
 
 NASTRAN = {
     "no grids": ("BEGIN BULK\nMAT1,1,1.\nENDDATA\n", None, "nodes"),
