@@ -13,11 +13,13 @@ import scipy.sparse.linalg
 import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.compiled_forms import compiler
+from antiosc.fem.site import functional
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]
@@ -192,6 +194,35 @@ def direct_stiffness(K: Any, M: Any, b: Array, omega: Array) -> Array:
         x += factor.solve(b - K @ x + w**2 * (M @ x))  # one step of refinement
         values.append(1 / (b @ x))
     return np.array(values)
+
+
+def unreduced(part, site, times, ball, law, decay=0.0):
+    """u, u', u'' (times, dofs) and F of the whole model and the mass, by DOP853."""
+    b = functional(part, site).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (part.K, part.M))
+    inverse, own = np.linalg.inv(M), b[free]
+    A, push = inverse @ K, inverse @ own
+    n = len(free)
+
+    def force(y):
+        return law.stiffness * max(y[2 * n] - own @ y[:n], 0.0) ** 1.5
+
+    def slope(t, y):
+        F = force(y)
+        pulled = push * F - A @ y[:n] - 2 * decay * y[n : 2 * n]
+        return np.concatenate([y[n : 2 * n], pulled, [y[2 * n + 1], -F / ball.mass]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = ball.velocity
+    y = solve_ivp(
+        slope, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-12, max_step=1e-5
+    ).y
+    F = np.array([force(row) for row in y.T])
+    u, v, a = (np.zeros((len(times), len(b))) for _ in range(3))
+    u[:, free], v[:, free] = y[:n].T, y[n : 2 * n].T
+    a[:, free] = np.outer(F, push) - u[:, free] @ A.T - 2 * decay * v[:, free]
+    return u, v, a, F
 
 
 EXPONENTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0)]

@@ -16,6 +16,7 @@ from antiosc.fem.assembly.joint import Rows
 from antiosc.results.fields import shapes_of
 from antiosc.simulation.histories import amplitudes
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
+from static_loads import quiet
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
@@ -243,13 +244,7 @@ def test_at_rest_forces_and_moments_are_those_of_statics():
         ],
     )
     site = ao.Site((0.1, 0, 0), (0, 0, 1))
-    scene = ao.Scene(
-        {"part": ao.extract(part, site, 6), "far": ao.Obstacle()},
-        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
-        loads=[ao.Load("part", [0.0, 1.0], [6.0, 6.0])],
-        preload=True,
-    )
-    found = ao.reactions(part, scene.run(1e-6), site, body="part")
+    found = ao.reactions(part, quiet(ao.extract(part, site, 6), 6.0), site, body="part")
     np.testing.assert_allclose(found.force["hinge"][-1], [0, 0, -4], atol=1e-6)
     np.testing.assert_allclose(found.force["beam:end"][-1], [0, 0, -2], atol=1e-6)
     np.testing.assert_allclose(found.moment["hinge"][-1], np.zeros(3), atol=1e-6)
