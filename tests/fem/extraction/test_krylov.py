@@ -121,15 +121,17 @@ def test_remainder_is_the_error_itself_at_low_frequency(n, rng):
     assert error <= bound <= error * np.sqrt(1 + (1.1 * share) ** 2)
 
 
-def test_a_band_below_the_first_antiresonance_is_said(steel):
-    with pytest.warns(ao.AccuracyWarning, match="below the first antiresonance"):
-        ao.extract(steel, SITE, band=100.0)
-
-
-def test_a_band_that_n_cannot_reach_is_said(steel):
-    with pytest.warns(ao.AccuracyWarning, match="raise n or lower the band"):
-        model = ao.extract(steel, SITE, n=3, band=1e6)
-    assert model.n == 3
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"band": 100.0}, "below the first"), ({"n": 3, "band": 1e6}, "raise n or lower the band")],
+        ({"band": 100.0}, "below the first antiresonance"),
+        ({"n": 3, "band": 1e6}, "raise n or lower"),
+    ],
+)
+def test_a_band_that_does_not_fit_is_said(steel, options, words):
+    with pytest.warns(ao.AccuracyWarning, match=words):
+        model = ao.extract(steel, SITE, **options)
+    assert model.n == options.get("n", model.n)
 
 
 @pytest.mark.parametrize(

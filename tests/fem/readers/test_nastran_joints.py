@@ -175,13 +175,21 @@ def test_only_the_constants_that_an_element_uses_count(joints):
     assert told == ["GE of PELAS 4", "GE of PBUSH 3"]
 
 
-def test_viscous_dampers_act_along_their_line_and_about_it(joints):
-    C = matrix(joints("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n")["joints"]["dampers"], COUNT)
+ON_LINE = {
+    "CVISC": ("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n", "dampers"),
+    "CBUSH without orientation": ("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n", "springs"),
+}
+
+
+@pytest.mark.parametrize("case", ON_LINE)
+def test_dampers_and_bushes_act_along_their_line_and_about_it(joints, case):
+    cards, kind = ON_LINE[case]
     line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
     push = along(1, 0, line) - along(4, 0, line)
     twist = along(1, 3, line) - along(4, 3, line)
     expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
-    np.testing.assert_allclose(C, expected, atol=1e-12)
+    found = matrix(joints(cards)["joints"][kind], COUNT)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def mass_matrix(model: dict) -> tuple[np.ndarray, float]:
@@ -274,15 +282,6 @@ def test_a_bush_to_the_ground_is_along_the_axes(joints):
     K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"), X)
     expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
     np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
-
-
-def test_a_bush_along_its_line_needs_no_orientation(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n"), X)
-    line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
-    push = along(1, 0, line) - along(4, 0, line)
-    twist = along(1, 3, line) - along(4, 3, line)
-    expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
-    np.testing.assert_allclose(K, expected, atol=1e-12)
 
 
 def test_three_masses_on_the_axes_of_a_node_are_one(joints):

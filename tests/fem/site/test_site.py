@@ -55,21 +55,25 @@ POINTS = [
     (0.0, 0.0, 0.0), (0.2, 0.05, 0.04), (0.1, 0.025, 0.02), (0.05, 0.0, 0.013),
     (0.0731, 0.0312, 0.0207), (0.2, 0.011, 0.04), (0.1, 0.05, 0.0333),
 ]  # fmt: skip
+PLANE_POINTS = [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]
 
 
 @pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.parametrize("cell", parts.CELLS)
 def test_displacement_of_any_point_in_any_direction(cell, order):
-    structure = ao.Structure(parts.box(cell=cell), SOLID, order=order)
+    space = cell in ("tetrahedron", "hexahedron")
+    mesh, dim = (parts.box if space else parts.plate)(cell=cell), 3 if space else 2
+    structure = ao.Structure(mesh, SOLID if space else PLANE, order=order)
     field = quadratic if order == 2 else linear
     u = field_of(structure, field)
-    d = np.array([1.0, -2.0, 0.5])
-    for point in POINTS:
-        x = np.array(point)
-        expected = field(x[:, None])[:, 0] @ d / np.linalg.norm(d)
+    d = np.array([1.0, -2.0, 0.5])[:dim]
+    for point in POINTS if space else PLANE_POINTS:
+        expected = field(np.resize([*point, 0.0], 3)[:, None])[:dim, 0] @ d / np.linalg.norm(d)
         assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-12)
         assert at(structure, point, 7 * d) @ u == pytest.approx(expected, rel=1e-12)
+        flat = at(structure, (*point, 0.0)[:3], (*d, 0.0)[:3])
+        assert flat @ u == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.sample
@@ -267,16 +271,6 @@ def test_a_blow_along_the_surface_is_told(part):
         tell(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
     assert "against the normal (0, 0, 1)" in str(all_[0].message)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_displacement_of_any_point_in_the_plane(cell):
-    structure = ao.Structure(parts.plate(cell=cell), PLANE)
-    u = field_of(structure, quadratic)
-    for point in [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]:
-        expected = quadratic(np.array([*point, 0.0])[:, None])[:2, 0] @ [0.6, -0.8]
-        assert at(structure, point, (0.6, -0.8)) @ u == pytest.approx(expected, rel=1e-12)
-        assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.slow
