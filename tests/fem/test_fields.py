@@ -36,13 +36,9 @@ SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 DURATION = 1e-3
 
 
-def sheet(cell: str = "quadrilateral") -> ao.Structure:
-    return ao.Structure(parts.plate((6, 3), (0.2, 0.06), cell), PLANE, [ao.Support("left")])
-
-
 @pytest.fixture(scope="module")
 def hit():
-    structure = sheet()
+    structure = parts.held_sheet()
     model = ao.extract(structure, SITE, n=structure.dofs - 1, method="modes", tol=1e-13)
     striker = ao.RigidMass(mass=0.1, velocity=1.0)
     return structure, ao.simulate(model, striker, ao.Hertz(1e9), duration=DURATION, step=2e-6)
@@ -114,7 +110,7 @@ def test_series_for_paraview(tmp_path, kind):
         structure = ao.Structure(parts.line(0.8, 4, (1, 2, -2)), beam, [ao.Support("left")])
         site = ao.Site(0.8 * np.array([1, 2, -2]) / 3, (2, 1, 2))
     elif kind in ("triangle", "quadrilateral"):
-        structure, site = sheet(kind), SITE
+        structure, site = parts.held_sheet(kind), SITE
     else:
         path = parts.gmsh_cube(tmp_path / "cube.msh", kind, 2, bent=True)
         structure = ao.Structure(ao.read_mesh(path), ao.Solid(**parts.STEEL), [ao.Support("clamp")])
@@ -207,7 +203,7 @@ def test_names_that_make_no_series(tmp_path, hit):
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
     """The site in the field moves as the history says: the static correction included."""
-    structure = sheet()
+    structure = parts.held_sheet()
     model = ao.superposition(structure, SITE, 4) if kind == "plain" else MODELS[kind](structure)
     law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
     b = functional(structure, SITE).b
@@ -237,7 +233,7 @@ def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
 @pytest.mark.parametrize("kind", MODELS)
 def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
-    structure = sheet()
+    structure = parts.held_sheet()
     body = MODELS[kind](structure).modal()
     b, force = functional(structure, SITE).b, 3.0
     free = np.setdiff1d(np.arange(len(b)), structure.fixed)
@@ -279,9 +275,7 @@ def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
 
 @pytest.fixture(scope="module")
 def struck():
-    plane = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-    sheet = parts.plate((6, 3), (0.2, 0.06), "quadrilateral")
-    structure = ao.Structure(sheet, plane, [ao.Support("left")])
+    structure = parts.held_sheet()
     model = ao.extract(structure, ao.Site((0.13, 0.06), (0.2, -1), radius=0.035), n=4)
     return structure, ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
 

@@ -124,11 +124,7 @@ def test_the_file_of_a_run_has_the_field_of_the_run(tmp_path):
     pytest.importorskip("dolfinx")
     import parts
 
-    part = ao.Structure(
-        parts.plate((6, 3), (0.2, 0.06)),
-        ao.Solid(**parts.STEEL, plane="stress", thickness=0.01),
-        [ao.Support("left")],
-    )
+    part = parts.held_sheet()
     site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
     hit = ao.simulate(ao.extract(part, site, 6), ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-4)
     fields = SavedFields.load(ao.save_fields(part, hit, tmp_path / "fields.npz"))

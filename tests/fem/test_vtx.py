@@ -17,7 +17,7 @@ from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
 from assemblies import BEAM, SOLID, box, line
 from mpi import run_ranks
-from sheets import SHEET, sheet as surface
+from sheets import SHEET, sheet
 
 pytestmark = pytest.mark.filterwarnings("ignore:the compliance under a point load")
 
@@ -41,14 +41,6 @@ ao.write_series(part, hit, sys.argv[1] + "/run.pvd", times)
 def struck(part):
     site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
     return ao.simulate(ao.extract(part, site, 4), ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-4)
-
-
-def sheet():
-    return ao.Structure(
-        parts.plate((6, 3), (0.2, 0.06)),
-        ao.Solid(**parts.STEEL, plane="stress", thickness=0.01),
-        [ao.Support("left")],
-    )
 
 
 def read(path) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
@@ -99,7 +91,7 @@ def test_a_folder_holds_what_the_frames_hold(ranks, tmp_path):
 
 @installed
 def test_a_plane_part_and_a_name_that_is_taken(tmp_path):
-    part = sheet()
+    part = parts.held_sheet()
     hit = struck(part)
     ao.write_series(part, hit, tmp_path / "run.bp", TIMES)
     ao.write_series(part, hit, tmp_path / "run.pvd", TIMES)
@@ -117,7 +109,7 @@ def mkdir(path) -> None:
 
 
 def test_where_it_cannot_be_written_it_says_so(tmp_path, monkeypatch):
-    part = sheet()
+    part = parts.held_sheet()
     hit = struck(part)
     monkeypatch.setattr(compat, "writes_vtx", lambda: False)
     with pytest.raises(ao.MissingDependencyError, match=r"needs dolfinx with ADIOS2.*\.pvd"):
@@ -136,7 +128,7 @@ TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
 
 
 def square(cell: str, order: int, gdim: int):
-    return surface(2, lambda s, t: (0.3 * s, 0.2 * t, 0 * s)[:gdim], cell, order)
+    return sheet(2, lambda s, t: (0.3 * s, 0.2 * t, 0 * s)[:gdim], cell, order)
 
 
 #: (structure, measure of all cells, measure of the outer faces: of sheets the cells)

@@ -146,16 +146,10 @@ def test_one_direction_is_joined_by_a_bushing_or_an_equation():
     )
     first, second = (ao.extract(one, CORNER, n=10).dynamic_stiffness(OMEGA) for one in (part, soft))
     np.testing.assert_allclose(first, second, rtol=1e-4)
-    with pytest.raises(InputError, match="no component 'x'"):
-        ao.assemble(
-            {"plate": plate(), "ecu": model}, [ao.Equation([("ecu:a", "x", 1.0)]), *joints], at
-        )
-    with pytest.raises(InputError, match="acts on x, a displacement that 'ecu:a' does not have"):
-        ao.assemble(
-            {"plate": plate(), "ecu": model},
-            [ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), *joints],
-            at,
-        )
-    far = ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5})
-    with pytest.raises(InputError, match="acts on axial, a displacement that 'ecu:a' does not"):
-        ao.assemble({"plate": plate(), "ecu": model}, [far, *joints], at)
+    for joint, words in (
+        (ao.Equation([("ecu:a", "x", 1.0)]), "no component 'x'"),
+        (ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), "acts on x, a displacement"),
+        (ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5}), "acts on axial, a displacement that"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ao.assemble({"plate": plate(), "ecu": model}, [joint, *joints], at)

@@ -129,8 +129,7 @@ SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 
 @pytest.fixture(scope="module")
 def sheet():
-    solid = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-    return ao.Structure(parts.plate((6, 3), (0.2, 0.06)), solid, [ao.Support("left")])
+    return parts.held_sheet()
 
 
 @pytest.mark.sample

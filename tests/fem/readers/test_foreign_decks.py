@@ -8,9 +8,9 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.reading import read as read_mesh
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.sources import Sources
+from refusals import refused
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 BAR = bdf.GRIDS + bdf.MAT1 + "SPC1,1,123456,1\n"
@@ -102,18 +102,32 @@ def test_masses_that_nothing_joins_are_told(tmp_path, mass):
     assert any("nothing joins" in text for text in model["ignored"])
 
 
-def test_files_of_the_folder_above_are_included_and_no_others(tmp_path):
+INCLUDES = {
+    # what is included, and from which folder on: whether it is read, or what is said
+    "above": ("../grids.inc", None, ""),
+    "far above": ("../../grids.inc", None, "outside"),
+    "below root": ("../../grids.inc", ".", ""),
+    "above root": ("../../grids.inc", "sub", "root="),
+    "a link": ("link.inc", None, "outside the folder"),
+}
+
+
+@pytest.mark.parametrize("case", INCLUDES)
+def test_files_of_the_folder_above_and_below_root_are_included_and_no_others(tmp_path, case):
+    name, root, word = INCLUDES[case]
     folder = tmp_path / "sub" / "decks"
     folder.mkdir(parents=True)
-    for place, reads in ((tmp_path / "sub", True), (tmp_path, False)):
+    for place in (tmp_path / "sub", tmp_path):
         (place / "grids.inc").write_text(bdf.GRIDS)
-        name = "../grids.inc" if reads else "../../grids.inc"
-        (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '{name}'\n{bdf.HEXA}")
-        if reads:
-            assert len(read_mesh(folder / "part.bdf").cells) == 1
-        else:
-            with pytest.raises(MeshError, match="outside"):
-                read_mesh(folder / "part.bdf")
+    (folder / "link.inc").symlink_to(tmp_path / "grids.inc")
+    path = folder / "part.bdf"
+    path.write_text(f"BEGIN BULK\nINCLUDE '{name}'\n{bdf.HEXA}")
+    sources = Sources(path, "part.bdf", **({"root": str(tmp_path / root)} if root else {}))
+    if not word:
+        assert nastran.read(sources).deck.n_elements == 1
+        return
+    with refused(None, word, MeshError):
+        nastran.read(sources)
 
 
 @pytest.mark.parametrize(
@@ -210,17 +224,6 @@ def test_a_shear_modulus_of_beams_that_does_not_follow(tmp_path):
     section, G = arguments["section"], arguments["E"] / (2 + 2 * arguments["nu"])
     assert G * section["J"] == pytest.approx(4e10 * 2e-12)
     assert G * section["A"] * section["shear"] == pytest.approx(4e10 * 0.8e-6)
-
-
-def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
-    folder = tmp_path / "jobs" / "one"
-    folder.mkdir(parents=True)
-    (tmp_path / "grids.inc").write_text(bdf.GRIDS)
-    (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '../../grids.inc'\n{bdf.HEXA}")
-    found = nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path)))
-    assert found.deck.n_elements == 1
-    with pytest.raises(MeshError, match="root="):
-        nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs")))
 
 
 def test_orthotropic_solids_by_nine_constants(tmp_path):

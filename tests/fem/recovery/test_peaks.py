@@ -23,8 +23,7 @@ SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 
 @pytest.fixture(scope="module")
 def struck():
-    solid = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), solid, [ao.Support("left")])
+    part = parts.held_sheet()
     return part, ao.simulate(ao.extract(part, SITE, 12), BALL, LAW, 5e-4)
 
 

@@ -27,7 +27,7 @@ POINTS = [(0.2, 0.06), (0.07, 0.031), (0.1, 0.0), (0.01, 0.01), (0.15, 0.02), (0
 
 @pytest.fixture(scope="module")
 def sheet():
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    part = parts.held_sheet()
     times = np.linspace(0, DURATION, 201)
     return part, times, unreduced(part, SITE, times, BALL, LAW)
 
@@ -107,7 +107,7 @@ def test_rates_of_a_damped_body_are_derivatives(sheet, kind):
 
 def test_a_residual_compliance_adds_its_stress():
     """At rest under a force, a superposition of two modes with correction: σ of K⁻¹bF."""
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    part = parts.held_sheet()
     hit = quiet(ao.superposition(part, SITE, 2, static_correction=True), 5.0)
     b = functional(part, SITE).b
     free = np.setdiff1d(np.arange(len(b)), part.fixed)
