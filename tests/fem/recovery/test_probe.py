@@ -17,7 +17,6 @@ from parts import unreduced
 from sheets import RIB, SHEET, grouped, rectangle
 from static_loads import quiet
 
-PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 DURATION = 1e-3
