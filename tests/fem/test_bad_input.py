@@ -220,7 +220,6 @@ def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
 
 RANKS = r"""
 folder = sys.argv[1]
-from antiosc.base.errors import AntioscWarning
 
 warnings.simplefilter("ignore", AntioscWarning)
 world = MPI.COMM_WORLD

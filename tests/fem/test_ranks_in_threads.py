@@ -14,7 +14,6 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import InputError, OutOfMemoryError
 from antiosc.fem import platform
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.platform import compat, fingerprint, named, number
@@ -65,7 +64,7 @@ def on_ranks(call, size: int = 2) -> list:
 
 
 def texts(found) -> set[str]:
-    assert all(isinstance(one, InputError) for one in found), found
+    assert all(isinstance(one, ao.InputError) for one in found), found
     return {str(one) for one in found}
 
 
@@ -86,7 +85,7 @@ def guarded(monkeypatch):
     @platform.collective(count=lambda value: len(value))
     def divide(thing, a, b=1.0, count=()):
         if a < 0:
-            raise InputError(f"a must be >= 0; got {a}.")
+            raise ao.InputError(f"a must be >= 0; got {a}.")
         if a == 13:
             raise MemoryError
         return a / b
@@ -124,13 +123,13 @@ def test_arguments_that_do_not_fit_are_compared_by_place(guarded):
 
 def test_memory_that_is_short_is_told_on_all_ranks(guarded):
     found = on_ranks(lambda comm: guarded(Thing(comm), 13))
-    assert all(isinstance(one, OutOfMemoryError) for one in found)
+    assert all(isinstance(one, ao.OutOfMemoryError) for one in found)
     assert "divide ran out of memory (Python itself)" in str(found[0])
 
 
 def test_the_first_of_several_errors_wins():
     def call(comm):
-        platform.agree(comm, InputError(f"of rank {comm.rank}") if comm.rank else None)
+        platform.agree(comm, ao.InputError(f"of rank {comm.rank}") if comm.rank else None)
 
     assert texts(on_ranks(call, 3)) == {"of rank 1"}
 

@@ -7,7 +7,6 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base import plausible
-from antiosc.base.errors import AntioscWarning
 from paths import MESHES
 
 CIRCLE = ao.Section.circle(0.02)
@@ -57,13 +56,13 @@ TOLD = [
 
 @pytest.mark.parametrize(("call", "words"), TOLD)
 def test_what_may_be_is_told(call, words):
-    with pytest.warns(AntioscWarning, match=words):
+    with pytest.warns(ao.AntioscWarning, match=words):
         call()
 
 
 def test_a_mesh_in_millimetres_is_blamed_before_its_facets():
     part = bar(80, order=1)  # not long enough to be told of itself
-    with pytest.warns(AntioscWarning) as told:
+    with pytest.warns(ao.AntioscWarning) as told:
         ao.extract(part, ao.Site((8.0, 2.0, 3.2), (0, 0, -1), radius=8e-4), n=2)
     assert 'unit="mm"' in str(told[0].message)
     assert "facets" in str(told[1].message)
@@ -92,7 +91,7 @@ def test_what_is_implausible_is_blamed_before_the_patch(run):
         "scene": lambda: ao.Scene(bodies, [ao.Contact("a", "b", law)]).run(1e-4),
     }[run]
     with (
-        pytest.warns(AntioscWarning, match=speed) as told,
+        pytest.warns(ao.AntioscWarning, match=speed) as told,
         pytest.raises(ao.AccuracyError, match=f"the part is odd.*{speed}.*the peak force"),
     ):
         hit()

@@ -23,7 +23,6 @@ from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.run import Results
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import Output
-from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
 from browser import BROWSER, browse
 from scene_files import BEAM, PROBE, antiosc, numbers, written
@@ -131,7 +130,7 @@ def test_files_are_those_that_are_asked_for(tmp_path):
 
 def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     def broken(path):
-        raise InputError("no colours.")
+        raise ao.InputError("no colours.")
 
     asked = {"csv": False, "json": False, "plot": "png"}
     found = results(tmp_path, asked, map=Map(**{**vars(TWO), "plot": broken}))
@@ -150,7 +149,7 @@ def test_names_in_pictures_are_no_formulas():
 
 
 def test_names_with_control_characters_are_refused(tmp_path):
-    with pytest.raises(InputError, match="control"):
+    with pytest.raises(ao.InputError, match="control"):
         write_scene(tmp_path / "a.toml", tmp_path / "b\x07.msh")
     assert not list(tmp_path.iterdir())
 

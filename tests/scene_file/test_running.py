@@ -17,7 +17,6 @@ from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.scene import compiled
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
-from antiosc.base.errors import AntioscError, InputError
 from fmus import OK, Fmu
 from paths import MESHES
 from scene_files import (
@@ -474,6 +473,6 @@ def test_the_outline_of_a_file(tmp_path, monkeypatch):
     assert found.distance(np.array([4.0, 1.6, 0.0])) == 0.0
     assert found.distance(np.array([7.0, 5.0, 0.0])) == pytest.approx(5.0)
     monkeypatch.setattr(outline, "LARGEST", 10)
-    with pytest.raises(AntioscError, match="larger") as refused:
+    with pytest.raises(ao.AntioscError, match="larger") as refused:
         outline.outline(call)
-    assert not isinstance(refused.value, InputError)  # no mistake of the scene
+    assert not isinstance(refused.value, ao.InputError)  # no mistake of the scene

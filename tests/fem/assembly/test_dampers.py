@@ -9,7 +9,6 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.fem.site import functional
 from assemblies import BEAM, dense, free_dofs, line
 
@@ -157,7 +156,7 @@ def test_a_column_on_soil_is_the_rod_of_closed_form():
         np.testing.assert_allclose(top.modal().receptance(w), H, rtol=1e-4)
         side = ao.extract(one, ao.Site((0, 0, 0), (1, 0, 0), part=name), n=2)
         assert side.k0 == pytest.approx(8 * G * r / (2 - nu), rel=1e-9)
-    with pytest.raises(InputError, match="up"):
+    with pytest.raises(ao.InputError, match="up"):
         replace(foot, up="w")
 
 

@@ -10,7 +10,6 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.results.fields import shapes_of
@@ -103,11 +102,11 @@ def test_a_reference_point_is_struck_and_probed():
     np.testing.assert_allclose(tip[:, 2], end[:, 2] - 0.05 * turn[:, 1], atol=1e-9 * size)
     longer = ao.extract(part, ao.Site("tip", (0, 0, -2)), n=4)
     assert (longer.k0, longer.m_st) == pytest.approx((model.k0, model.m_st), rel=1e-9)
-    with pytest.raises(InputError, match="'tip' is a point without a mesh and has no stress"):
+    with pytest.raises(ao.InputError, match="'tip' is a point without a mesh and has no stress"):
         ao.probe(part, hit, "tip", "stress")
-    with pytest.raises(InputError, match="'tip' is a point without a mesh: a gauge needs"):
+    with pytest.raises(ao.InputError, match="'tip' is a point without a mesh: a gauge needs"):
         ao.strain_gauge(part, hit, "tip", (1, 0, 0), 1e-3)
-    with pytest.raises(InputError, match="'tip' has no surface: leave radius"):
+    with pytest.raises(ao.InputError, match="'tip' has no surface: leave radius"):
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line, pulled
@@ -113,7 +112,7 @@ def test_surfaces_near_each_other_are_tied_by_default():
     assert tied(0.99 * most).rigid_modes.shape[1] == 6
     assert tied(1.5 * most, gap=1.51 * most).rigid_modes.shape[1] == 6
     for options in ({}, {"gap": 1.49 * most}):
-        with pytest.raises(InputError, match=r"touches nothing.* 0.00318 m apart at the nearest"):
+        with pytest.raises(ao.InputError, match=r"touches nothing.* 0.00318 m apart"):
             tied(1.5 * most, **options)
 
 
@@ -213,7 +212,7 @@ def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
 
 def test_a_shell_edge_beside_the_face_is_refused():
     """The sheet ends on the rim of the block: half of its thickness is over nothing."""
-    with pytest.raises(InputError, match="too little of the shell's thickness"):
+    with pytest.raises(ao.InputError, match="too little of the shell's thickness"):
         ao.assemble(
             {"root": root(1), "sheet": sheet()}, [ao.Tie("root:x1", "sheet:x0", gap=5e-3)],
             {"sheet": (0.1, 0, T / 2 + 3e-3)},

@@ -7,7 +7,6 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.algebra import multiply
@@ -135,7 +134,7 @@ def test_opposite_normals(cell):
     mesh = rectangle(3, 1.0, 1.0, cell)
     both = mesh, flipped(mesh, slice(4, 5))
     layers = unsymmetric(0.05)
-    with pytest.raises(InputError, match="opposite"):
+    with pytest.raises(ao.InputError, match="opposite"):
         ao.Structure(both[1], ao.Laminate(layers))
     straight, settled = (
         ao.Structure(m, ao.Laminate(layers, top=(0, 0.2, 1)), SIMPLE) for m in both
@@ -237,10 +236,10 @@ def test_laminate_and_shell_by_group():
     assert mixed.dimensions == pytest.approx((2, 1, 0.01))
     site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
     assert ao.extract(mixed, site, n=2).radius == pytest.approx(0.01)
-    with pytest.raises(InputError, match="Solid"):
+    with pytest.raises(ao.InputError, match="Solid"):
         ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
-    with pytest.raises(InputError, match="dimensions"):
+    with pytest.raises(ao.InputError, match="dimensions"):
         ao.advise(ao.Structure(mesh, layered), sphere)
 
 
@@ -374,7 +373,7 @@ def test_directions_that_do_not_say_where():
         ((0, 0, 0), "the length of axis must be > 0"),
         ((1, 0), r"axis must have shape \(3\)"),
     ):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(ao.InputError, match=message):
             ao.Laminate(layers, axis=axis)
     for laminate, message in (
         ({"axis": (0.01, 0, 1)}, r"the axis \(0.01, 0, 1\) is normal to the sheet in 8 cells"),
@@ -382,5 +381,5 @@ def test_directions_that_do_not_say_where():
         ({"axis": lambda x: 0 * x}, "axis has no length in 8 cells"),
         ({"axis": lambda x: x[:2]}, r"axis, as a function of x \(3, n\), must"),
     ):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(ao.InputError, match=message):
             ao.Structure(mesh, ao.Laminate(layers, **laminate))

@@ -12,7 +12,6 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import InputError
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.shell import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.elements.weak_form import measure
@@ -192,7 +191,7 @@ def test_a_triangle_without_area():
 
     mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "triangle", 1))
     with pytest.raises(
-        InputError, match=r"1 of 2 triangle cells have no area, one at \(1, 0, 0\) m"
+        ao.InputError, match=r"1 of 2 triangle cells have no area, one at \(1, 0, 0\) m"
     ):
         ao.Structure(mesh, ao.Shell(E, NU, RHO, 0.01))
 

@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
@@ -90,10 +89,10 @@ def test_loss_factors_give_the_peaks_of_the_complex_stiffness():
 
 @pytest.mark.slow
 def test_what_is_no_loss_factor_and_no_series_is_refused():
-    with pytest.raises(InputError, match="loss"):
+    with pytest.raises(ao.InputError, match="loss"):
         ao.Solid(1e9, 0.3, 1e3, loss=-0.1)
     for bad in ([(1.0,)], [(0.5, -1e-3)], 3.0, "slow"):
-        with pytest.raises(InputError, match="prony"):
+        with pytest.raises(ao.InputError, match="prony"):
             ao.Solid(1e9, 0.3, 1e3, prony=bad)
 
 

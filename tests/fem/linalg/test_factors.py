@@ -13,7 +13,6 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.base import process
-from antiosc.base.errors import AntioscWarning, NotConvergedError
 from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -70,7 +69,7 @@ def test_no_interface_between_one_rank_and_none(part):
 def test_an_indefinite_matrix_is_refused(part, rows):
     A = part.K.copy()
     A.scale(-1.0)
-    with pytest.raises(NotConvergedError, match="cannot be factored"):
+    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
         Substructures(A, np.arange(rows))
 
 
@@ -120,7 +119,7 @@ def test_no_memory_for_the_factor(monkeypatch):
         return made(*given)
 
     monkeypatch.setattr(solver_choice, "Multigrid", multigrid)
-    with pytest.warns(AntioscWarning, match="GB are free: an iterative solver is used"):
+    with pytest.warns(ao.AntioscWarning, match="GB are free: an iterative solver is used"):
         model = ao.extract(block(), SITE, n=3)
     assert model.k0 > 0
     with pytest.raises(ao.OutOfMemoryError, match=r"about 0\.0\d+ GB and 0\.001 GB are free"):

@@ -12,7 +12,6 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh import soundness
 from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, bends, collapsed, folded, straightened
 from antiosc.fem.mesh.surface import quadrature
@@ -287,7 +286,7 @@ def test_folded_cells_of_a_file_are_told(tmp_path):
     cube.points[cells[5, 4]] += 3 * (cube.points[cells[5, 2]] - cube.points[cells[5, 4]])
     meshio.Mesh(cube.points, [("tetra10", cells)]).write(tmp_path / "bad.vtu")
     with pytest.warns(
-        AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order=1"
+        ao.AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order=1"
     ):
         ao.read_mesh(tmp_path / "bad.vtu")
     assert ao.read_mesh(tmp_path / "bad.vtu", order=1).order == 1

@@ -5,13 +5,9 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-pytest.importorskip("gmsh")
-
-import meshio
 from mpi4py import MPI
 
 import antiosc as ao
@@ -20,8 +16,6 @@ from antiosc.fem.platform import compat
 from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
-
-pytestmark = pytest.mark.fem
 
 
 def write(path: Path, points, *cells, **data) -> Path:

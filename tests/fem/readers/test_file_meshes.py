@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import MeshError
 from antiosc.io import isolation, mesh_files, neutral, reading, request
 from antiosc.io.conversion import NodeTable
 from antiosc.io.mesh_files import GMSH_FACES
@@ -199,7 +198,7 @@ def test_fields_that_name_no_group_are_passed_over(monkeypatch):
 def test_cells_that_nothing_carries(monkeypatch):
     content = mesh()
     content.cells[0].type = "polygon"
-    with pytest.raises(MeshError, match="polygon"):
+    with pytest.raises(ao.MeshError, match="polygon"):
         read(monkeypatch, content)
 
 
@@ -282,7 +281,7 @@ OPTIONS = {
 @pytest.mark.parametrize("case", OPTIONS)
 def test_options_that_do_not_fit_a_file(tmp_path, case):
     name, options = case
-    with refused(*OPTIONS[case], MeshError):
+    with refused(*OPTIONS[case], ao.MeshError):
         reading.read(tmp_path / name, **dict(options))
 
 

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip("dolfinx")
-pytest.importorskip("gmsh")
-pytest.importorskip("meshio")
 import random
 import re
 import subprocess
@@ -29,8 +24,6 @@ from antiosc.io.neutral import CELLS, rectangles
 from antiosc.io.request import Request
 from mesh_files import refusal
 from paths import DECKS, MESHES
-
-pytestmark = pytest.mark.fem
 
 
 def cube(session, path: Path, kernel: str) -> Path:

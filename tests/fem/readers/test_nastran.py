@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip("dolfinx")
 import math
 
 import numpy as np
@@ -19,8 +16,6 @@ from antiosc_decks.sources import Sources
 from nastran_decks import UNIT_GRIDS
 from paths import DECKS
 from refusals import refused
-
-pytestmark = pytest.mark.fem
 
 
 def volume(mesh: ao.Mesh) -> float:

@@ -9,7 +9,6 @@ import pytest
 
 import antiosc as ao
 from abaqus_decks import alike
-from antiosc.base.errors import MeshError
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.nastran_cards import Bulk
 from antiosc_decks.sources import Sources
@@ -34,7 +33,7 @@ def test_a_solid_of_21_constants(tmp_path, system, axes):
     alike(model["families"], [["7", "AnisotropicSolid", expected, line(text, "PSOLID")]])
     for number, message in (("", "own system"), ("-1", "own system"), ("6", "rectangular")):
         wrong = text.replace(f"PSOLID,7,2,{system}", f"PSOLID,7,2,{number}")
-        with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: .*{message}"):
+        with pytest.raises(ao.MeshError, match=rf"^{line(text, 'PSOLID')}: .*{message}"):
             read(tmp_path, wrong + CYCLIC.replace("CORD2R,5", "CORD2C,6"))
 
 
@@ -129,7 +128,7 @@ def test_a_section_is_turned_to_its_principal_axes(tmp_path):
     alike(found["section"], {**SECTION, "I": 7e-12, "I_side": 3e-12})
     np.testing.assert_allclose(found["orientation"], [0, math.sqrt(0.75), 0.5], atol=1e-9)
     off = bar.replace("1.,0.\n", "1.,0.,,\n,,,0.,.1,0.,0.,.1,0.\n")
-    with pytest.raises(MeshError, match="with I12 and with offsets of its elements is not supp"):
+    with pytest.raises(ao.MeshError, match="with I12 and with offsets of its elements is not supp"):
         read(tmp_path, GRIDS + off + pbar + MAT1)
 
 
@@ -355,7 +354,7 @@ def test_faults_of_entries_that_are_not_read_are_none(tmp_path, row, name, read)
     if read:
         assert nastran.read(Sources(path, path.name)).account.cards
         return
-    with pytest.raises(MeshError, match="line 3 of"):
+    with pytest.raises(ao.MeshError, match="line 3 of"):
         nastran.read(Sources(path, path.name))
 
 
@@ -405,5 +404,5 @@ WRONG = {
 def test_what_is_wrong_is_told_with_its_line(tmp_path, text):
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    with refused(*WRONG[text], MeshError):
+    with refused(*WRONG[text], ao.MeshError):
         nastran.read(Sources(path, path.name))

@@ -10,13 +10,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
 
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 A, B, C = 0.15, -0.1, 0.2
 

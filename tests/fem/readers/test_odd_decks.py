@@ -14,7 +14,6 @@ import pytest
 import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.base.errors import MeshError
 from antiosc.io.deck import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
@@ -136,7 +135,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_sentence_with_the_line_at_fault(tmp_path, name):
     text, line, word = REFUSED[name]
-    with refused(line, word, MeshError):
+    with refused(line, word, ao.MeshError):
         read(tmp_path, name, text)
 
 
@@ -198,13 +197,13 @@ NASTRAN = {
 @pytest.mark.parametrize("case", NASTRAN)
 def test_nastran(tmp_path, case):
     text, line, word = NASTRAN[case]
-    with refused(line, word, MeshError):
+    with refused(line, word, ao.MeshError):
         bdf.read(tmp_path, text)
 
 
 def test_a_piece_of_no_elements(tmp_path):
     deck = Deck("part.inp", piece=1)
-    with pytest.raises(MeshError, match=r"0 pieces .* no piece 1"):
+    with pytest.raises(ao.MeshError, match=r"0 pieces .* no piece 1"):
         one_piece(deck, np.zeros(0, dtype=bool))
 
 
@@ -238,7 +237,7 @@ WITH_LINES = {
 @pytest.mark.parametrize("case", WITH_LINES)
 def test_nastran_by_its_line(tmp_path, case):
     text, line, word = WITH_LINES[case]
-    with refused(line, word, MeshError):
+    with refused(line, word, ao.MeshError):
         bdf.read(tmp_path, bdf.GRIDS + text + bdf.MAT1)
 
 
@@ -296,7 +295,7 @@ def test_cards_of_steps(tmp_path):
     later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*CONTACT PAIR,INTERACTION=I\nA,B\n*END STEP\n"
     model, _ = inp.read(tmp_path, SECTIONED + later)
     assert any("*CONTACTPAIR of later steps" in text for text in model["ignored"])
-    with pytest.raises(MeshError, match="MATERIAL is in a step"):
+    with pytest.raises(ao.MeshError, match="MATERIAL is in a step"):
         inp.read(tmp_path, SECTIONED + "*STEP\n*MATERIAL,NAME=N\n*END STEP\n")
 
 
@@ -309,7 +308,7 @@ def test_options_are_told_or_refused(tmp_path):
         sheet.format(",SYMMETRIC"), SECTIONED + "*EQUATION,REMOVE\n",
         SECTIONED + "*TIE,CYCLIC SYMMETRY\nA,B\n",
     ):  # fmt: skip
-        with pytest.raises(MeshError, match="would change the result"):
+        with pytest.raises(ao.MeshError, match="would change the result"):
             inp.read(tmp_path, text)
 
 

@@ -10,7 +10,6 @@ import pytest
 
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.base.errors import MeshError
 from antiosc.io.deck import Place
 from antiosc_decks import (
     abaqus_sections as abaqus_profiles,
@@ -187,7 +186,7 @@ def test_constants_of_the_general_sections():
 
 def test_unequal_walls_are_refused():
     for walls in ((0.4, 0.2, 0.3, 0.2), (0.4, 0.2, 0.4, 0.3)):
-        with pytest.raises(MeshError, match="unequal opposite walls"):
+        with pytest.raises(ao.MeshError, match="unequal opposite walls"):
             abaqus("BOX", 3.0, 2.0, *walls)
 
 

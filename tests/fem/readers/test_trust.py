@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip("dolfinx")
-pytest.importorskip("gmsh")
 import contextlib
 import json
 import os
@@ -24,9 +20,6 @@ from antiosc.io import geo_script, isolation
 from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
-
-pytestmark = pytest.mark.fem
-
 
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import MeshError
 from antiosc.io import mesh_files
 from antiosc.io.neutral import CORNERS, EDGES
 from antiosc.io.request import Request
@@ -178,7 +177,7 @@ WRONG = {
 
 @pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_is_told_with_its_line(read, text):
-    with refused(*WRONG[text], MeshError):
+    with refused(*WRONG[text], ao.MeshError):
         read(text)
 
 

@@ -16,7 +16,6 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
@@ -52,7 +51,7 @@ def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, 
     """(1/k0, the part of it that is the patch's own)."""
     with warnings.catch_warnings():
         # a point has no limit, and the coarsest meshes do not resolve the patch: that is known here
-        warnings.simplefilter("ignore", AntioscWarning)
+        warnings.simplefilter("ignore", ao.AntioscWarning)
         site = ao.Site(TOP, direction, radius=radius)
         model = ao.extract(structure, site, n=0, method="modes")
     return 1 / model.k0, model.local_compliance

@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,
@@ -75,7 +74,7 @@ def centred(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
 
 def model_of(kind: str, structure: ao.Structure, site: ao.Site):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AntioscWarning)
+        warnings.simplefilter("ignore", ao.AntioscWarning)
         if kind == "superposition":
             return ao.superposition(structure, site, 6)
         if kind == "corrected":
