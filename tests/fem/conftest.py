@@ -9,7 +9,7 @@ import pytest
 
 ALONE = {"structure/test_scipy_alone", "fem/test_saved_fields", "extraction/test_dampers"}
 #: Of the readers of files and decks the others need none.
-READERS = {"file_cells", "meshing", "nastran", "node_order", "table", "trust"}
+READERS = {"file_cells", "meshing", "nastran", "table", "trust"}
 
 
 def needs_packages(path: Path) -> bool:
