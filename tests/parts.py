@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,19 @@ def bend_plane(x: Array) -> Array:
     return bent
 
 
+@contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """A quiet gmsh session of this process."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
 def gmsh_cube(
     path: Path,
     cell: str,
@@ -144,12 +158,8 @@ def gmsh_cube(
 
     Groups: "body"; in `.msh` files also "clamp", on x = 0 before bending, and the point "corner".
     """
-    import gmsh
-
     space = cell in ("tetrahedron", "hexahedron")
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.model.add("cube")
         geo = gmsh.model.geo
         corner = geo.addPoint(0, 0, 0)
@@ -180,8 +190,6 @@ def gmsh_cube(
         gmsh.option.setNumber("Mesh.MshFileVersion", version)
         gmsh.option.setNumber("Mesh.Binary", binary)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path
 
 

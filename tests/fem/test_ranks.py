@@ -108,8 +108,7 @@ def work(error):
 
 def warned():
     part = ao.Structure(mesh, solid, [ao.Support("left")])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         ao.extract(part, ao.Site((0.1, 0.025, 0.04), (0, 0, -1)), n=3)
 
 for call in (

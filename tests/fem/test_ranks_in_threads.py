@@ -150,8 +150,7 @@ def test_work_on_the_root():
 
 
 def test_a_warning_is_given_once():
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         on_ranks(lambda comm: platform.warn(comm, "a coarse mesh"))
     assert [str(one.message) for one in said] == ["a coarse mesh"]
 

@@ -87,8 +87,7 @@ def test_a_strip_is_pulled_and_bent(name):
     assert strip.mass == pytest.approx(0.2 * RHO, rel=1e-9)
     at_end = ao.Site((0.5, 2.0, 0.0), (0, 1, 0), radius=1e-5)  # its patch lies below the end
     assert stiffness(strip, at_end) == pytest.approx(E * 0.1 / 2, rel=1e-5)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         mesh = ao.read_mesh(DECKS / name, gdim=3)
     by_hand = ao.Structure(
         mesh,

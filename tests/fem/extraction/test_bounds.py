@@ -215,8 +215,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
     band = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
     n = int(rng.integers(1, min(8, len(b)))) if rng.integers(2) else None
     sites = {f"s{i}": ao.Site(vector=column) for i, column in enumerate(B.T)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         structure = ao.Structure.from_matrices(K, M)
         model = ao.extract(structure, sites, n, method, band=band)
     kept = model.info["independent"]
@@ -277,8 +276,7 @@ def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     L = np.linalg.cholesky(B.T @ structure.factorize().solve_block(B))
     ratios = []
     for n in range(5, 26, 3):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ao.AccuracyWarning)  # fewer than the band needs
+        with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
             model = ao.extract(structure, sites_of(B), n, band=band, accuracy=1e-13)
         omega = np.linspace(model.info["band"]["bottom"], band, 120) * (1 + 1j * bands.DAMPING)
         H = np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in omega])

@@ -350,8 +350,7 @@ def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
 
     def shaken(model: ao.AntiOscillators | ao.ModalBody, end: str) -> ao.History:
         stop = ao.Contact(end, "stop", ao.Linear(1e5), gap=1.0)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ao.AntioscWarning)  # it never touches
+        with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
             return ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
 
     damping = ao.Damping(alpha=300.0)
@@ -379,8 +378,7 @@ def test_a_field_tells_of_shaken_mass_that_no_site_sees():
             part, {"tip": ao.Site((0.5, 0, 0), direction)}, 6, damping=ao.Damping(alpha=300.0)
         )
         stop = ao.Contact("bar:tip", "stop", ao.Linear(1e5), gap=1.0)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ao.AntioscWarning)  # it never touches
+        with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
             hit = ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
         return float(ao.probe(part, hit, (0.5, 0, 0), body="bar")[-1, 1])
 
@@ -464,8 +462,7 @@ def test_gravity_as_a_number_needs_one_direction(block):
     both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
     np.testing.assert_allclose(*both, rtol=1e-6)
     sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
+    with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
         mixed = ao.extract(block, sites, 6)
     scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
     with pytest.raises(ao.InputError, match="several directions: give gravity"):

@@ -18,7 +18,7 @@ from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS
 from assemblies import box
-from parts import moments
+from parts import gmsh_session, moments
 
 EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
 
@@ -187,8 +187,7 @@ def quarter(folder, along: int, across: int = 1):
     text += "M\n*NSET,NSET=F\n" + "".join(f"{n},\n" for p, n in number.items() if p[0] == 0)
     path = folder / "ring.inp"
     path.write_text(text + "*BOUNDARY\nF,1,3\n")
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         part = ao.read_model(path, "mm")
     factors = [re.search(r"factor of up to (\S+);", str(one.message)) for one in told]
     return part, next((float(one[1]) for one in factors if one), 1.0)
@@ -253,15 +252,11 @@ def test_one_of_two_cells_is_straightened(shape, edge):
 
 def quarter_disc(path):
     """A quarter of a unit disc, 1 thick, written by gmsh as a geometry; lengths in m."""
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")
         gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 1, 1, angle=np.pi / 2)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path
 
 
@@ -337,9 +332,7 @@ def test_the_callers_gmsh_session_survives(tmp_path, capfd):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron")
     geo = tmp_path / "sheet.geo"
     geo.write_text(parts.SHEET_SCRIPT)
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.123)
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.model.add("mine")
@@ -356,8 +349,6 @@ def test_the_callers_gmsh_session_survives(tmp_path, capfd):
         assert gmsh.option.getNumber("Mesh.MeshSizeMax") == 0.123
         assert gmsh.option.getString("Geometry.OCCTargetUnit") == "MM"
         assert [name for name in gmsh.model.list() if name] == ["mine", "mine too"]
-    finally:
-        gmsh.finalize()
     assert ao.read_mesh(path).n_cells  # and one that was ended does not matter
     assert ao.read_mesh(path).n_cells
     assert "initialized" not in "".join(capfd.readouterr())

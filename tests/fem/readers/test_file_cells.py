@@ -109,8 +109,7 @@ def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
 
 
 def told(path: Path) -> list[str]:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         ao.read_mesh(path)
     return [str(w.message) for w in caught if issubclass(w.category, ao.AntioscWarning)]
 

@@ -23,6 +23,7 @@ from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
 from antiosc.io.request import Request
 from mesh_files import refusal
+from parts import gmsh_session
 from paths import DECKS, MESHES
 
 
@@ -120,8 +121,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
         path = tmp_path / f"damaged{k}{file.suffix}"
         path.write_bytes(damaged(file.read_bytes(), rng))
         geometry = file.suffix in by_gmsh.GEOMETRY
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             try:
                 ao.read_mesh(path, size=0.5 if geometry else None, timeout=20)
             except ao.InputError as error:
@@ -174,17 +174,13 @@ def stl(path: Path, skipped: int = 0) -> Path:
 
 def write_brep(path: Path, axis: bool = False) -> None:
     """A cube of edge 10, with a line through it if `axis`."""
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
         kernel.addBox(0, 0, 0, 10, 10, 10)
         if axis:
             kernel.addLine(kernel.addPoint(-5, 5, 5), kernel.addPoint(15, 5, 5))
         kernel.synchronize()
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
 
 
 def test_a_closed_surface_is_filled(tmp_path):
@@ -209,16 +205,12 @@ def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
 def assembly(tmp_path_factory) -> Path:
     """Two boxes that touch on half of a face, in a STEP file in mm."""
     path = tmp_path_factory.mktemp("cad") / "two.step"
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # OpenCASCADE keeps the last one
         gmsh.model.occ.addBox(0, 0, 0, 40, 20, 10)
         gmsh.model.occ.addBox(0, 0, 10, 20, 20, 10)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     text = path.read_text()
     for k, name in ((1, "base"), (2, "post")):  # the names that the writer gives them
         number = text.index(f".{k}'")

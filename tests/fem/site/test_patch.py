@@ -109,8 +109,7 @@ def test_supports_under_a_patch_are_told():
     site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
     with pytest.warns(ao.AccuracyWarning, match=r"fix 50% of the patch"):
         ao.extract(part, site, n=10)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         ao.impact_map(part, radius=0.01, modes=30)
     assert any("of the patch at" in str(one.message) for one in said)
 

@@ -45,8 +45,7 @@ def linear(x: np.ndarray) -> np.ndarray:
 
 
 def at(structure: ao.Structure, point, direction, **options) -> np.ndarray:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AntioscWarning)
+    with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
         return functional(structure, ao.Site(point, direction, **options)).b
 
 
@@ -230,8 +229,7 @@ def told(part, **facts) -> list[str]:
     sound = {"size": 0.01, "share": 1.0, "moving": 1.0, "local": 1e-9, "radii": 0.04}
     arrays = {name: np.full(3, value) for name, value in sound.items()}
     arrays |= {name: np.array(values) for name, values in facts.items()}
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as found:
         tell(part, replace(places, **arrays))
     return [str(one.message) for one in found]
 
@@ -254,8 +252,7 @@ def test_a_sheet_is_told_whose_cells_are_far_larger_than_the_radius():
     for thickness, size, count in ((16e-3, 4e-3, 0), (16e-3, 0.04, 1), (2e-3, 0.04, 0)):
         mesh = ao.box_mesh((0.2, 0.2), size=0.04, refine=[(site.point, size)])
         plate = ao.Structure(mesh, ao.Shell(**STEEL, thickness=thickness), [ao.Support("rim")])
-        with warnings.catch_warnings(record=True) as found:
-            warnings.simplefilter("always")
+        with warnings.catch_warnings(record=True, action="always") as found:
             stiffness[thickness, size] = ao.extract(plate, site, n=5).k0
         assert len(found) == count
         assert all("8 times the radius 0.0005" in str(one.message) for one in found)

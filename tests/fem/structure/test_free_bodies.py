@@ -73,8 +73,7 @@ def centred(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
 
 
 def model_of(kind: str, structure: ao.Structure, site: ao.Site):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AntioscWarning)
+    with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
         if kind == "superposition":
             return ao.superposition(structure, site, 6)
         if kind == "corrected":
@@ -225,8 +224,7 @@ def at(**where: float):
 
 
 def told(mesh, material, supports) -> str:
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         ao.Structure(mesh, material, supports)
     found = [str(one.message) for one in said if "as a rigid body" in str(one.message)]
     assert all(issubclass(one.category, ao.AntioscWarning) for one in said)
