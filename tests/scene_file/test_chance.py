@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc.app.cli import main as command
 from mpi import run_ranks
-from scene_files import BEAM, BRACKET, HIT, antiosc, numbers, objects, table, written
+from scene_files import BEAM, BRACKET, HIT, MASS, antiosc, numbers, objects, table, written
 
 SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
 LAW = 'contact.stiffness = {kind = "lognormal", mean = 5e8, variation = 0.2}\n'
@@ -130,10 +130,13 @@ def test_a_measurement_is_struck(tmp_path, capsys, measurement):
     assert {"noise", "band", "total"} <= set(result["result"]["error_budget"]["peak_force"])
 
 
+SPHERE = (
+    '[impactor]\nkind = "Sphere"\nradius = 0.01\nE = 210e9\nnu = 0.3\nrho = 7850\nvelocity = 2.0\n'
+)
 LEVER = f"""\
 {BRACKET}[extract]
 n = 8
-{HIT.replace("2e-3", "5e-4")}[probes.corner]
+{HIT.replace("2e-3", "5e-4").replace(MASS, SPHERE)}[probes.corner]
 point = [0.0, 0.030, 0.086]
 quantity = "velocity"
 [output]
