@@ -77,6 +77,16 @@ def held_sheet(cell: str = "quadrilateral") -> ao.Structure:
     return ao.Structure(plate((6, 3), (0.2, 0.06), cell), steel, [ao.Support("left")])
 
 
+def nodal(structure: ao.Structure, field: Callable[[Array], Array]) -> Array:
+    """Dofs of the displacement field x (3, n) -> (gdim, n)."""
+    u = np.zeros(structure.K.getSize()[0])
+    for axis, name in enumerate("xyz"):
+        if name in structure.form.components:
+            dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
+            u[dofs] = field(x.T)[axis]
+    return u
+
+
 def frame(
     points: Sequence[Sequence[float]],
     members: Sequence[tuple[int, int]],

@@ -12,7 +12,7 @@ from antiosc.fem.elements.shell import GivenSheet
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, box, line, named, plate
+from parts import STEEL, box, line, named, nodal, plate
 from sheets import PLY
 
 pytestmark = [
@@ -61,16 +61,6 @@ PLANE = {"plane": "stress", "thickness": 0.01}
 def material(mesh: ao.Mesh, **constants: float) -> ao.Solid:
     extra = PLANE if mesh.gdim == 2 else {}
     return ao.Solid(**{**parts.STEEL, **extra, **constants})
-
-
-def nodal(structure: ao.Structure, field) -> np.ndarray:
-    """Dofs of the displacement field x (3, n) -> (gdim, n)."""
-    form = structure.form
-    u = np.zeros(structure.K.getSize()[0])
-    for axis, name in enumerate("xyz"[: structure.mesh.gdim]):
-        dofs, x = compat.dof_coordinates(form.space, form.components[name])
-        u[dofs] = field(x.T)[axis]
-    return u
 
 
 def on_boundary(structure: ao.Structure, size) -> np.ndarray:

@@ -35,20 +35,9 @@ from several import sites_of
 
 
 def _slide(angle: float) -> tuple[ao.Structure, ao.Site]:
-    """A stack of five masses, the lowest held in y by a spring, all free to slide along x.
-
-    It is struck at its top, across the slide but for the angle.
-    """
-    m, k = np.array([0.5, 0.3, 0.4, 0.2, 0.1]), np.array([4e7, 2e7, 3e7, 1e7, 2e7])
-    n = len(m)
-    across = np.diag(k) + np.diag(np.append(k[1:], 0.0))
-    across -= np.diag(k[1:], 1) + np.diag(k[1:], -1)
-    along = across - np.diag([k[0], *np.zeros(n - 1)])
-    K = np.block([[along, np.zeros((n, n))], [np.zeros((n, n)), across]])
-    b = np.zeros(2 * n)
-    b[n - 1], b[-1] = np.sin(angle), np.cos(angle)
-    M = np.diag(np.concatenate([m, m]))
-    return ao.Structure.from_matrices(K, M), ao.Site(vector=b)
+    """The stack struck at its top."""
+    K, M, B = _stack(angle)
+    return ao.Structure.from_matrices(K, M), ao.Site(vector=B[:, 0])
 
 
 METHODS = ("krylov", "modes")
