@@ -158,6 +158,7 @@ TWENTY = {
 }  # fmt: skip
 
 
+@pytest.mark.fem
 def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
     """Units of a material, an impactor that flies away, a map without points."""
     heavy = BRACKET.replace("rho = 2700", "rho = 2.7e-9")

@@ -195,6 +195,7 @@ def strip(path, parts: list[str]) -> ao.Structure:
     return ao.read_model(path)
 
 
+@pytest.mark.fem
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["in place", "moved"])
 def test_parts_with_numbers_of_their_own_are_the_whole(tmp_path, how):

@@ -394,6 +394,7 @@ def test_the_arc_of_a_bend(kind):
                                atol=1e-12)  # fmt: skip
 
 
+@pytest.mark.fem
 def test_a_quarter_ring_bends_as_in_the_textbook(tmp_path):
     """At its tip: π/4 PR³/EI along the radius, (3π/4 − 2) PR³/EI across it, in its plane."""
     I = 1e-6  # noqa: E741
@@ -408,6 +409,7 @@ def test_a_quarter_ring_bends_as_in_the_textbook(tmp_path):
         assert k0 == pytest.approx(E * I / (factor * R**3), rel=4e-3)
 
 
+@pytest.mark.fem
 def test_a_beam_bends_at_its_shear_centre(tmp_path):
     """A mass on the node of a massless channel: no twist, and the moment of the axial force."""
     L, I, A, N, m = 1.0, 1e-6, 1e-3, 0.1, 5.0  # noqa: E741
