@@ -223,7 +223,7 @@ def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
 RANKS = r"""
 folder = sys.argv[1]
 
-warnings.simplefilter("ignore", AntioscWarning)
+warnings.simplefilter("ignore", ao.AntioscWarning)
 world = MPI.COMM_WORLD
 solid = ao.Solid(**parts.STEEL)
 mesh = parts.box(groups={
